@@ -1,0 +1,24 @@
+"""Errors of the robot_io package."""
+
+from __future__ import annotations
+
+
+class RobotIoError(RuntimeError):
+    """Something between the processes, or in a robot's files, went wrong."""
+
+
+class RobotFileError(RobotIoError, ValueError):
+    """TOML and URDF of a robot do not fit together, or one is missing."""
+
+
+class RobotUnreachableError(RobotIoError, TimeoutError):
+    """The robot did not answer in time; the message names endpoint and limit."""
+
+
+class RequestRefusedError(RobotIoError):
+    """The robot refused a request; ``reason`` is the robot's own word."""
+
+    def __init__(self, message: str, *, reason: str) -> None:
+        """Keeps the robot's reason beside the message."""
+        super().__init__(message)
+        self.reason = reason

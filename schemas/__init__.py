@@ -1,0 +1,1 @@
+"""What is said: bus messages, topic table, codec and file formats."""

@@ -1,0 +1,27 @@
+"""Array aliases shared by all packages."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+"""Any float64 array; shapes are given where it is used."""
+Vec3 = NDArray[np.float64]
+"""(3,) vector."""
+Vec6 = NDArray[np.float64]
+"""(6,) wrench [force; moment] or twist [linear; angular]."""
+Mat = NDArray[np.float64]
+"""(m, n) matrix."""
+
+Floats = list[float]
+"""On the wire: one number per joint, in the order of the robot file."""
+Floats3 = Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
+Floats4 = Annotated[list[float], msgspec.Meta(min_length=4, max_length=4)]
+Floats6 = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
+Pair = Annotated[list[float], msgspec.Meta(min_length=2, max_length=2)]
+"""(left, right)."""
+JsonObject = dict[str, Any]

@@ -1,0 +1,90 @@
+"""What a run reports: the object of ``surefoot run --json``."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from schemas.arrays import Floats3, Pair
+
+
+class Distribution(msgspec.Struct, frozen=True, kw_only=True):
+    """Median, 99th percentile and maximum of a time [ms]."""
+
+    median: float
+    p99: float
+    max: float
+
+
+class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What the simulated robot measured of its own truth.
+
+    CoM errors count from 1 s on: x and y against the reference offset from the
+    midpoint of the true soles, z against the reference height in the world.
+    """
+
+    fell: bool
+    fell_at_s: float | None
+    duration_s: float
+    com_error_rms_mm: Floats3
+    com_error_max_mm: Floats3
+    base_tilt_max_deg: float
+    force_deviation_rms_n: Pair
+    """True normal force against half the robot's weight, left and right."""
+    force_peak_n: Pair
+    contact_lost_s: Pair
+    real_time_factor: float
+    round_trip_ms: Distribution
+    """Sensors sent to command received, per tick."""
+    period_jitter_ms: Distribution
+    """Real time only: how late each tick began; zero in lockstep."""
+    deadline_misses: int
+    ticks: int
+    refused: dict[str, int]
+    clipped: dict[str, int]
+    log_sha256: str
+
+
+class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What the stabilizer measured of itself."""
+
+    ticks: int
+    tick_ms: Distribution
+    force_error_rms_n: Pair
+    """Measured against wanted normal force, left and right."""
+    qp_failures: int
+    stale_snapshots: int
+    reason: str
+    """Why it ended."""
+
+
+class RunResult(msgspec.Struct, frozen=True, kw_only=True):
+    """One run, whole."""
+
+    scenario: str
+    controller: str
+    robot: str
+    seed: int
+    mode: Literal["lockstep", "realtime", "inline"]
+    fell: bool
+    fell_at_s: float | None
+    duration_s: float
+    com_error_rms_mm: Floats3
+    com_error_max_mm: Floats3
+    base_tilt_max_deg: float
+    force_error_rms_n: Pair
+    force_deviation_rms_n: Pair
+    force_peak_n: Pair
+    contact_lost_s: Pair
+    real_time_factor: float
+    tick_ms: Distribution
+    round_trip_ms: Distribution
+    period_jitter_ms: Distribution
+    deadline_misses: int
+    qp_failures: int
+    refused: dict[str, int]
+    clipped: dict[str, int]
+    ticks: int
+    log_sha256: str
+    out: str | None

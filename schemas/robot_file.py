@@ -1,0 +1,94 @@
+"""Robot file: what a TOML beside a URDF says about a robot."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+
+from schemas.toml_file import FileStruct
+
+Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
+Side = Literal["left", "right"]
+
+
+class Imu(FileStruct, frozen=True, kw_only=True):
+    """Where the inertial unit sits."""
+
+    frame: str
+    """URDF link whose frame the readings are in."""
+
+
+class Foot(FileStruct, frozen=True, kw_only=True):
+    """One foot: its sole rectangle and its force-torque sensor."""
+
+    side: Side
+    sole_frame: str
+    """URDF link in the middle of the contact rectangle, z out of the ground."""
+    ft_link: str
+    """URDF link below the sensor; the sensor frame is this link's frame."""
+    half_length_m: Positive
+    half_width_m: Positive
+
+
+class ServoProfile(FileStruct, frozen=True, kw_only=True):
+    """How a servo's set-point follows the position command."""
+
+    velocity_limit_rad_s: Positive
+    lag_s: NonNegative
+    """Time constant of the first-order lag behind the limit [s]."""
+
+
+class Servo(FileStruct, frozen=True, kw_only=True):
+    """Servo profiles and which one is used."""
+
+    profile: str
+    profiles: dict[str, ServoProfile]
+
+
+class Gate(FileStruct, frozen=True, kw_only=True):
+    """Limits of the robot-side command gate."""
+
+    step_limit_rad: Positive
+    position_margin_rad: NonNegative = 0.0
+    hold_after_s: Positive = 0.02
+    fault_after_s: Positive = 1.0
+
+
+class Joint(FileStruct, frozen=True, kw_only=True):
+    """One actuated joint; its range stands in the URDF."""
+
+    name: str
+    kp_nm_rad: Positive
+    kd_nm_s_rad: NonNegative
+    armature_kg_m2: NonNegative
+    """Rotor inertia seen at the joint."""
+    damping_nm_s_rad: NonNegative
+    torque_limit_nm: Positive
+    velocity_limit_rad_s: Positive
+    """Fastest command the gate lets pass and the controller asks for."""
+    nominal_rad: float
+    """Nominal posture."""
+
+
+class RobotFile(FileStruct, frozen=True, kw_only=True):
+    """A robot: geometry in the URDF it names, the rest here."""
+
+    name: str
+    urdf: str
+    """Path of the URDF, relative to this file."""
+    namespace: str
+    rate_hz: Positive
+    base_link: str
+    nominal_base_height_m: Positive
+    """Base origin above the ground in the nominal posture."""
+    imu: Imu
+    foot: Annotated[list[Foot], msgspec.Meta(min_length=2, max_length=2)]
+    """Left, then right."""
+    servo: Servo
+    gate: Gate
+    joint: Annotated[list[Joint], msgspec.Meta(min_length=1)]
+    """Their order is the order of every array on the bus."""
+    keys: dict[str, str] = {}
+    """Channel name to key, where the real bus calls it otherwise."""

@@ -1,0 +1,203 @@
+"""Scenario file: what the world does to the robot.
+
+Angles are written in degrees and turned into radians here, at the border.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from schemas.arrays import Floats3
+from schemas.errors import FileFormatError
+from schemas.robot_file import NonNegative, Positive
+from schemas.toml_file import FileStruct, convert, read_toml
+
+Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
+ROTATIONS = ("roll", "pitch", "yaw")
+
+
+class _Motion(FileStruct, frozen=True, kw_only=True):
+    """What all motions share: an axis of the platform's top centre and a size."""
+
+    axis: Axis
+    amplitude_m: float | None = None
+    """Along x, y or z; for ramps and drops signed."""
+    amplitude_deg: float | None = None
+    """About roll, pitch or yaw; for ramps and drops signed."""
+    start_s: NonNegative = 0.0
+
+    def __post_init__(self) -> None:
+        """Checks that the size has the unit of the axis."""
+        self._only_unit("amplitude", required=True)
+
+    @property
+    def is_rotation(self) -> bool:
+        """Whether the axis is a rotation."""
+        return self.axis in ROTATIONS
+
+    @property
+    def amplitude(self) -> float:
+        """Size in SI [m or rad]."""
+        return self._si("amplitude", "")
+
+    def _si(self, stem: str, per: str) -> float:
+        if self.is_rotation:
+            value = getattr(self, f"{stem}_deg{per}")
+            return math.radians(value) if value is not None else 0.0
+        value = getattr(self, f"{stem}_m{per}")
+        return float(value) if value is not None else 0.0
+
+    def _only_unit(self, stem: str, *, per: str = "", required: bool) -> None:
+        right, wrong = f"{stem}_m{per}", f"{stem}_deg{per}"
+        if self.is_rotation:
+            right, wrong = wrong, right
+        if getattr(self, wrong) is not None:
+            raise ValueError(f"axis {self.axis!r} takes `{right}`, got `{wrong}`")
+        if required and getattr(self, right) is None:
+            raise ValueError(f"axis {self.axis!r} needs `{right}`")
+
+
+class SineMotion(_Motion, frozen=True, kw_only=True, tag="sine", tag_field="kind"):
+    """Sine that fades in over its first period."""
+
+    frequency_hz: Positive
+    phase_deg: float = 0.0
+
+
+class RampMotion(_Motion, frozen=True, kw_only=True, tag="ramp", tag_field="kind"):
+    """Constant rate to the amplitude, 20 ms blends at both ends."""
+
+    rate_m_s: Positive | None = None
+    rate_deg_s: Positive | None = None
+
+    def __post_init__(self) -> None:
+        """Checks units of amplitude and rate."""
+        super().__post_init__()
+        self._only_unit("rate", per="_s", required=True)
+
+    @property
+    def rate(self) -> float:
+        """Magnitude of the rate in SI [m/s or rad/s]."""
+        return self._si("rate", "_s")
+
+
+class DropMotion(_Motion, frozen=True, kw_only=True, tag="drop", tag_field="kind"):
+    """Falls to the amplitude: freely, or at a given rate."""
+
+    rate_m_s: Positive | None = None
+    rate_deg_s: Positive | None = None
+
+    def __post_init__(self) -> None:
+        """Checks units; only z can fall freely."""
+        super().__post_init__()
+        self._only_unit("rate", per="_s", required=self.axis != "z")
+
+    @property
+    def rate(self) -> float | None:
+        """Magnitude of the rate in SI, or None for a free fall."""
+        return self._si("rate", "_s") or None
+
+
+Motion = SineMotion | RampMotion | DropMotion
+
+
+class Platform(FileStruct, frozen=True, kw_only=True):
+    """Ground under one foot or both; without motion it stands still."""
+
+    foot: Literal["left", "right", "both"]
+    motion: list[Motion] = []
+
+
+class Push(FileStruct, frozen=True, kw_only=True):
+    """Force on a body, in the world frame, at its centre of mass."""
+
+    body: str
+    force_n: Floats3
+    start_s: NonNegative
+    duration_s: Positive
+
+
+class Sensors(FileStruct, frozen=True, kw_only=True):
+    """Standard deviations per sample, biases and resolution; zero when absent."""
+
+    force_noise_n: NonNegative = 0.0
+    moment_noise_nm: NonNegative = 0.0
+    gyro_noise_rad_s: NonNegative = 0.0
+    accel_noise_m_s2: NonNegative = 0.0
+    gyro_bias_rad_s: float = 0.0
+    accel_bias_m_s2: float = 0.0
+    force_bias_n: float = 0.0
+    moment_bias_nm: float = 0.0
+    encoder_resolution_rad: NonNegative = 0.0
+
+
+class Delay(FileStruct, frozen=True, kw_only=True):
+    """Transport delays, in whole milliseconds at 1 kHz."""
+
+    sensor_ms: NonNegative = 0.0
+    command_ms: NonNegative = 1.0
+
+
+class ModelError(FileStruct, frozen=True, kw_only=True):
+    """What the robot is, against what the controller believes."""
+
+    mass_scale: Positive = 1.0
+    servo_kp_scale: Positive = 1.0
+
+
+class Scenario(FileStruct, frozen=True, kw_only=True):
+    """A run: its ground, pushes, sensors, delays and model errors."""
+
+    name: str
+    duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+    description: str = ""
+    friction: Positive = 0.7
+    platform: list[Platform] = []
+    push: list[Push] = []
+    sensors: Sensors = Sensors()
+    delay: Delay = Delay()
+    model_error: ModelError = ModelError()
+
+    def __post_init__(self) -> None:
+        """Checks that every foot has at most one platform."""
+        feet: list[str] = []
+        for platform in self.platform:
+            feet += ["left", "right"] if platform.foot == "both" else [platform.foot]
+        for foot in ("left", "right"):
+            if feet.count(foot) > 1:
+                raise ValueError(
+                    f"{foot} foot has {feet.count(foot)} platforms, at most one "
+                    "allowed; motions of one platform add up"
+                )
+
+
+def scenario_from_table(raw: dict[str, Any], *, source: str) -> Scenario:
+    """Builds a scenario from a TOML table.
+
+    Raises:
+        FileFormatError: with the path of the offending key.
+    """
+    _refuse_non_finite(raw, source, "")
+    return convert(raw, Scenario, source=source)
+
+
+def load_scenario(path: Path) -> Scenario:
+    """Reads a scenario file; see :func:`scenario_from_table`."""
+    return scenario_from_table(read_toml(path), source=str(path))
+
+
+def _refuse_non_finite(value: Any, source: str, path: str) -> None:
+    if isinstance(value, float) and not math.isfinite(value):
+        raise FileFormatError(
+            f"{source}: {path}: got {value}, expected a finite number", field=path
+        )
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _refuse_non_finite(item, source, f"{path}.{key}" if path else key)
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            _refuse_non_finite(item, source, f"{path}[{index}]")

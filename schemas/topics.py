@@ -1,0 +1,118 @@
+"""Topic table: every channel of the robot's bus, in one place."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+import msgspec
+
+from schemas import messages
+from schemas.errors import FileFormatError
+
+
+class Direction(StrEnum):
+    """Who speaks on a channel."""
+
+    FROM_ROBOT = "from robot"
+    TO_ROBOT = "to robot"
+    SERVICE = "service of the robot"
+    TO_STABILIZER = "to stabilizer"
+    FROM_STABILIZER = "from stabilizer"
+
+
+class Topic(msgspec.Struct, frozen=True):
+    """One channel: its key is relative to the robot's namespace."""
+
+    name: str
+    key: str
+    direction: Direction
+    message: type[msgspec.Struct]
+    rate: str
+    description: str
+
+
+TOPICS: tuple[Topic, ...] = (
+    Topic("joints", "state/joints", Direction.FROM_ROBOT, messages.JointState,
+          "every tick", "measured joint positions, velocities and efforts"),
+    Topic("imu", "state/imu", Direction.FROM_ROBOT, messages.ImuState,
+          "every tick", "gyroscope, accelerometer and the unit's own attitude"),
+    Topic("left_ankle_ft", "state/ft/left_ankle", Direction.FROM_ROBOT,
+          messages.ForceTorque, "every tick", "left ankle force-torque sensor"),
+    Topic("right_ankle_ft", "state/ft/right_ankle", Direction.FROM_ROBOT,
+          messages.ForceTorque, "every tick", "right ankle force-torque sensor"),
+    Topic("status", "state/status", Direction.FROM_ROBOT, messages.RobotStatus,
+          "50 Hz and on change", "mode, fault, commander, refusals"),
+    Topic("joint_command", "cmd/joints", Direction.TO_ROBOT, messages.JointCommand,
+          "every tick", "joint positions to follow"),
+    Topic("mode", "srv/mode", Direction.SERVICE, messages.ModeRequest,
+          "on request", "enable, hold, disable, reset"),
+    Topic("lease", "srv/lease", Direction.SERVICE, messages.LeaseRequest,
+          "on request", "take or release command of the robot"),
+    Topic("estop", "srv/estop", Direction.SERVICE, messages.EstopRequest,
+          "on request", "stop now; open to everyone"),
+    Topic("reference", "ref", Direction.TO_STABILIZER, messages.Reference,
+          "as planned", "what a planner asks of the stabilizer"),
+    Topic("stabilizer", "stabilizer/status", Direction.FROM_STABILIZER,
+          messages.StabilizerStatus, "50 Hz", "wanted and measured wrenches, timing"),
+    Topic("truth", "truth", Direction.FROM_ROBOT, messages.Truth,
+          "50 Hz", "simulator only: true state, never for control"),
+)  # fmt: skip
+
+ALIVE_ROBOT = "alive/robot"
+ALIVE_STABILIZER = "alive/stabilizer"
+"""Liveliness tokens; the stabilizer appends its identity."""
+
+TICK_SENSORS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
+"""Channels that make up one snapshot, in the order they are sent."""
+
+
+def topic(name: str) -> Topic:
+    """Finds a channel by name.
+
+    Raises:
+        KeyError: no such channel; the message lists the valid names.
+    """
+    for entry in TOPICS:
+        if entry.name == name:
+            return entry
+    raise KeyError(f"no channel {name!r}; there are {[t.name for t in TOPICS]}")
+
+
+def resolve_keys(overrides: dict[str, str]) -> dict[str, str]:
+    """Keys of all channels, with a robot file's own keys put in.
+
+    Args:
+        overrides: channel name to key; a leading slash (as ROS writes it) is
+            dropped, since a Zenoh key has none.
+
+    Returns:
+        Channel name to key, relative to the robot's namespace.
+
+    Raises:
+        FileFormatError: unknown channel, an empty key, or one key used twice.
+    """
+    keys = {entry.name: entry.key for entry in TOPICS}
+    for name, key in overrides.items():
+        if name not in keys:
+            raise FileFormatError(
+                f"keys.{name}: no such channel; valid are {sorted(keys)}",
+                field=f"keys.{name}",
+            )
+        cleaned = key.strip("/")
+        if not cleaned or "//" in cleaned or any(c in cleaned for c in "*$?#"):
+            raise FileFormatError(
+                f"keys.{name}: got {key!r}, expected a key such as 'sensor/ft/left' "
+                "without wildcards",
+                field=f"keys.{name}",
+            )
+        keys[name] = cleaned
+    seen: dict[str, str] = {}
+    for name, key in keys.items():
+        if key in seen:
+            raise FileFormatError(
+                f"keys.{name}: key {key!r} is also used by {seen[key]}; "
+                "every channel needs its own",
+                field=f"keys.{name}",
+            )
+        seen[key] = name
+    return keys
