@@ -129,7 +129,9 @@ def find_robot(name_or_path: str) -> Path:
     shipped = ROBOTS_DIR / name_or_path / f"{name_or_path}.toml"
     if shipped.is_file():
         return shipped
-    names = sorted(p.name for p in ROBOTS_DIR.iterdir() if (p / f"{p.name}.toml").is_file())
+    names = sorted(
+        p.name for p in ROBOTS_DIR.iterdir() if (p / f"{p.name}.toml").is_file()
+    )
     raise RobotFileError(
         f"no robot named {name_or_path!r}; shipped are {', '.join(names)}, "
         "or give the path of a robot file (.toml)"
@@ -205,7 +207,9 @@ def _check_urdf(file: RobotFile, path: Path, urdf_path: Path) -> tuple[Array, Ar
         wanted[f"foot.{foot.side}.ft_link"] = foot.ft_link
     for key, link in wanted.items():
         if link not in links:
-            raise RobotFileError(f"{path}: {key}: {urdf_path.name} has no link {link!r}")
+            raise RobotFileError(
+                f"{path}: {key}: {urdf_path.name} has no link {link!r}"
+            )
     movable = {
         joint.get("name"): joint
         for joint in root.findall("joint")

@@ -62,9 +62,7 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
             f"{kind.__name__}: not MessagePack ({type(error).__name__}: {error})"
         ) from error
     if not isinstance(raw, dict):
-        raise MessageError(
-            f"{kind.__name__}: got {type(raw).__name__}, expected a map"
-        )
+        raise MessageError(f"{kind.__name__}: got {type(raw).__name__}, expected a map")
     _check_version(raw, kind)
     try:
         message = msgspec.convert(raw, kind)

@@ -18,8 +18,8 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
     others ``connect``.
     """
 
-    listen: list[str] = [DEFAULT_LOCATOR]
-    connect: list[str] = [DEFAULT_LOCATOR]
+    listen: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
+    connect: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
     lease_ms: Annotated[int, msgspec.Meta(ge=50, le=60000)] = 500
     """A peer silent for so long is gone."""
     retry_ms: Annotated[int, msgspec.Meta(ge=10, le=10000)] = 50

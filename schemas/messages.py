@@ -19,9 +19,7 @@ from schemas.arrays import Floats, Floats3, Floats4, Floats6, Pair
 SCHEMA_VERSION = 1
 
 
-class Message(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
+class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What every sample carries."""
 
     PER_JOINT: ClassVar[tuple[str, ...]] = ()

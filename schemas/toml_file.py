@@ -15,9 +15,7 @@ from schemas.errors import FileFormatError
 _T = TypeVar("_T", bound=msgspec.Struct)
 
 
-class FileStruct(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
-):
+class FileStruct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Base of every struct a user writes as TOML: frozen, unknown keys refused."""
 
 

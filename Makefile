@@ -1,0 +1,62 @@
+# make demo: the Walker on a moving platform.  make test: every check.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+OUT ?= out/demo
+
+# Small matrices: threads in the linear algebra only cost time and its tail.
+export OPENBLAS_NUM_THREADS := 1
+export OMP_NUM_THREADS := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.DEFAULT_GOAL := help
+.PHONY: help install demo test lint format clean
+
+help:
+	@echo "make demo    install into .venv and run the moving-platform demo"
+	@echo "make test    install into .venv, check style, types and layers, run the tests"
+	@echo "make lint    style, types and layers only"
+	@echo "make format  let ruff rewrite the code"
+	@echo "make clean   remove .venv, caches and out/"
+
+install: $(STAMP)
+
+# A fresh environment whenever the pins change: upgrading MuJoCo in place loses files.
+$(STAMP): pyproject.toml constraints.txt
+	@command -v $(PYTHON) >/dev/null 2>&1 || { \
+	  echo "make: no '$(PYTHON)' found; install Python 3.11 or newer," \
+	       "or name one: make PYTHON=/path/to/python3 ..." >&2; exit 3; }
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit( \
+	  "make: $(PYTHON) is Python %d.%d, Surefoot needs 3.11 or newer; " \
+	  "name a newer one: make PYTHON=python3.12 ..." % sys.version_info[:2])'
+	@echo "Installing into $(VENV) (once, a few minutes) ..."
+	@$(PYTHON) -m venv --clear $(VENV) || { \
+	  echo "make: $(PYTHON) cannot make a virtual environment; install its venv" \
+	       "module (Debian and Ubuntu: python3-venv)" >&2; exit 3; }
+	@$(BIN)/python -m pip install --quiet -c constraints.txt -e '.[dev]'
+	@touch $(STAMP)
+
+demo: $(STAMP)
+	$(BIN)/surefoot run moving-platform-slow --out $(OUT)
+	@echo
+	@echo "Look into $(OUT): result.json holds the figures, ticks.npz every tick,"
+	@echo "robot.log and stabilizer.log what the two processes said."
+
+lint: $(STAMP)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache
+
+test: $(STAMP) lint
+	$(BIN)/python -m pytest -q
+
+format: $(STAMP)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf $(VENV) out build dist *.egg-info \
+	  .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
