@@ -1,0 +1,1 @@
+"""The simulated robot: world, servos, sensors, moving ground, and what they measure."""

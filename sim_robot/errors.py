@@ -1,0 +1,28 @@
+"""Errors of the simulated robot."""
+
+from __future__ import annotations
+
+
+class SimulationError(RuntimeError):
+    """The simulated robot cannot do what it was asked for."""
+
+
+class ScenarioError(SimulationError, ValueError):
+    """A scenario asks for something this robot or simulation cannot do.
+
+    Attributes:
+        field: path of the offending key, such as ``push[0].body``.
+    """
+
+    def __init__(self, message: str, *, field: str = "") -> None:
+        """Keeps the path of the offending key beside the message."""
+        super().__init__(message)
+        self.field = field
+
+
+class CommandError(SimulationError, ValueError):
+    """A command has the wrong size, or answers a tick that is not open."""
+
+
+class RenderError(SimulationError):
+    """No picture can be drawn here; the message says what to install or set."""

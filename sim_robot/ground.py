@@ -1,0 +1,72 @@
+"""Moves the platforms: position and velocity are written before every step."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from schemas.arrays import Array
+from sim_robot.constants import SIM_STEP_S
+from sim_robot.motion import MotionLaw, motion_law
+from sim_robot.world import PLATFORM_INERTIA, World
+
+
+class Ground:
+    """The moving ground of a world.
+
+    Each axis of a platform that moves is a joint of huge inertia. Its position and
+    velocity follow the scenario exactly; the force that goes with its acceleration
+    is applied as well, so that a contact sees the ground as it will have moved at
+    the end of the step. Rotations compose as Rz(yaw) Ry(pitch) Rx(roll), after the
+    translation, about the platform's top centre.
+    """
+
+    def __init__(self, world: World, data: mujoco.MjData) -> None:
+        """Takes over the platform joints of ``data``, at rest in zero.
+
+        Raises:
+            ScenarioError: a motion cannot be done.
+        """
+        self._laws: list[tuple[MotionLaw, ...]] = [
+            tuple(motion_law(motion) for motion in motions)
+            for platform in world.platforms
+            for motions in platform.motions.values()
+        ]
+        count = len(self._laws)
+        robot_nv = world.model.nv - count
+        self._qpos = data.qpos[robot_nv + 1 :]
+        self._qvel = data.qvel[robot_nv:]
+        self._force = data.qfrc_applied[robot_nv:]
+        self._position: Array = np.zeros(count)
+        self._velocity: Array = np.zeros(count)
+        self._write()
+
+    @property
+    def moves(self) -> bool:
+        """Whether any platform moves at all in this scenario."""
+        return bool(self._laws)
+
+    def aim(self, time_s: float) -> None:
+        """Before a step: pushes the platforms towards where they will be.
+
+        Args:
+            time_s: end of the step.
+        """
+        for index, laws in enumerate(self._laws):
+            position = velocity = 0.0
+            for law in laws:
+                p, v = law(time_s)
+                position += p
+                velocity += v
+            self._position[index] = position
+            self._velocity[index] = velocity
+        np.subtract(self._velocity, self._qvel, out=self._force)
+        self._force *= PLATFORM_INERTIA / SIM_STEP_S
+
+    def arrive(self) -> None:
+        """After a step: puts the platforms exactly where they belong."""
+        self._write()
+
+    def _write(self) -> None:
+        self._qpos[:] = self._position
+        self._qvel[:] = self._velocity

@@ -1,0 +1,106 @@
+"""Where the ground is: one platform under both feet, or one under each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from schemas.arrays import Vec3
+from schemas.scenario import Axis, Motion, Scenario
+
+AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
+"""Order of a platform's joints: R_world_platform = Rz(yaw) Ry(pitch) Rx(roll)."""
+
+HALF_THICKNESS_M = 0.03
+SHARED_HALF_SIZE_M = (0.40, 0.45)
+"""Half length (x) and half width (y) of a platform under both feet."""
+SINGLE_HALF_LENGTH_M = 0.30
+SINGLE_OUTWARD_M = 0.30
+"""From the sole's centre to the outer edge of a platform under one foot."""
+MIDLINE_GAP_M = 0.01
+"""From the midline between the feet to the inner edge of such a platform."""
+
+
+@dataclass(frozen=True)
+class PlatformPlan:
+    """A box of ground and how it moves.
+
+    Attributes:
+        name: ``ground_both``, ``ground_left`` or ``ground_right``.
+        in_scenario: whether the scenario file lists it; ground that it does not
+            mention is fixed.
+        top_centre: (3,) point of the top face that motions move and turn about, at
+            rest [m, world]: under the sole's centre, or midway between the soles.
+        half_size: (3,) of the box [m].
+        box_centre: (3,) of the box, from the top centre [m].
+        motions: the scenario's motions by axis; empty when fixed.
+    """
+
+    name: str
+    in_scenario: bool
+    top_centre: Vec3
+    half_size: Vec3
+    box_centre: Vec3
+    motions: dict[Axis, tuple[Motion, ...]]
+
+
+def plan_platforms(
+    scenario: Scenario, *, sole_left: Vec3, sole_right: Vec3
+) -> tuple[PlatformPlan, ...]:
+    """Lays out the ground so that every foot has a box under it.
+
+    Args:
+        scenario: which feet have a platform of their own.
+        sole_left: (3,) centre of the left sole in the nominal stance [m, world].
+        sole_right: (3,) of the right sole.
+
+    Returns:
+        The platforms of the scenario in its order, then fixed ground for the feet
+        it does not mention. All tops are at z = 0 at rest.
+    """
+    soles = {"left": sole_left, "right": sole_right}
+    soles["both"] = 0.5 * (sole_left + sole_right)
+    plans = []
+    for platform in scenario.platform:
+        motions = {
+            axis: chosen
+            for axis in AXES
+            if (chosen := tuple(m for m in platform.motion if m.axis == axis))
+        }
+        plans.append(_plan(platform.foot, soles, motions=motions, in_scenario=True))
+    feet = {platform.foot for platform in scenario.platform}
+    if not feet:
+        return (_plan("both", soles, motions={}, in_scenario=False),)
+    if "both" not in feet:
+        for foot in ("left", "right"):
+            if foot not in feet:
+                plans.append(_plan(foot, soles, motions={}, in_scenario=False))
+    return tuple(plans)
+
+
+def _plan(
+    foot: str,
+    soles: dict[str, Vec3],
+    *,
+    motions: dict[Axis, tuple[Motion, ...]],
+    in_scenario: bool,
+) -> PlatformPlan:
+    top_centre = soles[foot] * (1.0, 1.0, 0.0)
+    half_length, half_width = SHARED_HALF_SIZE_M
+    y_centre = 0.0
+    if foot != "both":
+        y_foot = top_centre[1] - soles["both"][1]
+        outward = 1.0 if y_foot >= 0.0 else -1.0
+        inner = MIDLINE_GAP_M - abs(y_foot)
+        half_length = SINGLE_HALF_LENGTH_M
+        half_width = 0.5 * (SINGLE_OUTWARD_M - inner)
+        y_centre = outward * 0.5 * (SINGLE_OUTWARD_M + inner)
+    return PlatformPlan(
+        name=f"ground_{foot}",
+        in_scenario=in_scenario,
+        top_centre=top_centre,
+        half_size=np.array([half_length, half_width, HALF_THICKNESS_M]),
+        box_centre=np.array([0.0, y_centre, -HALF_THICKNESS_M]),
+        motions=motions,
+    )

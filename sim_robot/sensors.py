@@ -1,0 +1,121 @@
+"""The robot's sensors: truth in, what the robot reports out."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+
+from robot_io.snapshot import Snapshot
+from schemas.scenario import Sensors
+from sim_robot.encoders import Encoders
+from sim_robot.noise import Noise
+from sim_robot.world import (
+    SENSOR_ACCEL,
+    SENSOR_FT,
+    SENSOR_GYRO,
+    SENSOR_QUAT_WXYZ,
+    World,
+)
+
+NANOSECONDS = 1_000_000_000
+
+
+class SensorSuite:
+    """Reads all sensors of a tick: noise, bias, resolution and delay.
+
+    Joint positions, velocities, attitude and gyroscope are of the tick; forces,
+    efforts and the accelerometer are those of the simulation step that led to it.
+    Biases act on every axis. Each sensor has its own random numbers.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        settings: Sensors,
+        *,
+        period_s: float,
+        delay_ticks: int,
+        seed: int,
+    ) -> None:
+        """Sets up the sensors.
+
+        Args:
+            world: where the readings are.
+            settings: noise, biases and resolution of the scenario.
+            period_s: control period.
+            delay_ticks: a snapshot reports what was so many ticks ago.
+            seed: of the run; equal seeds give equal noise.
+        """
+        self._joint_qpos, self._joint_dof = world.joint_qpos, world.joint_dof
+        self._period_ns = round(period_s * NANOSECONDS)
+        self._past: deque[Snapshot] = deque(maxlen=delay_ticks + 1)
+        self._encoders = (
+            Encoders(resolution_rad=settings.encoder_resolution_rad, period_s=period_s)
+            if settings.encoder_resolution_rad > 0.0
+            else None
+        )
+        wrench_noise = np.repeat([settings.force_noise_n, settings.moment_noise_nm], 3)
+        wrench_bias = np.repeat([settings.force_bias_n, settings.moment_bias_nm], 3)
+        left, right, gyro, accel = np.random.SeedSequence(seed).spawn(4)
+        self._noise_left = Noise(left, deviation=wrench_noise, bias=wrench_bias)
+        self._noise_right = Noise(right, deviation=wrench_noise, bias=wrench_bias)
+        self._noise_gyro = Noise(
+            gyro,
+            deviation=np.full(3, settings.gyro_noise_rad_s),
+            bias=np.full(3, settings.gyro_bias_rad_s),
+        )
+        self._noise_accel = Noise(
+            accel,
+            deviation=np.full(3, settings.accel_noise_m_s2),
+            bias=np.full(3, settings.accel_bias_m_s2),
+        )
+
+    def read(self, data: mujoco.MjData, tick: int) -> Snapshot:
+        """Takes one reading; to be called once per tick, in order.
+
+        Args:
+            data: state after the step that led to the tick.
+            tick: the robot's counter.
+
+        Returns:
+            What the robot reports at ``tick``; ``stamp_ns`` is simulated time.
+        """
+        snapshot = self._measure(data, tick)
+        self._past.append(snapshot)
+        oldest = self._past[0]
+        if oldest is snapshot:
+            return snapshot
+        return replace(oldest, tick=tick, stamp_ns=snapshot.stamp_ns)
+
+    def _measure(self, data: mujoco.MjData, tick: int) -> Snapshot:
+        raw = data.sensordata.copy()
+        q = data.qpos.take(self._joint_qpos)
+        if self._encoders is None:
+            dq = data.qvel.take(self._joint_dof)
+        else:
+            q, dq = self._encoders.read(q)
+        angular_velocity, acceleration = raw[SENSOR_GYRO], raw[SENSOR_ACCEL]
+        self._noise_gyro.add_to(angular_velocity)
+        self._noise_accel.add_to(acceleration)
+        # MuJoCo reports what the ankle does to the plate; the robot's sensor what
+        # the plate does to the ankle: + z when standing.
+        wrenches = raw[SENSOR_FT]
+        np.negative(wrenches, out=wrenches)
+        left, right = wrenches[:6], wrenches[6:]
+        self._noise_left.add_to(left)
+        self._noise_right.add_to(right)
+        return Snapshot(
+            tick=tick,
+            stamp_ns=tick * self._period_ns,
+            q=q,
+            dq=dq,
+            effort=data.actuator_force.copy(),
+            quat_xyzw=np.roll(raw[SENSOR_QUAT_WXYZ], -1),
+            angular_velocity=angular_velocity,
+            linear_acceleration=acceleration,
+            ft_left=left,
+            ft_right=right,
+        )

@@ -1,0 +1,50 @@
+"""What the simulator knows and the robot does not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from schemas.arrays import Array, Vec3, Vec6
+
+
+@dataclass(frozen=True, slots=True)
+class PlatformPose:
+    """A platform's top centre in the world.
+
+    Attributes:
+        position: (3,) [m].
+        quat_xyzw: (4,) world from platform.
+    """
+
+    position: Vec3
+    quat_xyzw: Array
+
+
+@dataclass(frozen=True, slots=True)
+class PlantTruth:
+    """True state at a tick; for plots, metrics and tests, never for control.
+
+    Attributes:
+        tick: control tick.
+        base_position: (3,) base origin, world [m].
+        base_quat_xyzw: (4,) world from base.
+        com: (3,) centre of mass, world [m].
+        com_velocity: (3,) world [m/s].
+        sole_left: (3,) sole frame's origin, world [m].
+        sole_right: (3,) the same of the right foot.
+        F_left: (6,) contact wrench of the ground on the left sole, over the last
+            simulation step, in the sole frame [N, N m].
+        F_right: (6,) the same of the right foot.
+        platforms: platforms of the scenario, in its order.
+    """
+
+    tick: int
+    base_position: Vec3
+    base_quat_xyzw: Array
+    com: Vec3
+    com_velocity: Vec3
+    sole_left: Vec3
+    sole_right: Vec3
+    F_left: Vec6
+    F_right: Vec6
+    platforms: tuple[PlatformPose, ...]
