@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import mujoco
-import numpy as np
 
 from robot_io.robot import Robot
 from robot_io.snapshot import Snapshot
@@ -15,6 +14,7 @@ from sim_robot.constants import SIM_STEP_S
 from sim_robot.errors import CommandError, ScenarioError
 from sim_robot.ground import Ground
 from sim_robot.pushes import Pushes
+from sim_robot.quaternion import xyzw
 from sim_robot.sensors import SensorSuite
 from sim_robot.servos import Servos
 from sim_robot.truth import PlantTruth, PlatformPose
@@ -142,7 +142,7 @@ class Plant:
         return PlantTruth(
             tick=self._tick,
             base_position=data.qpos[:3].copy(),
-            base_quat_xyzw=np.roll(data.qpos[3:7], -1),
+            base_quat_xyzw=xyzw(data.qpos[3:7]),
             com=data.subtree_com[world.base_body].copy(),
             com_velocity=data.subtree_linvel[world.base_body].copy(),
             sole_left=data.xpos[left].copy(),
@@ -152,7 +152,7 @@ class Plant:
             platforms=tuple(
                 PlatformPose(
                     position=data.xpos[body].copy(),
-                    quat_xyzw=np.roll(data.xquat[body], -1),
+                    quat_xyzw=xyzw(data.xquat[body]),
                 )
                 for body in self._truth_platforms
             ),

@@ -12,6 +12,7 @@ from robot_io.snapshot import Snapshot
 from schemas.scenario import Sensors
 from sim_robot.encoders import Encoders
 from sim_robot.noise import Noise
+from sim_robot.quaternion import xyzw
 from sim_robot.world import (
     SENSOR_ACCEL,
     SENSOR_FT,
@@ -113,7 +114,7 @@ class SensorSuite:
             q=q,
             dq=dq,
             effort=data.actuator_force.copy(),
-            quat_xyzw=np.roll(raw[SENSOR_QUAT_WXYZ], -1),
+            quat_xyzw=xyzw(raw[SENSOR_QUAT_WXYZ]),
             angular_velocity=angular_velocity,
             linear_acceleration=acceleration,
             ft_left=left,

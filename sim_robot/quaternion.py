@@ -1,0 +1,21 @@
+"""The one place where MuJoCo's quaternions change their order."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schemas.arrays import Array
+
+_FROM_WXYZ = np.array([1, 2, 3, 0])
+
+
+def xyzw(quat_wxyz: Array) -> Array:
+    """Puts the scalar last.
+
+    Args:
+        quat_wxyz: (4,) as MuJoCo has it.
+
+    Returns:
+        (4,) as the bus and the controller have it; a new array.
+    """
+    return quat_wxyz.take(_FROM_WXYZ)
