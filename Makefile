@@ -11,13 +11,14 @@ export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint format clean
+.PHONY: help install demo test lint format schemas clean
 
 help:
 	@echo "make demo    install into .venv and run the moving-platform demo"
 	@echo "make test    install into .venv, check style, types and layers, run the tests"
 	@echo "make lint    style, types and layers only"
 	@echo "make format  let ruff rewrite the code"
+	@echo "make schemas write schemas/json anew after a message or file format changed"
 	@echo "make clean   remove .venv, caches and out/"
 
 install: $(STAMP)
@@ -55,6 +56,9 @@ test: $(STAMP) lint
 format: $(STAMP)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+
+schemas: $(STAMP)
+	$(BIN)/python -m schemas.json_schema
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info \

@@ -6,20 +6,28 @@ message that does not fit is refused with an error that names the field.
 
 from __future__ import annotations
 
-import math
-import re
-from typing import Any, TypeVar
+from functools import cache
+from typing import TypeVar
 
-import msgpack
 import msgspec
 
 from schemas.errors import MessageError, SchemaVersionError
-from schemas.messages import SCHEMA_VERSION, Message
+from schemas.finite import find_non_finite
+from schemas.messages import SCHEMA_VERSION
+from schemas.validation import explain
 
 MAX_MESSAGE_BYTES = 65536
 _T = TypeVar("_T", bound=msgspec.Struct)
-_FIELD_IN_ERROR = re.compile(r"at `\$\.?([^`]*)`")
-_NAME_IN_ERROR = re.compile(r"field `([^`]+)`")
+_ENCODER = msgspec.msgpack.Encoder()
+
+
+class _Versioned(msgspec.Struct):
+    """The one field every message has; the rest is skipped."""
+
+    schema: int
+
+
+_VERSION_DECODER = msgspec.msgpack.Decoder(_Versioned)
 
 
 def encode(message: msgspec.Struct) -> bytes:
@@ -31,8 +39,7 @@ def encode(message: msgspec.Struct) -> bytes:
     Returns:
         MessagePack bytes.
     """
-    packed: bytes = msgpack.packb(msgspec.to_builtins(message))
-    return packed
+    return _ENCODER.encode(message)
 
 
 def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T:
@@ -53,80 +60,63 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
     """
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError(
-            f"{kind.__name__}: {len(data)} bytes, at most {MAX_MESSAGE_BYTES} allowed"
+            f"{kind.__name__}: got {len(data)} bytes, expected at most "
+            f"{MAX_MESSAGE_BYTES}"
         )
     try:
-        raw = msgpack.unpackb(data)
-    except (ValueError, TypeError, RecursionError, msgpack.UnpackException) as error:
+        message: _T = _decoder(kind).decode(data)
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        _check_version(_version_of(data), kind)
+        raise _refusal(kind, error) from error
+    _check_version(getattr(message, "schema", SCHEMA_VERSION), kind)
+    bad = find_non_finite(message)
+    if bad is not None:
         raise MessageError(
-            f"{kind.__name__}: not MessagePack ({type(error).__name__}: {error})"
-        ) from error
-    if not isinstance(raw, dict):
-        raise MessageError(f"{kind.__name__}: got {type(raw).__name__}, expected a map")
-    _check_version(raw, kind)
-    try:
-        message = msgspec.convert(raw, kind)
-    except msgspec.ValidationError as error:
-        raise _message_error(kind, error) from error
-    _check_finite(raw, kind)
-    if joint_count is not None and isinstance(message, Message):
-        for name in message.PER_JOINT:
-            size = len(raw[name])
-            if size != joint_count:
-                raise MessageError(
-                    f"{kind.__name__}.{name}: got {size} numbers, expected "
-                    f"{joint_count}, one per joint of the robot file",
-                    field=name,
-                )
+            f"{kind.__name__}.{bad.path}: got {bad.value}, expected a finite number",
+            field=bad.path,
+        )
+    if joint_count is not None:
+        _check_joint_count(message, joint_count)
     return message
 
 
-def _check_version(raw: dict[str, Any], kind: type[msgspec.Struct]) -> None:
-    version = raw.get("schema", SCHEMA_VERSION)
-    if isinstance(version, int) and version != SCHEMA_VERSION:
+@cache
+def _decoder(kind: type[_T]) -> msgspec.msgpack.Decoder[_T]:
+    return msgspec.msgpack.Decoder(kind)
+
+
+def _version_of(data: bytes) -> int:
+    """Version of a message whose other fields do not fit; ours if it has none."""
+    try:
+        return _VERSION_DECODER.decode(data).schema
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return SCHEMA_VERSION
+
+
+def _check_version(version: int, kind: type[msgspec.Struct]) -> None:
+    if version != SCHEMA_VERSION:
         raise SchemaVersionError(
-            f"{kind.__name__}.schema: got version {version}, this side speaks "
+            f"{kind.__name__}.schema: got version {version}, expected "
             f"{SCHEMA_VERSION}; install the same release on both sides",
             field="schema",
         )
 
 
-def _check_finite(value: Any, kind: type[msgspec.Struct], path: str = "") -> None:
-    """Refuses NaN and infinities anywhere; a sum is finite only if all terms are."""
-    if isinstance(value, float):
-        if not math.isfinite(value):
+def _check_joint_count(message: msgspec.Struct, joint_count: int) -> None:
+    names: tuple[str, ...] = getattr(message, "PER_JOINT", ())
+    for name in names:
+        size = len(getattr(message, name))
+        if size != joint_count:
             raise MessageError(
-                f"{kind.__name__}.{path}: got {value}, expected a finite number",
-                field=path,
+                f"{type(message).__name__}.{name}: got {size} numbers, expected "
+                f"{joint_count}, one per joint of the robot file",
+                field=name,
             )
-    elif isinstance(value, list):
-        if value and isinstance(value[0], (int, float)):
-            if math.isfinite(sum(value)):
-                return
-            for index, item in enumerate(value):
-                _check_finite(item, kind, f"{path}[{index}]")
-            raise MessageError(
-                f"{kind.__name__}.{path}: numbers too large to add up", field=path
-            )
-        for index, item in enumerate(value):
-            _check_finite(item, kind, f"{path}[{index}]")
-    elif isinstance(value, dict):
-        for name, item in value.items():
-            _check_finite(item, kind, f"{path}.{name}" if path else name)
 
 
-def _message_error(
-    kind: type[msgspec.Struct], error: msgspec.ValidationError
-) -> MessageError:
-    return MessageError(f"{kind.__name__}: {error}", field=field_of(error))
-
-
-def field_of(error: msgspec.ValidationError) -> str:
-    """Path of the field a validation error speaks of, without the leading ``$``."""
-    text = str(error)
-    place = _FIELD_IN_ERROR.search(text)
-    path = place.group(1) if place else ""
-    name = _NAME_IN_ERROR.search(text)
-    if name is None:
-        return path
-    return f"{path}.{name.group(1)}" if path else name.group(1)
+def _refusal(kind: type[msgspec.Struct], error: Exception) -> MessageError:
+    if isinstance(error, msgspec.ValidationError):
+        field, text = explain(error)
+        place = f"{kind.__name__}.{field}" if field else kind.__name__
+        return MessageError(f"{place}: {text}", field=field)
+    return MessageError(f"{kind.__name__}: not MessagePack: {error}")

@@ -10,13 +10,14 @@ with the same sign (ground on robot).
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 
 from schemas.arrays import Floats, Floats3, Floats4, Floats6, Pair
 
 SCHEMA_VERSION = 1
+Count = Annotated[int, msgspec.Meta(ge=0)]
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -27,9 +28,9 @@ class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
 
     schema: int
     """Version of this format; see SCHEMA_VERSION."""
-    tick: int
+    tick: Count
     """The robot's control tick this sample belongs to."""
-    stamp_ns: int
+    stamp_ns: Count
     """Monotonic clock of the sender when the sample was taken [ns]."""
 
 
@@ -91,11 +92,11 @@ class RobotStatus(Message, frozen=True, kw_only=True):
     """Age of the command in use [s]; -1 before the first."""
     q_command: Floats
     """Posture the servos follow now [rad]."""
-    refused: dict[str, int]
+    refused: dict[str, Count]
     """Refused commands so far, by reason."""
-    clipped: dict[str, int]
+    clipped: dict[str, Count]
     """Commands clipped to a limit so far, by limit."""
-    deadline_misses: int
+    deadline_misses: Count
     """Ticks that went on without their command."""
 
 
@@ -108,7 +109,7 @@ class JointCommand(Message, frozen=True, kw_only=True):
     """Commanded position [rad]."""
     commander: str
     """Identity that holds the lease."""
-    sequence: int
+    sequence: Count
     """Strictly growing per commander."""
 
 
@@ -132,12 +133,20 @@ class Reference(Message, frozen=True, kw_only=True):
     com: Floats3
     """Centre of mass [m]."""
     com_velocity: Floats3
+    """[m/s]."""
     com_acceleration: Floats3
+    """[m/s^2]."""
     base_quat_xyzw: Floats4
+    """Orientation of the base link, stance from base."""
     posture: Floats
     """Joint posture [rad]."""
-    feet: list[FootReference]
+    feet: Annotated[list[FootReference], msgspec.Meta(max_length=2)]
     """Left and right foot; empty for the present stance."""
+
+    def __post_init__(self) -> None:
+        """Refuses a reference for one foot only."""
+        if len(self.feet) == 1:
+            raise ValueError("`feet` has 1 entry, expected left and right, or none")
 
 
 class StabilizerStatus(Message, frozen=True, kw_only=True):
@@ -150,17 +159,25 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""
     com_reference: Floats3
+    """Where it should be, same frame [m]."""
     F_id_left: Floats6
+    """Wrench the first QP wants at the left sole [N, N m]."""
     F_id_right: Floats6
+    """The same at the right sole."""
     F_meas_left: Floats6
+    """Measured wrench, compensated to the left sole [N, N m]."""
     F_meas_right: Floats6
-    in_contact: list[bool]
+    """The same at the right sole."""
+    in_contact: Annotated[list[bool], msgspec.Meta(min_length=2, max_length=2)]
     """Left, right."""
     qp_status: str
     """Outcome of the two QPs of this tick: ``ok`` or which failed and how."""
     tick_median_ms: float
+    """Compute time of a tick, snapshot to command [ms]."""
     tick_p99_ms: float
+    """Its 99th percentile [ms]."""
     tick_max_ms: float
+    """Its maximum [ms]."""
 
 
 class PlatformTruth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -175,16 +192,25 @@ class Truth(Message, frozen=True, kw_only=True):
     """Simulator only: for plots and tests, never for control."""
 
     base_position: Floats3
+    """Base link in the world [m]."""
     base_quat_xyzw: Floats4
+    """World from base."""
     com: Floats3
+    """Centre of mass in the world [m]."""
     com_velocity: Floats3
+    """[m/s]."""
     sole_left: Floats3
+    """Origin of the left sole in the world [m]."""
     sole_right: Floats3
+    """The same of the right sole."""
     F_left: Floats6
     """Contact wrench at the left sole, in the sole frame [N, N m]."""
     F_right: Floats6
+    """The same at the right sole."""
     normal_force: Pair
+    """Along the soles' normals, left and right [N]."""
     platforms: list[PlatformTruth]
+    """In the order of the scenario file."""
 
 
 class ModeRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -192,7 +218,9 @@ class ModeRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     schema: int
     action: str
+    """``enable``, ``hold``, ``disable`` or ``reset``."""
     commander: str
+    """Identity of who asks."""
 
 
 class LeaseRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -200,7 +228,9 @@ class LeaseRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     schema: int
     action: str
+    """``take`` or ``release``."""
     commander: str
+    """Identity of who asks."""
 
 
 class EstopRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -208,15 +238,20 @@ class EstopRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     schema: int
     source: str
+    """Who stops the robot, for the log."""
 
 
 class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Answer of every service."""
 
+    PER_JOINT: ClassVar[tuple[str, ...]] = ("q_command",)
+
     schema: int
     accepted: bool
     reason: str
+    """Why not; may be empty when accepted."""
     mode: RobotMode
     commander: str
+    """Who holds the lease now; empty when nobody does."""
     q_command: Floats
     """Posture the servos follow: what a new commander starts from [rad]."""

@@ -12,7 +12,6 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from schemas.arrays import Floats3
-from schemas.errors import FileFormatError
 from schemas.robot_file import NonNegative, Positive
 from schemas.toml_file import FileStruct, convert, read_toml
 
@@ -181,23 +180,9 @@ def scenario_from_table(raw: dict[str, Any], *, source: str) -> Scenario:
     Raises:
         FileFormatError: with the path of the offending key.
     """
-    _refuse_non_finite(raw, source, "")
     return convert(raw, Scenario, source=source)
 
 
 def load_scenario(path: Path) -> Scenario:
     """Reads a scenario file; see :func:`scenario_from_table`."""
     return scenario_from_table(read_toml(path), source=str(path))
-
-
-def _refuse_non_finite(value: Any, source: str, path: str) -> None:
-    if isinstance(value, float) and not math.isfinite(value):
-        raise FileFormatError(
-            f"{source}: {path}: got {value}, expected a finite number", field=path
-        )
-    if isinstance(value, dict):
-        for key, item in value.items():
-            _refuse_non_finite(item, source, f"{path}.{key}" if path else key)
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            _refuse_non_finite(item, source, f"{path}[{index}]")

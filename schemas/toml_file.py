@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 
-from schemas.codec import field_of
 from schemas.errors import FileFormatError
+from schemas.finite import find_non_finite
+from schemas.key_names import suggest_key
+from schemas.validation import explain
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 
@@ -44,35 +45,26 @@ def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
         source: named in errors, usually the path of the file.
 
     Raises:
-        FileFormatError: a key is unknown, missing, of the wrong type or out of
-            range; the message holds its path and the nearest valid name.
+        FileFormatError: a key is unknown, missing, of the wrong type, out of
+            range or not finite; the message holds its path and, for an unknown
+            key, the nearest valid name.
     """
+    bad = find_non_finite(raw)
+    if bad is not None:
+        raise FileFormatError(
+            f"{source}: {bad.path}: got {bad.value}, expected a finite number",
+            field=bad.path,
+        )
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        field = field_of(error)
-        hint = _nearest_key(field, kind) if "unknown field" in str(error) else ""
-        raise FileFormatError(f"{source}: {field}: {error}{hint}", field=field) from (
-            error
-        )
+        field, text = explain(error)
+        if "unknown field" in text:
+            text = f"no such key{suggest_key(field, kind)}"
+        place = f"{source}: {field}" if field else source
+        raise FileFormatError(f"{place}: {text}", field=field) from error
 
 
 def load(path: Path, kind: type[_T]) -> _T:
     """Reads a file into a struct; see :func:`read_toml` and :func:`convert`."""
     return convert(read_toml(path), kind, source=str(path))
-
-
-def _nearest_key(field: str, kind: type[msgspec.Struct]) -> str:
-    name = field.rsplit(".", 1)[-1]
-    names = sorted(_all_keys(kind))
-    near = difflib.get_close_matches(name, names, n=1)
-    return f"; did you mean {near[0]!r}?" if near and near[0] != name else ""
-
-
-def _all_keys(kind: type[msgspec.Struct]) -> set[str]:
-    """Names of all keys at any depth of a file format."""
-    schema = msgspec.json.schema(kind)
-    keys: set[str] = set()
-    for definition in schema.get("$defs", {}).values():
-        keys.update(definition.get("properties", {}))
-    return keys

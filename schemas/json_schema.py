@@ -1,0 +1,145 @@
+"""JSON Schema of every bus message and file format, for other languages and editors.
+
+``python -m schemas.json_schema`` writes them into ``schemas/json``. Each schema
+stands alone: no ``$ref``, which some tools refuse.
+"""
+
+from __future__ import annotations
+
+import inspect
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import msgspec.inspect
+
+from schemas import messages
+from schemas.arrays import JsonObject
+from schemas.endpoints import Endpoints
+from schemas.field_docs import field_docs
+from schemas.messages import SCHEMA_VERSION
+from schemas.result import RunResult
+from schemas.robot_file import RobotFile
+from schemas.scenario import Scenario
+from schemas.settings import ControllerSettings
+from schemas.topics import TOPICS
+
+JSON_DIR = Path(__file__).parent / "json"
+FILE_FORMATS: tuple[type[msgspec.Struct], ...] = (
+    RobotFile,
+    Scenario,
+    Endpoints,
+    ControllerSettings,
+    RunResult,
+)
+_REF = "#/$defs/"
+_DROPPED = ("$ref", "discriminator")
+
+
+def json_schema(kind: type[msgspec.Struct]) -> JsonObject:
+    """Describes a message or file format.
+
+    Args:
+        kind: a struct of this package.
+
+    Returns:
+        A JSON Schema (2020-12) without references; descriptions are the
+        docstrings, followed by the channels that carry the message.
+    """
+    (root,), definitions = msgspec.json.schema_components(
+        [kind], ref_template=_REF + "{name}"
+    )
+    for struct in _structs_within(kind):
+        _describe(definitions[struct.__name__], struct)
+    schema: JsonObject = _inline(root, definitions)
+    channels = [
+        f"{topic.name} (key {topic.key}, {topic.direction}, {topic.rate}): "
+        f"{topic.description}"
+        for topic in TOPICS
+        if topic.message is kind
+    ]
+    if channels:
+        schema["description"] += "\n\nCarried by " + "; ".join(channels) + "."
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def all_schemas() -> dict[str, JsonObject]:
+    """File name to schema, for every message and every file format."""
+    carried = [topic.message for topic in TOPICS] + [messages.ServiceReply]
+    kinds = dict.fromkeys([*carried, *FILE_FORMATS])
+    return {f"{_snake(kind.__name__)}.schema.json": json_schema(kind) for kind in kinds}
+
+
+def as_text(schema: JsonObject) -> str:
+    """The schema as it is written to its file."""
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def write_schemas(directory: Path = JSON_DIR) -> list[Path]:
+    """Writes all schemas, and removes those of formats that are gone."""
+    directory.mkdir(parents=True, exist_ok=True)
+    texts = {name: as_text(schema) for name, schema in all_schemas().items()}
+    for stale in directory.glob("*.schema.json"):
+        if stale.name not in texts:
+            stale.unlink()
+    for name, text in texts.items():
+        (directory / name).write_text(text, encoding="utf-8")
+    return [directory / name for name in texts]
+
+
+def _describe(schema: JsonObject, struct: type[msgspec.Struct]) -> None:
+    schema["description"] = inspect.cleandoc(schema["description"])
+    docs = field_docs(struct)
+    per_joint: tuple[str, ...] = getattr(struct, "PER_JOINT", ())
+    for name, field in schema["properties"].items():
+        text = docs.get(name, "")
+        if name in per_joint:
+            text += " One number per joint of the robot file."
+        if text:
+            field["description"] = text.strip()
+    if "schema" in schema["properties"]:
+        schema["properties"]["schema"]["const"] = SCHEMA_VERSION
+
+
+def _structs_within(kind: type[msgspec.Struct]) -> list[type[msgspec.Struct]]:
+    """A struct and all structs at any depth of its fields."""
+    found: dict[type[msgspec.Struct], None] = {}
+
+    def visit(info: object) -> None:
+        if isinstance(info, msgspec.inspect.StructType):
+            found[info.cls] = None
+            for field in info.fields:
+                visit(field.type)
+        elif isinstance(info, msgspec.inspect.ListType):
+            visit(info.item_type)
+        elif isinstance(info, msgspec.inspect.DictType):
+            visit(info.value_type)
+        elif isinstance(info, msgspec.inspect.UnionType):
+            for option in info.types:
+                visit(option)
+
+    visit(msgspec.inspect.type_info(kind))
+    return list(found)
+
+
+def _inline(node: Any, definitions: JsonObject) -> Any:
+    """Replaces references by what they refer to; no format contains itself."""
+    if isinstance(node, list):
+        return [_inline(item, definitions) for item in node]
+    if not isinstance(node, dict):
+        return node
+    # The discriminator only repeats the references; each option fixes its own tag.
+    own = {key: item for key, item in node.items() if key not in _DROPPED}
+    if "$ref" in node:
+        own = {**definitions[node["$ref"].removeprefix(_REF)], **own}
+    return {key: _inline(item, definitions) for key, item in own.items()}
+
+
+def _snake(name: str) -> str:
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
+
+
+if __name__ == "__main__":
+    write_schemas()
