@@ -6,14 +6,15 @@ speak of the same joints in the same order.
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from robot_io.errors import RobotFileError
+from robot_io.robot_check import check_robot
 from schemas.arrays import Array
 from schemas.errors import FileFormatError
 from schemas.robot_file import Foot, RobotFile, ServoProfile
@@ -21,7 +22,6 @@ from schemas.toml_file import load
 from schemas.topics import resolve_keys
 
 ROBOTS_DIR = Path(__file__).parent / "robots"
-EFFORT_TOLERANCE_NM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -155,94 +155,25 @@ def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
         file = _with_profile(file, servo_profile)
     urdf_path = (path.parent / file.urdf).resolve()
     if not urdf_path.is_file():
-        raise RobotFileError(f"{path}: urdf: no such file {urdf_path}")
-    _check_file(file, path)
-    lower, upper = _check_urdf(file, path, urdf_path)
+        raise RobotFileError(f"{path}: urdf: no such file: {urdf_path}")
+    ranges = check_robot(file, path, urdf_path)
     return Robot(
         file=file,
         path=path.resolve(),
         urdf_path=urdf_path,
-        keys=resolve_keys(file.keys),
-        lower=lower,
-        upper=upper,
+        keys=_bus_keys(file, path),
+        lower=ranges.lower,
+        upper=ranges.upper,
     )
 
 
 def _with_profile(file: RobotFile, profile: str) -> RobotFile:
-    import msgspec
-
     servo = msgspec.structs.replace(file.servo, profile=profile)
     return msgspec.structs.replace(file, servo=servo)
 
 
-def _check_file(file: RobotFile, path: Path) -> None:
-    if [foot.side for foot in file.foot] != ["left", "right"]:
-        raise FileFormatError(
-            f"{path}: foot: got sides {[foot.side for foot in file.foot]}, "
-            "expected left, then right",
-            field="foot",
-        )
-    if file.servo.profile not in file.servo.profiles:
-        raise FileFormatError(
-            f"{path}: servo.profile: got {file.servo.profile!r}, the file has "
-            f"{sorted(file.servo.profiles)}",
-            field="servo.profile",
-        )
-    names = [joint.name for joint in file.joint]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise FileFormatError(f"{path}: joint: listed twice: {twice}", field="joint")
-
-
-def _check_urdf(file: RobotFile, path: Path, urdf_path: Path) -> tuple[Array, Array]:
-    """Compares TOML and URDF and reads the joint ranges."""
+def _bus_keys(file: RobotFile, path: Path) -> dict[str, str]:
     try:
-        root = ElementTree.parse(urdf_path).getroot()
-    except ElementTree.ParseError as error:
-        raise RobotFileError(f"{urdf_path}: not valid XML: {error}") from error
-    links = {link.get("name") for link in root.iter("link")}
-    wanted = {"base_link": file.base_link, "imu.frame": file.imu.frame}
-    for foot in file.foot:
-        wanted[f"foot.{foot.side}.sole_frame"] = foot.sole_frame
-        wanted[f"foot.{foot.side}.ft_link"] = foot.ft_link
-    for key, link in wanted.items():
-        if link not in links:
-            raise RobotFileError(
-                f"{path}: {key}: {urdf_path.name} has no link {link!r}"
-            )
-    movable = {
-        joint.get("name"): joint
-        for joint in root.findall("joint")
-        if joint.get("type") in ("revolute", "continuous", "prismatic")
-    }
-    listed = [joint.name for joint in file.joint]
-    if set(listed) != set(movable):
-        raise RobotFileError(
-            f"{path}: joint: not in {urdf_path.name}: "
-            f"{sorted(set(listed) - set(movable))}; missing here: "
-            f"{sorted(str(n) for n in set(movable) - set(listed))}"
-        )
-    lower, upper = np.empty(len(listed)), np.empty(len(listed))
-    for index, joint in enumerate(file.joint):
-        limit = movable[joint.name].find("limit")
-        if limit is None or limit.get("lower") is None or limit.get("upper") is None:
-            raise RobotFileError(
-                f"{urdf_path}: joint {joint.name!r} needs a limit with lower and upper"
-            )
-        lower[index] = float(limit.get("lower", "nan"))
-        upper[index] = float(limit.get("upper", "nan"))
-        effort = float(limit.get("effort", "nan"))
-        if abs(effort - joint.torque_limit_nm) > EFFORT_TOLERANCE_NM:
-            raise RobotFileError(
-                f"{path}: joint {joint.name!r}: torque_limit_nm "
-                f"{joint.torque_limit_nm} but effort {effort} in {urdf_path.name}; "
-                "make them equal"
-            )
-        if not lower[index] <= joint.nominal_rad <= upper[index]:
-            raise RobotFileError(
-                f"{path}: joint {joint.name!r}: nominal_rad {joint.nominal_rad} is "
-                f"outside [{lower[index]}, {upper[index]}] of {urdf_path.name}"
-            )
-    lower.setflags(write=False)
-    upper.setflags(write=False)
-    return lower, upper
+        return resolve_keys(file.keys)
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {error}", field=error.field) from error
