@@ -10,13 +10,14 @@ import numpy as np
 
 from robot_io.snapshot import Snapshot
 from schemas.scenario import Sensors
+from sim_robot.accelerometer import Accelerometer
 from sim_robot.encoders import Encoders
 from sim_robot.noise import Noise
 from sim_robot.quaternion import xyzw
 from sim_robot.world import (
-    SENSOR_ACCEL,
     SENSOR_FT,
     SENSOR_GYRO,
+    SENSOR_IMU_VELOCITY,
     SENSOR_QUAT_WXYZ,
     World,
 )
@@ -27,16 +28,18 @@ NANOSECONDS = 1_000_000_000
 class SensorSuite:
     """Reads all sensors of a tick: noise, bias, resolution and delay.
 
-    Joint positions, velocities, attitude and gyroscope are of the tick; forces,
-    efforts and the accelerometer are those of the simulation step that led to it.
-    Biases act on every axis. Each sensor has its own random numbers.
+    Joint positions, velocities, attitude and gyroscope are of the tick; wrenches and
+    efforts are those of the simulation step that led to it, the accelerometer tells
+    the mean over the control period. Biases act on every axis. Each sensor has its
+    own random numbers.
     """
 
     def __init__(
         self,
         world: World,
-        settings: Sensors,
+        data: mujoco.MjData,
         *,
+        settings: Sensors,
         period_s: float,
         delay_ticks: int,
         seed: int,
@@ -45,12 +48,17 @@ class SensorSuite:
 
         Args:
             world: where the readings are.
+            data: the state to read, from then on.
             settings: noise, biases and resolution of the scenario.
             period_s: control period.
             delay_ticks: a snapshot reports what was so many ticks ago.
             seed: of the run; equal seeds give equal noise.
         """
         self._joint_qpos, self._joint_dof = world.joint_qpos, world.joint_dof
+        self._qpos, self._qvel = data.qpos, data.qvel
+        self._raw, self._effort = data.sensordata, data.actuator_force
+        self._imu_rotation = data.site_xmat[world.imu_site].reshape(3, 3)
+        self._accelerometer = Accelerometer(period_s=period_s)
         self._period_ns = round(period_s * NANOSECONDS)
         self._past: deque[Snapshot] = deque(maxlen=delay_ticks + 1)
         self._encoders = (
@@ -74,31 +82,33 @@ class SensorSuite:
             bias=np.full(3, settings.accel_bias_m_s2),
         )
 
-    def read(self, data: mujoco.MjData, tick: int) -> Snapshot:
+    def read(self, tick: int) -> Snapshot:
         """Takes one reading; to be called once per tick, in order.
 
         Args:
-            data: state after the step that led to the tick.
             tick: the robot's counter.
 
         Returns:
             What the robot reports at ``tick``; ``stamp_ns`` is simulated time.
         """
-        snapshot = self._measure(data, tick)
+        snapshot = self._measure(tick)
         self._past.append(snapshot)
         oldest = self._past[0]
         if oldest is snapshot:
             return snapshot
         return replace(oldest, tick=tick, stamp_ns=snapshot.stamp_ns)
 
-    def _measure(self, data: mujoco.MjData, tick: int) -> Snapshot:
-        raw = data.sensordata.copy()
-        q = data.qpos.take(self._joint_qpos)
+    def _measure(self, tick: int) -> Snapshot:
+        raw = self._raw.copy()
+        q = self._qpos.take(self._joint_qpos)
         if self._encoders is None:
-            dq = data.qvel.take(self._joint_dof)
+            dq = self._qvel.take(self._joint_dof)
         else:
             q, dq = self._encoders.read(q)
-        angular_velocity, acceleration = raw[SENSOR_GYRO], raw[SENSOR_ACCEL]
+        angular_velocity = raw[SENSOR_GYRO]
+        acceleration = self._accelerometer.read(
+            raw[SENSOR_IMU_VELOCITY], self._imu_rotation
+        )
         self._noise_gyro.add_to(angular_velocity)
         self._noise_accel.add_to(acceleration)
         # MuJoCo reports what the ankle does to the plate; the robot's sensor what
@@ -113,7 +123,7 @@ class SensorSuite:
             stamp_ns=tick * self._period_ns,
             q=q,
             dq=dq,
-            effort=data.actuator_force.copy(),
+            effort=self._effort.copy(),
             quat_xyzw=xyzw(raw[SENSOR_QUAT_WXYZ]),
             angular_velocity=angular_velocity,
             linear_acceleration=acceleration,
