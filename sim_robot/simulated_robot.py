@@ -1,0 +1,210 @@
+"""The robot as a run sees it: plant, way of the commands, metrics and record."""
+
+from __future__ import annotations
+
+import math
+
+from robot_io.robot import Robot
+from robot_io.snapshot import Snapshot
+from schemas.arrays import Array
+from schemas.result import Distribution, PlantResult
+from schemas.scenario import Scenario
+from sim_robot.command_delay import CommandDelay
+from sim_robot.digest import RunDigest
+from sim_robot.errors import SimulationError
+from sim_robot.metrics import PlantMetrics
+from sim_robot.plant import Plant
+from sim_robot.run_record import RunRecord
+from sim_robot.ticks import whole_ticks
+from sim_robot.truth import PlantTruth
+
+MM_PER_M = 1e3
+MS_PER_S = 1e3
+_RUN_LENGTH_TOLERANCE = 1e-9
+
+
+class SimulatedRobot:
+    """One run of a scenario, from tick 0 to its end or the fall.
+
+    In lockstep and in one process, at each tick ``k``::
+
+        snapshot = simulated.sense()        # send it to the controller
+        due = simulated.commands_needed(k)  # wait for the answer to that tick
+        if due is not None:
+            simulated.apply(q_command, tick=due)
+        simulated.step()
+
+    The answer to tick k acts from tick k + d on, d the scenario's command delay in
+    ticks; until the first answer acts, the servos hold the nominal posture. With
+    d >= 1 the plant of tick k can run while the controller still answers tick k.
+    Checking commands is the gate's task, before they come here.
+    """
+
+    def __init__(
+        self, robot: Robot, scenario: Scenario, *, seed: int, record: bool = False
+    ) -> None:
+        """Builds the plant; it stands at rest at tick 0.
+
+        Args:
+            robot: what its files say.
+            scenario: the run.
+            seed: of the sensor noise.
+            record: keep per-tick arrays; see :meth:`recording`.
+
+        Raises:
+            ScenarioError: the scenario fits neither the robot nor its ticks.
+        """
+        period_s = robot.period_s
+        self._delay = CommandDelay(
+            whole_ticks(
+                scenario.delay.command_ms / MS_PER_S, period_s, what="delay.command_ms"
+            ),
+            posture=robot.nominal,
+        )
+        self.plant = Plant(robot, scenario, seed=seed)
+        self._robot, self._period_s = robot, period_s
+        self._last_tick = math.ceil(
+            scenario.duration_s / period_s - _RUN_LENGTH_TOLERANCE
+        )
+        self._fell_at_s: float | None = None
+        self._truth: PlantTruth | None = None
+        start = self.plant.truth()
+        self._metrics = PlantMetrics(
+            start, weight=self.plant.world.weight, period_s=period_s
+        )
+        self._digest = RunDigest()
+        self._record: RunRecord | None = None
+        if record:
+            self._record = RunRecord(
+                ticks=self._last_tick,
+                joints=robot.n_a,
+                platforms=len(start.platforms),
+                period_s=period_s,
+            )
+
+    @property
+    def tick(self) -> int:
+        """The present tick."""
+        return self.plant.tick
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time [s]."""
+        return self.plant.tick * self._period_s
+
+    @property
+    def held_posture(self) -> Array:
+        """(n_a,) what the servos follow at tick 0 [rad]; not to be written."""
+        return self._robot.nominal
+
+    @property
+    def command_delay_ticks(self) -> int:
+        """Ticks from the snapshot to the first step its answer acts in."""
+        return self._delay.ticks
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot has fallen at any tick so far."""
+        return self._fell_at_s is not None
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario is over, or the robot fell."""
+        return self.fell or self.plant.tick >= self._last_tick
+
+    def sense(self) -> Snapshot:
+        """Reads the sensors at the present tick; the same reading if asked again."""
+        return self.plant.sense()
+
+    def truth(self) -> PlantTruth:
+        """True state at the present tick."""
+        if self._truth is None:
+            self._truth = self.plant.truth()
+        return self._truth
+
+    def commands_needed(self, tick: int) -> int | None:
+        """The tick whose answer must be there before ``tick`` can step.
+
+        Returns:
+            ``tick`` less the command delay; None while nothing is needed yet.
+        """
+        return self._delay.needed(tick)
+
+    def apply(self, q_command: Array, *, tick: int) -> None:
+        """Takes in the answer to a tick; it acts once its delay is over.
+
+        Args:
+            q_command: (n_a,) [rad], as the gate let it pass; kept, not copied.
+            tick: the tick it answers.
+
+        Raises:
+            CommandError: no step is left for it to act in, or none yet.
+        """
+        self._delay.put(q_command, answers=tick, now=self.plant.tick)
+
+    def step(self) -> None:
+        """Advances one tick with the command that is due, or the one before it."""
+        self.advance(self._delay.take(self.plant.tick))
+
+    def advance(self, q_command: Array) -> None:
+        """Advances one tick with a command that acts at once, as in real time.
+
+        Args:
+            q_command: (n_a,) [rad].
+
+        Raises:
+            CommandError: wrong size.
+        """
+        snapshot, truth = self.sense(), self.truth()
+        self.plant.step(q_command)
+        self._metrics.update(truth)
+        self._digest.add(snapshot, q_command)
+        if self._record is not None:
+            self._record.add(truth, snapshot, q_command)
+        self._truth = None
+        if self._fell_at_s is None and self.plant.fell:
+            self._fell_at_s = self.time_s
+
+    def recording(self) -> dict[str, Array]:
+        """Per-tick arrays by name; see :meth:`RunRecord.arrays`.
+
+        Raises:
+            SimulationError: the run was started without a record.
+        """
+        if self._record is None:
+            raise SimulationError(
+                "recording: this run keeps no record; start it with record=True"
+            )
+        return self._record.arrays()
+
+    def result(
+        self,
+        *,
+        real_time_factor: float,
+        round_trip_ms: Distribution,
+        period_jitter_ms: Distribution,
+        deadline_misses: int,
+        refused: dict[str, int],
+        clipped: dict[str, int],
+    ) -> PlantResult:
+        """What the run amounts to; timings and counts come from who paced it."""
+        figures = self._metrics.figures()
+        return PlantResult(
+            fell=self.fell,
+            fell_at_s=self._fell_at_s,
+            duration_s=self.time_s,
+            com_error_rms_mm=(MM_PER_M * figures.com_error_rms).tolist(),
+            com_error_max_mm=(MM_PER_M * figures.com_error_max).tolist(),
+            base_tilt_max_deg=math.degrees(figures.base_tilt_max),
+            force_deviation_rms_n=figures.force_deviation_rms.tolist(),
+            force_peak_n=figures.force_peak.tolist(),
+            contact_lost_s=figures.contact_lost_s.tolist(),
+            real_time_factor=real_time_factor,
+            round_trip_ms=round_trip_ms,
+            period_jitter_ms=period_jitter_ms,
+            deadline_misses=deadline_misses,
+            ticks=self.tick,
+            refused=refused,
+            clipped=clipped,
+            log_sha256=self._digest.hexdigest(),
+        )
