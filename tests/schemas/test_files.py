@@ -1,0 +1,229 @@
+"""Files users write: good ones load, bad ones are refused by file and key path."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from schemas.endpoints import DEFAULT_LOCATOR, Endpoints
+from schemas.errors import FileFormatError
+from schemas.scenario import (
+    DropMotion,
+    RampMotion,
+    Scenario,
+    SineMotion,
+    load_scenario,
+)
+from schemas.toml_file import load
+
+HEAD = """
+name = "test"
+duration_s = 12.0
+"""
+PLATFORM = (
+    HEAD
+    + """
+[[platform]]
+foot = "left"
+"""
+)
+GOOD = (
+    PLATFORM
+    + """
+  [[platform.motion]]
+  axis = "roll"
+  kind = "sine"
+  amplitude_deg = 8.6
+  frequency_hz = 0.175
+  phase_deg = 90
+  start_s = 1.0
+  [[platform.motion]]
+  axis = "z"
+  kind = "drop"
+  amplitude_m = -0.08
+  [[platform.motion]]
+  axis = "pitch"
+  kind = "ramp"
+  amplitude_deg = -15.0
+  rate_deg_s = 240.0
+[[push]]
+body = "torso"
+force_n = [0, 120.0, 0]
+start_s = 3.0
+duration_s = 0.1
+[sensors]
+force_noise_n = 2.0
+[delay]
+command_ms = 2
+[model_error]
+mass_scale = 1.05
+"""
+)
+
+
+def motion(text: str) -> str:
+    lines = "\n  ".join(text.strip().splitlines())
+    return f"{PLATFORM}  [[platform.motion]]\n  {lines}\n"
+
+
+@pytest.fixture
+def scenario_file(tmp_path: Path) -> Path:
+    return tmp_path / "scenario.toml"
+
+
+def refused(path: Path, text: str) -> FileFormatError:
+    """The refusal of a scenario; it names file and key."""
+    path.write_text(text)
+    with pytest.raises(FileFormatError) as caught:
+        load_scenario(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert caught.value.field in str(caught.value)
+    return caught.value
+
+
+def test_a_full_scenario_loads(scenario_file: Path) -> None:
+    scenario_file.write_text(GOOD)
+    scenario = load_scenario(scenario_file)
+    sine, drop, ramp = scenario.platform[0].motion
+    assert isinstance(sine, SineMotion)
+    assert sine.amplitude == pytest.approx(math.radians(8.6))
+    assert isinstance(drop, DropMotion)
+    assert (drop.amplitude, drop.rate) == (-0.08, None)
+    assert isinstance(ramp, RampMotion)
+    assert ramp.amplitude == pytest.approx(math.radians(-15.0))
+    assert ramp.rate == pytest.approx(math.radians(240.0))
+    assert scenario.push[0].force_n == [0.0, 120.0, 0.0]
+    assert scenario.delay.command_ms == 2.0
+    assert scenario.sensors.gyro_noise_rad_s == 0.0
+
+
+def test_name_and_duration_are_enough(scenario_file: Path) -> None:
+    scenario_file.write_text(HEAD)
+    assert load_scenario(scenario_file) == Scenario(name="test", duration_s=12.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "field"),
+    [
+        ("duration_s = 1.0", "name"),
+        (HEAD + "friction = 0.0", "friction"),
+        (HEAD + "friction = nan", "friction"),
+        (HEAD + "friction = true", "friction"),
+        (HEAD + 'friction = "0.7"', "friction"),
+        ('name = "x"\nduration_s = 0', "duration_s"),
+        ('name = "x"\nduration_s = inf', "duration_s"),
+        ('name = "x"\nduration_s = 1e9', "duration_s"),
+        (HEAD + '[[platform]]\nfoot = "tail"', "platform[0].foot"),
+        (motion('axis = "roll"'), "platform[0].motion[0].kind"),
+        (motion('axis = "up"\nkind = "sine"'), "platform[0].motion[0].axis"),
+        (motion('axis = "z"\nkind = "jump"'), "platform[0].motion[0].kind"),
+        (
+            motion('axis = "z"\nkind = "sine"\namplitude_m = 1'),
+            "platform[0].motion[0].frequency_hz",
+        ),
+        (
+            motion('axis = "z"\nkind = "sine"\namplitude_m = nan\nfrequency_hz = 1'),
+            "platform[0].motion[0].amplitude_m",
+        ),
+        (HEAD + "[sensors]\nforce_noise_n = -1", "sensors.force_noise_n"),
+        (HEAD + "[delay]\ncommand_ms = -1", "delay.command_ms"),
+        (HEAD + "[model_error]\nmass_scale = 0", "model_error.mass_scale"),
+        (HEAD + "[[push]]\nbody = 'torso'\nforce_n = [1, 2]", "push[0].force_n"),
+    ],
+)
+def test_wrong_values_are_named_by_file_and_key(
+    scenario_file: Path, text: str, field: str
+) -> None:
+    assert refused(scenario_file, text).field == field
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            'axis = "roll"\nkind = "sine"\namplitude_m = 1\nfrequency_hz = 1',
+            "takes `amplitude_deg`, got `amplitude_m`",
+        ),
+        ('axis = "x"\nkind = "sine"\nfrequency_hz = 1', "needs `amplitude_m`"),
+        ('axis = "x"\nkind = "ramp"\namplitude_m = 1', "needs `rate_m_s`"),
+        ('axis = "yaw"\nkind = "drop"\namplitude_deg = 1', "needs `rate_deg_s`"),
+        (
+            'axis = "z"\nkind = "drop"\namplitude_m = 1\nrate_deg_s = 1',
+            "takes `rate_m_s`, got `rate_deg_s`",
+        ),
+    ],
+)
+def test_units_must_fit_the_axis(scenario_file: Path, text: str, words: str) -> None:
+    error = refused(scenario_file, motion(text))
+    assert words in str(error)
+    assert error.field == "platform[0].motion[0]"
+
+
+def test_a_foot_has_one_platform(scenario_file: Path) -> None:
+    text = PLATFORM + '[[platform]]\nfoot = "both"\n'
+    assert "left foot has 2 platforms" in str(refused(scenario_file, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "field", "hint"),
+    [
+        (HEAD + "fricton = 1", "fricton", "did you mean 'friction'?"),
+        (HEAD + "[sensors]\nforce_noise = 1", "sensors.force_noise", "force_noise_n"),
+        (
+            motion('kind = "sine"\naxis = "x"\nfrequency_hz = 1\namplitude_mm = 1'),
+            "platform[0].motion[0].amplitude_mm",
+            "did you mean 'amplitude_m'?",
+        ),
+        (HEAD + "wind = 3", "wind", "valid are delay, description, duration_s"),
+        (HEAD + "[delay]\nsensor_noise = 1", "delay.sensor_noise", "'sensor_ms'"),
+    ],
+)
+def test_unknown_keys_get_a_hint_from_their_own_table(
+    scenario_file: Path, text: str, field: str, hint: str
+) -> None:
+    error = refused(scenario_file, text)
+    assert error.field == field
+    assert "no such key" in str(error)
+    assert hint in str(error)
+
+
+def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
+    with pytest.raises(FileFormatError, match=r"absent\.toml: no such file"):
+        load_scenario(tmp_path / "absent.toml")
+    with pytest.raises(FileFormatError, match="cannot be read"):
+        load_scenario(tmp_path)
+    broken = tmp_path / "broken.toml"
+    broken.write_text("name = ")
+    with pytest.raises(FileFormatError, match=r"broken\.toml: not valid TOML"):
+        load_scenario(broken)
+    broken.write_bytes(b"\xff\xfe")
+    with pytest.raises(FileFormatError, match="cannot be read"):
+        load_scenario(broken)
+
+
+def test_endpoints_default_to_loopback(tmp_path: Path) -> None:
+    path = tmp_path / "endpoints.toml"
+    path.write_text("")
+    assert load(path, Endpoints) == Endpoints()
+    assert Endpoints().listen == Endpoints().connect == [DEFAULT_LOCATOR]
+
+
+def test_endpoints_load_and_refuse(tmp_path: Path) -> None:
+    path = tmp_path / "endpoints.toml"
+    path.write_text('connect = ["tcp/192.0.2.1:7447"]\nlease_ms = 800')
+    endpoints = load(path, Endpoints)
+    assert endpoints.connect == ["tcp/192.0.2.1:7447"]
+    assert endpoints.lease_ms == 800
+    path.write_text("lease_ms = 1")
+    with pytest.raises(FileFormatError, match=r"endpoints\.toml: lease_ms"):
+        load(path, Endpoints)
+    path.write_text('conect = ["tcp/192.0.2.1:7447"]')
+    with pytest.raises(FileFormatError, match="did you mean 'connect'"):
+        load(path, Endpoints)
+
+
+def test_defaults_are_not_shared() -> None:
+    Endpoints().listen.append("tcp/192.0.2.1:7447")
+    assert Endpoints().listen == [DEFAULT_LOCATOR]
