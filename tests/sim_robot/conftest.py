@@ -1,0 +1,44 @@
+"""A robot, and plants built from a few lines of a scenario."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from robot_io.robot import Robot, load_robot
+from schemas.scenario import Scenario, scenario_from_table
+from sim_robot.plant import Plant
+
+
+@pytest.fixture(scope="session")
+def walker() -> Robot:
+    return load_robot("walker")
+
+
+@pytest.fixture(scope="session")
+def make_scenario() -> Callable[..., Scenario]:
+    def make(**table: Any) -> Scenario:
+        table.setdefault("duration_s", 5.0)
+        return scenario_from_table({"name": "test", **table}, source="test")
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def make_plant(
+    walker: Robot, make_scenario: Callable[..., Scenario]
+) -> Callable[..., Plant]:
+    """Builds a plant that stands at tick 0; keywords are keys of a scenario."""
+
+    def make(*, seed: int = 0, robot: Robot = walker, **table: Any) -> Plant:
+        return Plant(robot, make_scenario(**table), seed=seed)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def standing_plant(make_plant: Callable[..., Plant]) -> Plant:
+    """A plant at rest on firm ground; not to be stepped."""
+    return make_plant()

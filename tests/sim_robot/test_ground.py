@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from schemas.arrays import Array, Mat
+from schemas.scenario import Scenario
+from sim_robot.plant import Plant
+from sim_robot.platforms import PlatformPlan, plan_platforms
+
+PERIOD_S = 0.001
+SOLE_LEFT = np.array([0.026, 0.11, 0.0])
+SOLE_RIGHT = np.array([0.026, -0.11, 0.0])
+
+WILD_MOTIONS: list[dict[str, Any]] = [
+    {"axis": "x", "kind": "sine", "amplitude_m": 0.05, "frequency_hz": 0.8},
+    {"axis": "y", "kind": "ramp", "amplitude_m": 0.05, "rate_m_s": 0.1},
+    {"axis": "z", "kind": "drop", "amplitude_m": -0.02, "start_s": 0.05},
+    {"axis": "z", "kind": "sine", "amplitude_m": 0.03, "frequency_hz": 1.1},
+    {"axis": "yaw", "kind": "sine", "amplitude_deg": 20.0, "frequency_hz": 0.5},
+    {"axis": "pitch", "kind": "sine", "amplitude_deg": 15.0, "frequency_hz": 0.7},
+    {"axis": "roll", "kind": "ramp", "amplitude_deg": -12.0, "rate_deg_s": 30.0},
+]
+
+
+def rotation(axis: int, angle: float) -> Mat:
+    c, s = np.cos(angle), np.sin(angle)
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(3)
+    matrix[i, i], matrix[i, j], matrix[j, i], matrix[j, j] = c, -s, s, c
+    return matrix
+
+
+def pose(plant: Plant, name: str) -> tuple[Array, Mat]:
+    body = plant.data.body(name)
+    return body.xpos.copy(), body.xmat.reshape(3, 3).copy()
+
+
+def twist_in_world(plant: Plant, name: str) -> tuple[Array, Array]:
+    """(linear, angular) velocity of a body's frame, world axes."""
+    out = np.zeros(6)
+    mujoco.mj_objectVelocity(
+        plant.world.model,
+        plant.data,
+        mujoco.mjtObj.mjOBJ_XBODY,
+        plant.data.body(name).id,
+        out,
+        0,
+    )
+    return out[3:], out[:3]
+
+
+def vee(matrix: Mat) -> Array:
+    return 0.5 * np.array(
+        [
+            matrix[2, 1] - matrix[1, 2],
+            matrix[0, 2] - matrix[2, 0],
+            matrix[1, 0] - matrix[0, 1],
+        ]
+    )
+
+
+def test_contacts_see_the_velocity_of_the_poses(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    """Central differences of the poses, one tick before and after."""
+    plant = make_plant(platform=[{"foot": "both", "motion": WILD_MOTIONS}])
+    poses, twists = [], []
+    for _ in range(150):
+        plant.step(walker.nominal)
+        poses.append(pose(plant, "ground_both"))
+        twists.append(twist_in_world(plant, "ground_both"))
+    for before, here, after, (linear, angular) in zip(
+        poses[:-2], poses[1:-1], poses[2:], twists[1:-1], strict=True
+    ):
+        moved = (after[0] - before[0]) / (2.0 * PERIOD_S)
+        turned = vee((after[1] - before[1]) @ here[1].T) / (2.0 * PERIOD_S)
+        # The blends' accelerations change within a tick: a few mm/s of difference.
+        np.testing.assert_allclose(linear, moved, atol=4e-3)
+        np.testing.assert_allclose(angular, turned, atol=4e-3)
+
+
+def test_velocity_of_smooth_motion_matches_tightly(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    smooth = [motion for motion in WILD_MOTIONS if motion["kind"] == "sine"]
+    plant = make_plant(platform=[{"foot": "left", "motion": smooth}])
+    for _ in range(300):
+        plant.step(walker.nominal)
+    before = pose(plant, "ground_left")
+    plant.step(walker.nominal)
+    here, (linear, angular) = (
+        pose(plant, "ground_left"),
+        twist_in_world(plant, "ground_left"),
+    )
+    plant.step(walker.nominal)
+    after = pose(plant, "ground_left")
+    np.testing.assert_allclose(
+        linear, (after[0] - before[0]) / (2 * PERIOD_S), atol=1e-4
+    )
+    turned = vee((after[1] - before[1]) @ here[1].T) / (2 * PERIOD_S)
+    np.testing.assert_allclose(angular, turned, atol=1e-4)
+
+
+def test_rotations_compose_as_yaw_pitch_roll_after_translation(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    ramps = [
+        {"axis": axis, "kind": "ramp", "amplitude_deg": angle, "rate_deg_s": 400.0}
+        for axis, angle in (("roll", 5.0), ("pitch", -7.0), ("yaw", 9.0))
+    ]
+    ramps.append({"axis": "x", "kind": "ramp", "amplitude_m": 0.01, "rate_m_s": 1.0})
+    plant = make_plant(platform=[{"foot": "right", "motion": ramps}])
+    start, _ = pose(plant, "ground_right")
+    for _ in range(100):
+        plant.step(walker.nominal)
+    position, matrix = pose(plant, "ground_right")
+    roll, pitch, yaw = np.radians([5.0, -7.0, 9.0])
+    expected = rotation(2, yaw) @ rotation(1, pitch) @ rotation(0, roll)
+    np.testing.assert_allclose(matrix, expected, atol=1e-12)
+    np.testing.assert_allclose(position - start, [0.01, 0.0, 0.0], atol=1e-12)
+
+
+def test_truth_tells_the_platform_poses_of_the_scenario(
+    make_plant: Callable[..., Plant],
+) -> None:
+    plant = make_plant(platform=[{"foot": "right"}])
+    (platform,) = plant.truth().platforms
+    np.testing.assert_allclose(platform.quat_xyzw, [0.0, 0.0, 0.0, 1.0])
+    assert platform.position[1] < 0.0
+    assert plant.truth().platforms[0].position[2] == 0.0
+    assert make_plant().truth().platforms == ()
+
+
+def test_friction_carries_the_feet_along(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    speed = 0.05
+    ramp = {"axis": "x", "kind": "ramp", "amplitude_m": 0.2, "rate_m_s": speed}
+    plant = make_plant(platform=[{"foot": "both", "motion": [ramp]}])
+    gap = plant.truth().sole_left - plant.truth().platforms[0].position
+    for _ in range(3000):
+        plant.step(walker.nominal)
+    truth = plant.truth()
+    platform_velocity, _ = twist_in_world(plant, "ground_both")
+    sole_velocity, _ = twist_in_world(plant, walker.left.sole_frame)
+    assert platform_velocity[0] == pytest.approx(speed)
+    np.testing.assert_allclose(sole_velocity, platform_velocity, atol=1e-3)
+    np.testing.assert_allclose(
+        truth.sole_left - truth.platforms[0].position, gap, atol=1e-3
+    )
+
+
+def test_weight_does_not_hold_a_platform_back(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    """The ground's motion is the scenario's, whatever stands on it."""
+    lift = {"axis": "z", "kind": "ramp", "amplitude_m": 0.05, "rate_m_s": 0.2}
+    plant = make_plant(platform=[{"foot": "both", "motion": [lift]}])
+    for _ in range(200):
+        plant.step(walker.nominal)
+    height = plant.truth().platforms[0].position[2]
+    assert height == pytest.approx(0.2 * (0.2 - 0.5 * 0.02), abs=1e-12)
+
+
+def plans_by_name(scenario: Scenario) -> dict[str, PlatformPlan]:
+    plans = plan_platforms(scenario, sole_left=SOLE_LEFT, sole_right=SOLE_RIGHT)
+    return {plan.name: plan for plan in plans}
+
+
+def test_feet_without_a_platform_stand_on_fixed_ground(
+    make_scenario: Callable[..., Scenario],
+) -> None:
+    alone = plans_by_name(make_scenario())
+    assert list(alone) == ["ground_both"]
+    assert not alone["ground_both"].in_scenario
+    one = plans_by_name(make_scenario(platform=[{"foot": "right"}]))
+    assert list(one) == ["ground_right", "ground_left"]
+    assert one["ground_right"].in_scenario
+    assert not one["ground_left"].in_scenario
+
+
+def test_platforms_of_two_feet_lie_under_them_without_overlap(
+    make_scenario: Callable[..., Scenario],
+) -> None:
+    plans = plans_by_name(make_scenario(platform=[{"foot": "left"}, {"foot": "right"}]))
+    for name, sole, outward in (
+        ("ground_left", SOLE_LEFT, 1.0),
+        ("ground_right", SOLE_RIGHT, -1.0),
+    ):
+        plan = plans[name]
+        centre = plan.top_centre + plan.box_centre
+        np.testing.assert_allclose(plan.top_centre, sole)
+        assert (centre + plan.half_size)[2] == pytest.approx(0.0)
+        inner = outward * centre[1] - plan.half_size[1]
+        assert inner == pytest.approx(0.01)
