@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from sim_robot.catalogue import find_scenario, list_scenarios, open_scenario
+from sim_robot.errors import ScenarioError
+
+SHIPPED = ["moving-platform-fast", "moving-platform-slow", "standing"]
+
+
+def test_shipped_scenarios_are_there() -> None:
+    assert set(SHIPPED) <= set(list_scenarios())
+
+
+@pytest.mark.parametrize("name", list_scenarios())
+def test_shipped_scenario_bears_the_name_of_its_file(name: str) -> None:
+    scenario = open_scenario(name)
+    assert scenario.name == name
+    assert scenario.description
+
+
+def test_fast_platform_is_the_slow_one_four_times_as_fast() -> None:
+    slow, fast = (
+        open_scenario(f"moving-platform-{pace}").platform[0].motion
+        for pace in ("slow", "fast")
+    )
+    for one, other in zip(slow, fast, strict=True):
+        assert other.axis == one.axis
+        assert other.amplitude == one.amplitude
+        assert other.start_s == one.start_s
+        assert other.frequency_hz == pytest.approx(4.0 * one.frequency_hz)
+
+
+def test_path_is_a_scenario_too(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text('name = "mine"\nduration_s = 2.0\n')
+    assert find_scenario(str(path)) == path
+    assert open_scenario(str(path)).duration_s == 2.0
+
+
+def test_unknown_name_lists_the_shipped_ones() -> None:
+    with pytest.raises(ScenarioError, match="no scenario named 'stending'") as error:
+        find_scenario("stending")
+    for name in SHIPPED:
+        assert name in str(error.value)
+
+
+def test_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match=r"gone\.toml: no such scenario file"):
+        find_scenario(str(tmp_path / "gone.toml"))

@@ -1,0 +1,213 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from schemas.arrays import Array
+from sim_robot.errors import CommandError, ScenarioError
+from sim_robot.plant import Plant
+
+PERIOD_S = 0.001
+PUSH = {
+    "body": "torso",
+    "force_n": [0.0, 120.0, 0.0],
+    "start_s": 0.05,
+    "duration_s": 0.1,
+}
+
+
+def with_rate(robot: Robot, rate_hz: float) -> Robot:
+    return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
+
+
+def test_tick_zero_is_at_rest_above_the_origin(
+    standing_plant: Plant, walker: Robot
+) -> None:
+    truth, snapshot = standing_plant.truth(), standing_plant.sense()
+    assert truth.tick == snapshot.tick == snapshot.stamp_ns == 0
+    assert np.abs(snapshot.dq).max() < 1e-3
+    assert np.linalg.norm(truth.com_velocity) < 1e-3
+    np.testing.assert_allclose(truth.base_position[:2], 0.0, atol=5e-3)
+    np.testing.assert_allclose([truth.sole_left[2], truth.sole_right[2]], 0, atol=1e-4)
+    np.testing.assert_allclose(snapshot.q, walker.nominal, atol=0.02)
+    assert not standing_plant.fell
+
+
+def test_posture_hold_stands_still_for_five_seconds(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    plant = make_plant()
+    start = plant.truth()
+    for _ in range(5000):
+        plant.step(walker.nominal)
+    end = plant.truth()
+    assert not plant.fell
+    np.testing.assert_allclose(end.com, start.com, atol=1e-4)
+    np.testing.assert_allclose(end.sole_left, start.sole_left, atol=1e-5)
+
+
+def test_momentum_changes_by_the_impulses(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    """Push, ground and weight, added up, are the robot's change of momentum."""
+    plant = make_plant(push=[PUSH])
+    mass = plant.world.weight / 9.81
+    start = plant.truth().com_velocity
+    impulse = np.zeros(3)
+    soles = plant.data.body("left_sole"), plant.data.body("right_sole")
+    for tick in range(200):
+        rotations = [sole.xmat.reshape(3, 3).copy() for sole in soles]
+        plant.step(walker.nominal)
+        truth = plant.truth()
+        impulse += rotations[0] @ truth.F_left[:3] * PERIOD_S
+        impulse += rotations[1] @ truth.F_right[:3] * PERIOD_S
+        impulse[2] -= plant.world.weight * PERIOD_S
+        if 50 <= tick < 150:
+            impulse += np.array(PUSH["force_n"]) * PERIOD_S
+    change = mass * (plant.truth().com_velocity - start)
+    assert np.linalg.norm(change) > 1.0
+    np.testing.assert_allclose(change, impulse, atol=2e-2)
+
+
+def test_push_begins_and_ends_on_time(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    plant = make_plant(push=[PUSH])
+    torso = plant.data.body("torso").id
+    acting = []
+    for _ in range(200):
+        plant.step(walker.nominal)
+        acting.append(plant.data.xfrc_applied[torso, 1])
+    assert np.flatnonzero(acting).tolist() == list(range(50, 150))
+    assert set(acting) == {0.0, 120.0}
+
+
+def test_overlapping_pushes_add_up(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    plant = make_plant(push=[PUSH, {**PUSH, "force_n": [5.0, -20.0, 0.0]}])
+    for _ in range(60):
+        plant.step(walker.nominal)
+    np.testing.assert_array_equal(
+        plant.data.xfrc_applied[plant.data.body("torso").id, :3], [5.0, 100.0, 0.0]
+    )
+
+
+@pytest.mark.parametrize("body", ["trunk", "left_sole", "ground_both", "world"])
+def test_push_on_no_link_of_the_robot_lists_those_there_are(
+    make_plant: Callable[..., Plant], body: str
+) -> None:
+    with pytest.raises(ScenarioError, match=rf"'{body}'.*torso.*left_thigh") as error:
+        make_plant(push=[PUSH, {**PUSH, "body": body}])
+    assert error.value.field == "push[1].body"
+
+
+def run(plant: Plant, commands: Array) -> list[Array]:
+    logged = []
+    for command in commands:
+        snapshot = plant.sense()
+        plant.step(command)
+        logged.append(
+            np.concatenate(
+                [snapshot.q, snapshot.dq, snapshot.ft_left, snapshot.angular_velocity]
+            )
+        )
+    return logged
+
+
+def test_same_seed_same_readings_to_the_bit(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    rng = np.random.default_rng(7)
+    commands = walker.nominal + 0.002 * rng.normal(size=(300, walker.n_a))
+    noisy = {"sensors": {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002}}
+    first = run(make_plant(seed=3, **noisy), commands)
+    second = run(make_plant(seed=3, **noisy), commands)
+    other = run(make_plant(seed=4, **noisy), commands)
+    np.testing.assert_array_equal(first, second)
+    assert not np.array_equal(first, other)
+
+
+def test_asking_for_truth_or_sensors_changes_nothing(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    noisy = {"sensors": {"force_noise_n": 2.0, "encoder_resolution_rad": 1e-4}}
+    curious, plain = make_plant(**noisy), make_plant(**noisy)
+    for _ in range(200):
+        curious.truth()
+        curious.sense()
+        assert not curious.fell
+        curious.step(walker.nominal)
+        plain.step(walker.nominal)
+    one, other = curious.sense(), plain.sense()
+    np.testing.assert_array_equal(one.q, other.q)
+    np.testing.assert_array_equal(one.dq, other.dq)
+    np.testing.assert_array_equal(one.ft_left, other.ft_left)
+
+
+def test_slower_control_simulates_as_finely(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    tilt = {"axis": "roll", "kind": "ramp", "amplitude_deg": 2.0, "rate_deg_s": 10.0}
+    ground = {"platform": [{"foot": "both", "motion": [tilt]}]}
+    fast = make_plant(**ground)
+    slow = make_plant(robot=with_rate(walker, 250.0), **ground)
+    for _ in range(400):
+        fast.step(walker.nominal)
+    for _ in range(100):
+        slow.step(walker.nominal)
+    np.testing.assert_array_equal(fast.data.qpos, slow.data.qpos)
+    assert slow.tick == 100
+    assert slow.sense().stamp_ns == fast.sense().stamp_ns == 400_000_000
+
+
+@pytest.mark.parametrize("rate_hz", [300.0, 2000.0])
+def test_control_period_must_be_whole_simulation_steps(
+    make_plant: Callable[..., Plant], walker: Robot, rate_hz: float
+) -> None:
+    with pytest.raises(ScenarioError, match="whole multiple of 1 ms"):
+        make_plant(robot=with_rate(walker, rate_hz))
+
+
+def test_sensor_delay_must_be_whole_ticks(make_plant: Callable[..., Plant]) -> None:
+    with pytest.raises(ScenarioError, match=r"delay\.sensor_ms: got 0\.5 ms"):
+        make_plant(delay={"sensor_ms": 0.5})
+
+
+def test_command_of_another_size_is_refused(standing_plant: Plant) -> None:
+    with pytest.raises(CommandError, match=r"got shape \(3,\), expected \(28,\)"):
+        standing_plant.step(np.zeros(3))
+
+
+def test_limp_robot_falls(make_plant: Callable[..., Plant], walker: Robot) -> None:
+    plant = make_plant()
+    squat = walker.nominal.copy()
+    squat[[walker.joint_names.index(f"{s}_ankle_pitch") for s in ("left", "right")]] = (
+        0.4
+    )
+    fell_at = next(
+        (tick for tick in range(3000) if (plant.step(squat), plant.fell)[1]), None
+    )
+    assert fell_at is not None
+    assert fell_at > 100
+
+
+def test_state_that_is_not_a_number_is_a_fall(make_plant: Callable[..., Plant]) -> None:
+    plant = make_plant()
+    plant.data.xpos[plant.world.sole_bodies[0]] = np.nan
+    assert plant.fell
+
+
+def test_contacts_do_not_buzz(make_plant: Callable[..., Plant], walker: Robot) -> None:
+    """Contacts settle: the force at rest does not flicker from step to step."""
+    plant = make_plant()
+    forces = []
+    for _ in range(300):
+        plant.step(walker.nominal)
+        forces.append(plant.truth().F_left[2])
+    assert np.std(forces) < 1e-2
