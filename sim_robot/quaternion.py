@@ -7,6 +7,7 @@ import numpy as np
 from schemas.arrays import Array
 
 _FROM_WXYZ = np.array([1, 2, 3, 0])
+_FROM_XYZW = np.array([3, 0, 1, 2])
 
 
 def xyzw(quat_wxyz: Array) -> Array:
@@ -19,3 +20,8 @@ def xyzw(quat_wxyz: Array) -> Array:
         (4,) as the bus and the controller have it; a new array.
     """
     return quat_wxyz.take(_FROM_WXYZ)
+
+
+def wxyz(quat_xyzw: Array) -> Array:
+    """Puts the scalar first, (4,) to (4,); the inverse of :func:`xyzw`."""
+    return quat_xyzw.take(_FROM_XYZW)

@@ -14,6 +14,8 @@ from schemas.robot_file import Foot
 from schemas.scenario import Scenario
 from sim_robot.constants import GRAVITY_M_S2, SIM_STEP_S
 from sim_robot.platforms import PlatformPlan, plan_platforms
+from sim_robot.scenery import add_scenery
+from sim_robot.urdf_spec import read_urdf
 
 CONTACT_TIME_CONSTANT_S = 0.004
 CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
@@ -72,23 +74,27 @@ class World:
     weight: float
 
 
-def build_world(robot: Robot, scenario: Scenario) -> World:
+def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> World:
     """Builds the world of one run.
 
     Args:
         robot: what its files say.
         scenario: ground, friction and model error.
+        scenery: keep the URDF's visuals, and add light, sky and a floor far below:
+            for pictures.
 
     Returns:
         The world; the state is not set up in it.
     """
-    spec = _robot_spec(robot, scenario)
+    spec = _robot_spec(robot, scenario, visuals=scenery)
     soles = _nominal_soles(spec, robot)
     base_height = -0.5 * float(soles[0][2] + soles[1][2])
     platforms = plan_platforms(scenario, sole_left=soles[0], sole_right=soles[1])
     for plan in platforms:
         _add_platform(spec, plan, robot=robot, friction=scenario.friction)
     _set_options(spec)
+    if scenery:
+        add_scenery(spec, platforms)
     model = spec.compile()
     _scale_masses(model, robot, scale=scenario.model_error.mass_scale)
     base_body = _body_id(model, robot.file.base_link)
@@ -113,14 +119,9 @@ def build_world(robot: Robot, scenario: Scenario) -> World:
     )
 
 
-def _robot_spec(robot: Robot, scenario: Scenario) -> mujoco.MjSpec:
+def _robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjSpec:
     """The robot alone: free base, drives, soles and sensors."""
-    spec = mujoco.MjSpec.from_file(str(robot.urdf_path))
-    spec.compiler.fusestatic = False
-    spec.compiler.discardvisual = False
-    for geom in list(spec.geoms):
-        if geom.contype or geom.conaffinity:
-            spec.delete(geom)
+    spec = read_urdf(robot.urdf_path, visuals=visuals)
     spec.body(robot.file.base_link).add_freejoint(name="base")
     _add_drives(spec, robot, kp_scale=scenario.model_error.servo_kp_scale)
     _add_imu(spec, robot.file.imu.frame)

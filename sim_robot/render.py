@@ -1,0 +1,210 @@
+"""Pictures of a run, drawn afterwards without a window."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from types import TracebackType
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from robot_io.robot import Robot
+from schemas.arrays import Array, Vec3
+from schemas.scenario import Scenario
+from sim_robot.errors import RenderError
+from sim_robot.ground import Ground
+from sim_robot.platforms import PlatformPlan
+from sim_robot.quaternion import wxyz
+from sim_robot.scenery import FLOOR_Z_M
+from sim_robot.world import build_world
+
+LEGS = 6
+LEG_LEAN_RAD = 0.42
+LEG_INSET, LEG_SPREAD = 0.75, 0.95
+"""Where the legs hold a platform and stand, in parts of its half size."""
+CYLINDER_SHARE = 0.55
+CYLINDER_RADIUS_M, CYLINDER_RGBA = 0.028, (0.25, 0.28, 0.33, 1.0)
+ROD_RADIUS_M, ROD_RGBA = 0.016, (0.74, 0.77, 0.80, 1.0)
+_NO_GL = (
+    "no picture can be drawn: {reason}. Set MUJOCO_GL=egl (or osmesa) before Python "
+    "starts; on Debian: apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
+)
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Where a picture is taken from.
+
+    Attributes:
+        target: (3,) point in the middle of the picture, world [m].
+        distance: from there [m].
+        azimuth_deg: 180 looks at the robot's face, 90 from its right side.
+        elevation_deg: negative looks down.
+    """
+
+    target: tuple[float, float, float] = (0.0, 0.0, 0.48)
+    distance: float = 2.9
+    azimuth_deg: float = 150.0
+    elevation_deg: float = -11.0
+
+
+class Renderer:
+    """Draws moments of a run of one robot and scenario.
+
+    Needs OpenGL without a window: EGL or OSMesa. Use it in a ``with`` block.
+    """
+
+    def __init__(
+        self, robot: Robot, scenario: Scenario, *, width: int, height: int
+    ) -> None:
+        """Sets up the drawing.
+
+        Args:
+            robot: as in the run.
+            scenario: as in the run.
+            width: of the pictures [pixels].
+            height: of the pictures [pixels].
+
+        Raises:
+            RenderError: this machine cannot draw; the message says what to install.
+        """
+        self._world = build_world(robot, scenario, scenery=True)
+        model = self._world.model
+        self._data = mujoco.MjData(model)
+        self._ground = Ground(self._world, self._data)
+        model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
+        model.vis.global_.offheight = max(height, model.vis.global_.offheight)
+        self._drawing = _open_drawing(model, width=width, height=height)
+
+    def __enter__(self) -> Renderer:
+        """Nothing more to do."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Frees what OpenGL holds."""
+        self._drawing.close()
+
+    def draw(
+        self,
+        *,
+        time_s: float,
+        base_position: Vec3,
+        base_quat_xyzw: Array,
+        q: Array,
+        camera: Camera | None = None,
+    ) -> NDArray[np.uint8]:
+        """Draws one moment.
+
+        Args:
+            time_s: of the run: where the platforms are.
+            base_position: (3,) world [m].
+            base_quat_xyzw: (4,) world from base.
+            q: (n_a,) joint positions, bus order [rad].
+            camera: where from; a view of the whole robot if not given.
+
+        Returns:
+            (height, width, 3) red, green, blue from the top left.
+        """
+        data = self._data
+        data.qpos[:3] = base_position
+        data.qpos[3:7] = wxyz(base_quat_xyzw)
+        data.qpos[self._world.joint_qpos] = q
+        self._ground.aim(time_s)
+        self._ground.arrive()
+        mujoco.mj_forward(self._world.model, data)
+        self._drawing.update_scene(data, camera=_mj_camera(camera or Camera()))
+        self._add_legs()
+        image: NDArray[np.uint8] = self._drawing.render()
+        return image
+
+    def _add_legs(self) -> None:
+        """Draws each platform on six cylinders, as a motion base."""
+        for body, plan in zip(
+            self._world.ground_bodies, self._world.platforms, strict=True
+        ):
+            rotation = self._data.xmat[body].reshape(3, 3)
+            for foot, head in _legs_at_rest(plan):
+                head_in_world = self._data.xpos[body] + rotation @ head
+                middle = foot + CYLINDER_SHARE * (head_in_world - foot)
+                self._add_rod(
+                    foot, middle, radius=CYLINDER_RADIUS_M, rgba=CYLINDER_RGBA
+                )
+                self._add_rod(middle, head_in_world, radius=ROD_RADIUS_M, rgba=ROD_RGBA)
+
+    def _add_rod(
+        self,
+        start: Vec3,
+        end: Vec3,
+        *,
+        radius: float,
+        rgba: tuple[float, float, float, float],
+    ) -> None:
+        scene = self._drawing.scene
+        if scene.ngeom >= scene.maxgeom:
+            return
+        geom = scene.geoms[scene.ngeom]
+        kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+        mujoco.mjv_initGeom(
+            geom,
+            kind,
+            np.zeros(3),
+            np.zeros(3),
+            np.eye(3).ravel(),
+            np.array(rgba, dtype=np.float32),
+        )
+        mujoco.mjv_connector(geom, kind, radius, start, end)
+        scene.ngeom += 1
+
+
+def _legs_at_rest(plan: PlatformPlan) -> list[tuple[Vec3, Vec3]]:
+    """Six legs in pairs: foot in the world, head from the platform's top centre."""
+    legs = []
+    for leg in range(LEGS):
+        towards = math.tau * (leg + 0.5) / LEGS
+        apart = LEG_LEAN_RAD if leg % 2 else -LEG_LEAN_RAD
+        head = plan.box_centre + LEG_INSET * plan.half_size * [
+            math.cos(towards),
+            math.sin(towards),
+            -1.0,
+        ]
+        foot = (
+            plan.top_centre
+            + plan.box_centre
+            + LEG_SPREAD
+            * plan.half_size
+            * [
+                math.cos(towards + apart),
+                math.sin(towards + apart),
+                0.0,
+            ]
+        )
+        foot[2] = FLOOR_Z_M
+        legs.append((foot, head))
+    return legs
+
+
+def _mj_camera(camera: Camera) -> mujoco.MjvCamera:
+    view = mujoco.MjvCamera()
+    view.lookat[:] = camera.target
+    view.distance = camera.distance
+    view.azimuth = camera.azimuth_deg
+    view.elevation = camera.elevation_deg
+    return view
+
+
+def _open_drawing(model: mujoco.MjModel, *, width: int, height: int) -> mujoco.Renderer:
+    try:
+        with warnings.catch_warnings():
+            # Without a display GLFW warns first; the error below says it better.
+            warnings.simplefilter("ignore")
+            return mujoco.Renderer(model, height, width)
+    except Exception as error:  # Each OpenGL back end raises its own kind.
+        raise RenderError(_NO_GL.format(reason=error)) from error
