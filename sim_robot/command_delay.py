@@ -32,7 +32,7 @@ class CommandDelay:
         """Takes in the answer to a tick.
 
         Args:
-            q_command: (n_a,) [rad]; kept, not copied.
+            q_command: (n_a,) [rad]; copied.
             answers: the tick it answers.
             now: the present tick.
 
@@ -45,7 +45,7 @@ class CommandDelay:
                 f"{max(0, now - self.ticks)} to {now} with a delay of {self.ticks} "
                 "ticks; drop commands that come too late"
             )
-        self._answers[answers] = q_command
+        self._answers[answers] = q_command.copy()
 
     def take(self, now: int) -> Array:
         """The posture for the step from ``now`` on, (n_a,) [rad].

@@ -7,8 +7,9 @@ import numpy as np
 
 from schemas.arrays import Array
 from sim_robot.constants import SIM_STEP_S
+from sim_robot.ground_spec import PLATFORM_INERTIA
 from sim_robot.motion import MotionLaw, motion_law
-from sim_robot.world import PLATFORM_INERTIA, World
+from sim_robot.world import World
 
 
 class Ground:

@@ -14,13 +14,13 @@ from sim_robot.accelerometer import Accelerometer
 from sim_robot.encoders import Encoders
 from sim_robot.noise import Noise
 from sim_robot.quaternion import xyzw
-from sim_robot.world import (
+from sim_robot.robot_spec import (
     SENSOR_FT,
     SENSOR_GYRO,
     SENSOR_IMU_VELOCITY,
     SENSOR_QUAT_WXYZ,
-    World,
 )
+from sim_robot.world import World
 
 NANOSECONDS = 1_000_000_000
 
@@ -29,9 +29,9 @@ class SensorSuite:
     """Reads all sensors of a tick: noise, bias, resolution and delay.
 
     Joint positions, velocities, attitude and gyroscope are of the tick; wrenches and
-    efforts are those of the simulation step that led to it, the accelerometer tells
-    the mean over the control period. Biases act on every axis. Each sensor has its
-    own random numbers.
+    efforts are those of the simulation step that led to it; the accelerometer tells
+    the mean over the control period. The attitude is the true one, without noise.
+    Biases act on every axis. Each sensor has its own random numbers.
     """
 
     def __init__(

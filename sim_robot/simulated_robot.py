@@ -134,7 +134,7 @@ class SimulatedRobot:
         """Takes in the answer to a tick; it acts once its delay is over.
 
         Args:
-            q_command: (n_a,) [rad], as the gate let it pass; kept, not copied.
+            q_command: (n_a,) [rad], as the gate let it pass; copied.
             tick: the tick it answers.
 
         Raises:

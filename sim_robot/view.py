@@ -5,8 +5,9 @@ from __future__ import annotations
 import mujoco
 
 from sim_robot.quaternion import xyzw
+from sim_robot.robot_spec import SENSOR_SOLES
 from sim_robot.truth import PlantTruth, PlatformPose
-from sim_robot.world import SENSOR_SOLES, World
+from sim_robot.world import World
 
 
 class PlantView:

@@ -13,31 +13,14 @@ from schemas.arrays import Vec3
 from schemas.robot_file import Foot
 from schemas.scenario import Scenario
 from sim_robot.constants import GRAVITY_M_S2, SIM_STEP_S
+from sim_robot.ground_spec import add_platform
 from sim_robot.platforms import PlatformPlan, plan_platforms
+from sim_robot.robot_spec import IMU_SITE, robot_spec
 from sim_robot.scenery import add_scenery
-from sim_robot.urdf_spec import read_urdf
 
-CONTACT_TIME_CONSTANT_S = 0.004
-CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
-"""Critically damped; the standing robot sinks in by some 35 um."""
 TANGENTIAL_STIFFNESS_RATIO = 10.0
 """How much stiffer friction is than the normal contact: soles do not creep."""
 SOLVER_TOLERANCE = 1e-10
-SOLE_HALF_THICKNESS_M = 0.015
-PLATFORM_INERTIA = 1e6
-"""Rotor inertia of platform joints [kg or kg m^2]: the robot does not move them."""
-
-IMU_SITE = "imu"
-SENSOR_QUAT_WXYZ = slice(0, 4)
-SENSOR_GYRO = slice(4, 7)
-SENSOR_IMU_VELOCITY = slice(7, 10)
-SENSOR_FT = slice(10, 22)
-SENSOR_SOLES = slice(22, 34)
-"""Layout of the sensor array; FT and SOLES hold left then right [force; moment].
-
-The velocity of the IMU is in world axes; wrenches have MuJoCo's sign, that of the
-robot on what is below.
-"""
 
 
 @dataclass(frozen=True)
@@ -86,12 +69,12 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     Returns:
         The world; the state is not set up in it.
     """
-    spec = _robot_spec(robot, scenario, visuals=scenery)
+    spec = robot_spec(robot, scenario, visuals=scenery)
     soles = _nominal_soles(spec, robot)
     base_height = -0.5 * float(soles[0][2] + soles[1][2])
     platforms = plan_platforms(scenario, sole_left=soles[0], sole_right=soles[1])
     for plan in platforms:
-        _add_platform(spec, plan, robot=robot, friction=scenario.friction)
+        add_platform(spec, plan, robot=robot, friction=scenario.friction)
     _set_options(spec)
     if scenery:
         add_scenery(spec, platforms)
@@ -119,86 +102,6 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     )
 
 
-def _robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjSpec:
-    """The robot alone: free base, drives, soles and sensors."""
-    spec = read_urdf(robot.urdf_path, visuals=visuals)
-    spec.body(robot.file.base_link).add_freejoint(name="base")
-    _add_drives(spec, robot, kp_scale=scenario.model_error.servo_kp_scale)
-    _add_imu(spec, robot.file.imu.frame)
-    feet = (robot.left, robot.right)
-    for foot in feet:
-        _add_sole_box(spec, foot)
-    for foot in feet:
-        _add_wrench_sensor(spec, foot.ft_link)
-    for foot in feet:
-        _add_wrench_sensor(spec, foot.sole_frame)
-    return spec
-
-
-def _add_drives(spec: mujoco.MjSpec, robot: Robot, *, kp_scale: float) -> None:
-    """Servos: torque = kp (set-point - q) - kd dq within the limit, bus order."""
-    for entry in robot.file.joint:
-        joint = spec.joint(entry.name)
-        joint.armature = entry.armature_kg_m2
-        joint.damping[0] = entry.damping_nm_s_rad
-        # The servo alone limits the torque; URDF effort would clamp a second time.
-        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-        kp = entry.kp_nm_rad * kp_scale
-        servo = spec.add_actuator(
-            name=entry.name,
-            target=entry.name,
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
-            forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
-            forcerange=[-entry.torque_limit_nm, entry.torque_limit_nm],
-        )
-        servo.gainprm[0] = kp
-        servo.biasprm[1] = -kp
-        servo.biasprm[2] = -entry.kd_nm_s_rad
-
-
-def _add_imu(spec: mujoco.MjSpec, frame: str) -> None:
-    spec.body(frame).add_site(name=IMU_SITE, pos=[0.0, 0.0, 0.0])
-    for name, kind in (
-        ("imu_quat", mujoco.mjtSensor.mjSENS_FRAMEQUAT),
-        ("imu_gyro", mujoco.mjtSensor.mjSENS_GYRO),
-        ("imu_velocity", mujoco.mjtSensor.mjSENS_FRAMELINVEL),
-    ):
-        spec.add_sensor(
-            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=IMU_SITE
-        )
-
-
-def _add_sole_box(spec: mujoco.MjSpec, foot: Foot) -> None:
-    """The box that touches the ground, in the sole's own massless body.
-
-    A force sensor between that body and the foot then reads the contact wrench,
-    at the sole, and nothing else.
-    """
-    spec.body(foot.sole_frame).add_geom(
-        name=foot.sole_frame,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=[foot.half_length_m, foot.half_width_m, SOLE_HALF_THICKNESS_M],
-        pos=[0.0, 0.0, SOLE_HALF_THICKNESS_M],
-        mass=0.0,
-        contype=0,
-        conaffinity=0,
-        group=3,
-    )
-
-
-def _add_wrench_sensor(spec: mujoco.MjSpec, link: str) -> None:
-    spec.body(link).add_site(name=link, pos=[0.0, 0.0, 0.0])
-    for name, kind in (
-        (f"{link}_force", mujoco.mjtSensor.mjSENS_FORCE),
-        (f"{link}_moment", mujoco.mjtSensor.mjSENS_TORQUE),
-    ):
-        spec.add_sensor(
-            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=link
-        )
-
-
 def _nominal_soles(spec: mujoco.MjSpec, robot: Robot) -> tuple[Vec3, Vec3]:
     """Sole centres from the base in the nominal posture, each (3,) [m]."""
     model = spec.compile()
@@ -210,54 +113,6 @@ def _nominal_soles(spec: mujoco.MjSpec, robot: Robot) -> tuple[Vec3, Vec3]:
         data.body(robot.left.sole_frame).xpos.copy(),
         data.body(robot.right.sole_frame).xpos.copy(),
     )
-
-
-def _add_platform(
-    spec: mujoco.MjSpec, plan: PlatformPlan, *, robot: Robot, friction: float
-) -> None:
-    """A box that only the soles touch, with a joint for each axis that moves."""
-    body = spec.worldbody.add_body(
-        name=plan.name,
-        pos=plan.top_centre,
-        mass=1.0,
-        ipos=[0.0, 0.0, 0.0],
-        inertia=[1.0, 1.0, 1.0],
-        explicitinertial=True,
-        gravcomp=1.0,
-    )
-    body.add_geom(
-        name=plan.name,
-        type=mujoco.mjtGeom.mjGEOM_BOX,
-        size=plan.half_size,
-        pos=plan.box_centre,
-        contype=0,
-        conaffinity=0,
-        rgba=[0.42, 0.45, 0.50, 1.0],
-    )
-    for axis in plan.motions:
-        kind, direction = _JOINTS[axis]
-        body.add_joint(
-            name=f"{plan.name}_{axis}",
-            type=kind,
-            axis=direction,
-            armature=PLATFORM_INERTIA,
-        )
-    for foot in (robot.left, robot.right):
-        pair = spec.add_pair(geomname1=plan.name, geomname2=foot.sole_frame, condim=3)
-        pair.friction[:] = [friction, friction, 0.0, 0.0, 0.0]
-        pair.solref[:] = [CONTACT_TIME_CONSTANT_S, 1.0]
-        pair.solimp[:] = CONTACT_IMPEDANCE
-
-
-_SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
-_JOINTS = {
-    "x": (_SLIDE, [1.0, 0.0, 0.0]),
-    "y": (_SLIDE, [0.0, 1.0, 0.0]),
-    "z": (_SLIDE, [0.0, 0.0, 1.0]),
-    "yaw": (_HINGE, [0.0, 0.0, 1.0]),
-    "pitch": (_HINGE, [0.0, 1.0, 0.0]),
-    "roll": (_HINGE, [1.0, 0.0, 0.0]),
-}
 
 
 def _set_options(spec: mujoco.MjSpec) -> None:

@@ -92,6 +92,18 @@ def test_needed_answer_is_the_delay_ago(make: Make) -> None:
     assert needed == [None, None, None, 0, 1, 2]
 
 
+def test_answer_may_be_overwritten_by_its_sender(make: Make) -> None:
+    """A controller may hand over the same array every tick."""
+    simulated = make(delay={"command_ms": 2.0}, record=True)
+    reused = simulated.held_posture.copy()
+    for tick in range(6):
+        reused += 1e-4
+        simulated.apply(reused, tick=tick)
+        simulated.step()
+    acted = simulated.recording()["q_command"][2:, 0]
+    np.testing.assert_allclose(np.diff(acted), 1e-4)
+
+
 def test_last_posture_goes_on_when_an_answer_is_missing(make: Make) -> None:
     simulated = make(delay={"command_ms": 0.0}, record=True)
     first = simulated.held_posture + 0.001
