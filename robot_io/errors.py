@@ -11,6 +11,15 @@ class RobotFileError(RobotIoError, ValueError):
     """TOML and URDF of a robot do not fit together, or one is missing."""
 
 
+class EndpointError(RobotIoError, OSError):
+    """A session cannot listen or dial where it should; ``locators`` says where."""
+
+    def __init__(self, message: str, *, locators: list[str]) -> None:
+        """Keeps the locators beside the message."""
+        super().__init__(message)
+        self.locators = locators
+
+
 class RobotUnreachableError(RobotIoError, TimeoutError):
     """The robot did not answer in time; the message names endpoint and limit."""
 

@@ -53,7 +53,13 @@ class Gate(FileStruct, frozen=True, kw_only=True):
     step_limit_rad: Positive
     position_margin_rad: NonNegative = 0.0
     hold_after_s: Positive = 0.02
+    """Silence of the commander after which the last posture is held [s]."""
     fault_after_s: Positive = 1.0
+    """Silence after which the robot goes to fault [s]."""
+    first_command_tolerance_rad: Positive = 0.05
+    """How far from the held posture the first command may be, per joint."""
+    lease_s: Positive = 1.0
+    """A commander silent for longer loses the lease [s]."""
 
 
 class Joint(FileStruct, frozen=True, kw_only=True):

@@ -1,0 +1,118 @@
+"""A process's place on the robot's bus: session, receiving, sending, presence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import zenoh
+from zenoh.handlers import Callback
+
+from robot_io.channel import Channel
+from robot_io.session import Role, open_session
+from robot_io.waker import Waker
+from schemas.endpoints import Endpoints
+
+GRANULARITY_S = 0.005
+"""How late a wait with a deadline may end."""
+
+
+class Bus:
+    """An open session with what client and server have in common.
+
+    A context manager; leaving it closes everything declared on it.
+
+    Attributes:
+        session: the Zenoh session.
+        waker: ends waits of its channels.
+    """
+
+    session: zenoh.Session
+    waker: Waker
+
+    def __init__(self, endpoints: Endpoints, role: Role, *, namespace: str) -> None:
+        """Prepares; entering the context opens the session.
+
+        Args:
+            endpoints: both sides of the bus.
+            role: robot or peer.
+            namespace: the robot's.
+        """
+        self._endpoints, self._role, self._namespace = endpoints, role, namespace
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Opens the session.
+
+        Raises:
+            EndpointError: cannot listen there, or a locator is malformed.
+        """
+        with ExitStack() as stack:
+            self.session = stack.enter_context(
+                open_session(self._endpoints, self._role, namespace=self._namespace)
+            )
+            self.waker = Waker(self.session, granularity_s=GRANULARITY_S)
+            stack.enter_context(self.waker.running())
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Closes the session."""
+        self._stack.close()
+
+    def publisher(self, key: str, *, urgent: bool) -> zenoh.Publisher:
+        """Declares a publisher that drops rather than blocks on a slow subscriber.
+
+        Args:
+            key: relative to the namespace.
+            urgent: part of the control loop, sent before everything else.
+        """
+        priority = zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA
+        return self.session.declare_publisher(
+            key,
+            priority=priority,
+            congestion_control=zenoh.CongestionControl.DROP,
+            express=False,  # with it, dropping starts under load and goes on after it
+        )
+
+    def channel(self, key: str, *, depth: int) -> Channel:
+        """Subscribes to a key; see :class:`Channel`."""
+        return Channel(self.session, key, waker=self.waker, depth=depth)
+
+    def queryable(self, key: str, answer: Callable[[zenoh.Query], None]) -> None:
+        """Answers queries on a key.
+
+        Args:
+            key: relative to the namespace.
+            answer: called on Zenoh's thread; must be quick and not raise.
+        """
+        self.session.declare_queryable(key, Callback(answer, indirect=False))
+
+    def announce(self, key: str) -> zenoh.LivelinessToken:
+        """Declares a liveliness token; it ends with the session or the process."""
+        return self.session.liveliness().declare_token(key)
+
+    def watch_presence(
+        self, key: str, changed: Callable[[str, bool], None]
+    ) -> zenoh.Subscriber[None]:
+        """Watches liveliness tokens, those already there included.
+
+        Args:
+            key: a key, or a pattern such as ``alive/stabilizer/*``.
+            changed: called on Zenoh's thread with the token's key and whether it is
+                there; must be quick and not raise.
+        """
+
+        def on_sample(sample: zenoh.Sample) -> None:
+            changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        return self.session.liveliness().declare_subscriber(
+            key, Callback(on_sample, indirect=False), history=True
+        )

@@ -1,0 +1,15 @@
+"""Fixtures of all tests that meet on a bus."""
+
+from __future__ import annotations
+
+import pytest
+
+from schemas.endpoints import Endpoints
+from tests.support import free_port
+
+
+@pytest.fixture
+def endpoints() -> Endpoints:
+    """Both ends of a bus on this host, apart from every other test's."""
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    return Endpoints(listen=[locator], connect=[locator])
