@@ -1,0 +1,216 @@
+"""Controller settings: every gain, weight and limit, with its unit and effect.
+
+The defaults are what every published figure was made with. A TOML file may give
+any subset; ``--set tsid.com_kp=[40, 40, 40]`` overrides one.
+"""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from typing import Annotated, Any
+
+import msgspec
+
+from schemas.errors import FileFormatError
+from schemas.robot_file import NonNegative, Positive
+from schemas.toml_file import FileStruct, convert
+
+Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Negative = Annotated[float, msgspec.Meta(lt=0.0)]
+PositiveTriple = tuple[Positive, Positive, Positive]
+PositiveSix = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
+NegativeSix = tuple[Negative, Negative, Negative, Negative, Negative, Negative]
+FractionSix = tuple[Fraction, Fraction, Fraction, Fraction, Fraction, Fraction]
+
+
+class TsidSettings(FileStruct, frozen=True, kw_only=True):
+    """First QP (op: tsid): which contact wrenches the feet should feel."""
+
+    com_kp: PositiveTriple = (30.0, 30.0, 30.0)
+    """CoM position gain, x y z [1/s^2]."""
+    com_kd: PositiveTriple = (10.0, 10.0, 10.0)
+    """CoM velocity gain, x y z [1/s]."""
+    base_kp: Positive = 100.0
+    """Base orientation gain [1/s^2]."""
+    base_kd: Positive = 20.0
+    """Base angular velocity gain [1/s]."""
+    posture_kp: Positive = 50.0
+    """Posture gain [1/s^2]."""
+    posture_kd: Positive = 14.0
+    """Joint velocity gain [1/s]."""
+    com_weight: Positive = 1.0
+    base_weight: Positive = 0.1
+    posture_weight: Positive = 1e-3
+    """Weight of the joints above the legs."""
+    leg_posture_weight: NonNegative = 1e-6
+    """Weight of the leg joints: the feet's ground moves them, so keep it small."""
+    torque_weight: Positive = 1e-6
+    """Weight of |tau|^2 [(N m)^-2]."""
+    force_weight: Positive = 1e-6
+    """Weight of the force difference from an even load [N^-2]."""
+    moment_weight: Positive = 1e-5
+    """Weight of the sole moments [(N m)^-2]."""
+    friction: Positive = 0.6
+    """Friction coefficient assumed; keep it under the true one."""
+    yaw_friction: Positive = 0.05
+    """Yaw moment per normal force [m]."""
+    sole_scale: Fraction = 0.9
+    """Part of the sole rectangle the centre of pressure may use."""
+    normal_force_min_n: NonNegative = 20.0
+    """Least normal force of a foot in contact [N]."""
+    normal_force_max_weights: Positive = 2.0
+    """Largest normal force of a foot, in body weights."""
+
+
+class DikSettings(FileStruct, frozen=True, kw_only=True):
+    """Second QP (op: u): joint velocities that drive the wrenches there."""
+
+    k_force: NegativeSix = (-25.0, -25.0, -25.0, -25.0, -25.0, -25.0)
+    """Diagonal of K per foot, [x y z roll pitch yaw], negative [1/s]: closed-loop
+    rate of the wrench error; smaller magnitude is softer and faster to yield."""
+    contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
+    """Weight of the wrench law per foot axis."""
+    com_gain: PositiveTriple = (2.0, 2.0, 2.0)
+    """CoM position gain, x y z [1/s]."""
+    com_weight: PositiveTriple = (10.0, 10.0, 10.0)
+    base_gain: Positive = 2.0
+    """Base orientation gain [1/s]."""
+    base_weight: Positive = 2.0
+    posture_gain: Positive = 1.0
+    """Pull of the commanded posture to the reference posture [1/s]."""
+    posture_weight: Positive = 1e-2
+    """Weight of the joints above the legs."""
+    leg_posture_weight: NonNegative = 1e-3
+    """Weight of the leg joints: the feet's ground moves them, so keep it small."""
+    regularisation: Positive = 1e-4
+    """Weight of |v|^2."""
+    velocity_limit_rad_s: Positive = 6.0
+    """Fastest joint command; the robot file may be stricter."""
+    limit_time_s: Positive = 0.02
+    """Velocity damper: a joint may close the gap to its limit in no less [s]."""
+    limit_margin_rad: NonNegative = 0.01
+    """Kept free before the joint range ends."""
+    stance_leak: NonNegative = 0.3
+    """Pull of the feet back to the stance along the sole and about z [1/s]."""
+    windup_limit_rad: Positive = 0.2
+    """Largest distance of a command from its measured joint."""
+    ramp_in_s: Positive = 0.1
+    """Commands fade in over this time after the start."""
+
+
+class GroundSettings(FileStruct, frozen=True, kw_only=True):
+    """Feed-forward of the ground's estimated motion; all zero is the paper."""
+
+    gain: FractionSix = (0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
+    """Part of each foot's estimated twist fed forward, [x y z roll pitch yaw]."""
+    cutoff_hz: Positive = 15.0
+    """Low-pass of the estimated twist."""
+    lead_s: NonNegative = 0.035
+    """Lead that makes up for the low-pass and the damping of the drives [s]."""
+    full_force_n: Positive = 100.0
+    """Feed-forward fades in with the normal force up to here."""
+
+
+class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
+    """Base attitude, velocity and position from the robot's own sensors."""
+
+    calibration_s: NonNegative = 0.3
+    """At rest after the start: mean tilt and gyroscope bias are taken, the posture
+    is held [s]."""
+    tilt_bandwidth: Positive = 0.5
+    """Correction of roll and pitch by accelerometer and leg velocity [rad/s]."""
+    gyro_bias_gain: NonNegative = 0.02
+    """Learning of the gyroscope bias [1/s^2]."""
+    yaw_gain: NonNegative = 1.0
+    """Pull of the yaw to the stance [1/s]."""
+    height_bandwidth: Positive = 0.25
+    """Pull of the height to the legs' kinematics [rad/s]; below it the ground is
+    taken to be level on average, above it the accelerometer decides."""
+    anchor_cutoff_hz: Positive = 5.0
+    """Low-pass of the load share that places the anchor between the feet."""
+
+
+class ContactSettings(FileStruct, frozen=True, kw_only=True):
+    """When a foot counts as standing, and how it looks for the ground."""
+
+    lost_below_n: NonNegative = 15.0
+    """Normal force under which contact is lost [N]."""
+    regained_above_n: Positive = 40.0
+    """Normal force over which contact is back [N]."""
+    lost_after_s: NonNegative = 0.005
+    """For so long under the threshold."""
+    regained_after_s: NonNegative = 0.003
+    """For so long over the threshold."""
+    search_force_n: Positive = 80.0
+    """Normal force a lifted foot reaches for [N]."""
+    descent_limit_m_s: Positive = 0.4
+    """Fastest search for the ground."""
+    reload_s: Positive = 0.15
+    """A foot just back takes its full share after this time."""
+
+
+class ControllerSettings(FileStruct, frozen=True, kw_only=True):
+    """All settings of all controllers."""
+
+    tsid: TsidSettings = TsidSettings()
+    dik: DikSettings = DikSettings()
+    ground: GroundSettings = GroundSettings()
+    estimator: EstimatorSettings = EstimatorSettings()
+    contact: ContactSettings = ContactSettings()
+
+
+def build_settings(
+    table: dict[str, Any], *, overrides: list[str], source: str = "settings"
+) -> ControllerSettings:
+    """Joins defaults, a settings table and command-line overrides.
+
+    Args:
+        table: content of a settings file; empty for the defaults.
+        overrides: texts ``section.name=value``, the value written as in TOML.
+        source: named in errors about the table.
+
+    Raises:
+        FileFormatError: unknown key (with the nearest valid one), wrong type, or
+            a value out of range.
+    """
+    merged = {section: dict(values) if isinstance(values, dict) else values
+              for section, values in table.items()}  # fmt: skip
+    known = setting_names()
+    for text in overrides:
+        key, value = _parse_override(text, known)
+        section, name = key.split(".", 1)
+        part = merged.setdefault(section, {})
+        if not isinstance(part, dict):
+            raise FileFormatError(
+                f"{source}: {section}: got {part!r}, expected a table", field=section
+            )
+        part[name] = value
+        source = f"{source} with --set"
+    return convert(merged, ControllerSettings, source=source)
+
+
+def setting_names() -> list[str]:
+    """All settable names, as ``section.name``."""
+    return [
+        f"{section.name}.{field.name}"
+        for section in msgspec.structs.fields(ControllerSettings)
+        for field in msgspec.structs.fields(section.type)
+    ]
+
+
+def _parse_override(text: str, known: list[str]) -> tuple[str, Any]:
+    key, equals, value = text.partition("=")
+    key = key.strip()
+    if not equals:
+        raise FileFormatError(
+            f"--set {text!r}: expected KEY=VALUE, such as tsid.base_kp=120", field=key
+        )
+    if key not in known:
+        near = difflib.get_close_matches(key, known, n=1)
+        hint = f"; did you mean {near[0]!r}?" if near else ""
+        raise FileFormatError(f"--set {key}: no such setting{hint}", field=key)
+    try:
+        return key, tomllib.loads(f"value = {value}")["value"]
+    except tomllib.TOMLDecodeError:
+        return key, value.strip()

@@ -1,0 +1,1 @@
+"""The controller: state from sensors, wanted wrenches, commanded joint velocities."""

@@ -1,0 +1,102 @@
+"""Dynamics and contact quantities of one tick (section III of the paper)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from schemas.arrays import Array, Mat
+from stabilizer.model import RobotModel
+
+SOLE_ROWS = (slice(0, 6), slice(6, 12))
+"""Rows of left and right sole in every stacked contact quantity."""
+
+
+class Dynamics:
+    """Rigid-body quantities at one state, computed by :meth:`update`.
+
+    The arrays are reused: read them before the next update, do not keep or write
+    them. Twists are [linear; angular], wrenches [force; moment]; sole quantities
+    are in the sole frame (LOCAL).
+
+    Attributes:
+        q: (7 + n_a,) configuration.
+        v: (n_v,) velocity.
+        H_inv: (n_v, n_v) inverse of the inertia matrix, rotor inertia included.
+        c: (n_v,) Coriolis, centrifugal and gravity terms.
+        J_contact: (12, n_v) stacked sole Jacobians.
+        Jdot_v_contact: (12,) their drift.
+        J_com: (3, n_v) centre-of-mass Jacobian, world axes.
+        Jdot_v_com: (3,) its drift [m/s^2].
+        p_com: (3,) centre of mass in the world [m].
+        v_com: (3,) its velocity [m/s].
+        v_sole: (12,) sole twists.
+        R_world_sole: rotation of each sole.
+        p_sole: position of each sole in the world.
+        X: (n_v, 12) H^-1 J_contact^T.
+        Lambda_c_inv: (12, 12) inverse contact inertia, J_c H^-1 J_c^T.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        """Allocates every array once."""
+        self.model = model
+        self._pin = model.pin_model
+        self._data = self._pin.createData()
+        n_v = model.n_v
+        self._zero = np.zeros(n_v)
+        self.q: Array = np.zeros(7 + model.n_a)
+        self.v: Array = np.zeros(n_v)
+        self.H_inv: Mat = np.zeros((n_v, n_v))
+        self.c: Array = np.zeros(n_v)
+        self.J_contact: Mat = np.zeros((12, n_v))
+        self.Jdot_v_contact: Array = np.zeros(12)
+        self.J_com: Mat = np.zeros((3, n_v))
+        self.Jdot_v_com: Array = np.zeros(3)
+        self.p_com: Array = np.zeros(3)
+        self.v_com: Array = np.zeros(3)
+        self.v_sole: Array = np.zeros(12)
+        self.R_world_sole: list[Mat] = [np.eye(3), np.eye(3)]
+        self.p_sole: list[Array] = [np.zeros(3), np.zeros(3)]
+        self.X: Mat = np.zeros((n_v, 12))
+        self.Lambda_c_inv: Mat = np.zeros((12, 12))
+        self._lower = np.tril_indices(n_v, -1)
+
+    def update(self, q: Array, v: Array) -> None:
+        """Computes everything at a state.
+
+        Args:
+            q: (7 + n_a,) configuration.
+            v: (n_v,) velocity, base twist in base first.
+        """
+        model, data = self._pin, self._data
+        self.q[:] = q
+        self.v[:] = v
+        pin.computeMinverse(model, data, q)
+        H_inv = data.Minv
+        # Pinocchio fills the upper triangle only.
+        np.copyto(self.H_inv, H_inv)
+        self.H_inv[self._lower] = H_inv.T[self._lower]
+        pin.computeAllTerms(model, data, q, v)
+        np.copyto(self.c, data.nle)
+        np.copyto(self.J_com, data.Jcom)
+        # With zero joint acceleration, frame accelerations are the drift Jdot v.
+        pin.centerOfMass(model, data, q, v, self._zero)
+        self.p_com[:] = data.com[0]
+        self.v_com[:] = data.vcom[0]
+        self.Jdot_v_com[:] = data.acom[0]
+        for side, frame in enumerate(self.model.sole_ids):
+            rows = SOLE_ROWS[side]
+            placement = pin.updateFramePlacement(model, data, frame)
+            self.R_world_sole[side] = placement.rotation
+            self.p_sole[side] = placement.translation
+            self.J_contact[rows] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
+            drift = pin.getFrameAcceleration(model, data, frame, pin.LOCAL)
+            self.Jdot_v_contact[rows] = drift.vector
+        np.dot(self.J_contact, v, out=self.v_sole)
+        np.dot(self.H_inv, self.J_contact.T, out=self.X)
+        np.dot(self.J_contact, self.X, out=self.Lambda_c_inv)
+
+    def inertia_matrix(self) -> Mat:
+        """(n_v, n_v) inertia matrix of the last update, for tests and tools."""
+        upper = np.triu(self._data.M)
+        return upper + np.triu(upper, 1).T

@@ -1,0 +1,188 @@
+"""Floating-base state from the robot's own sensors; ground truth is never read.
+
+The base's attitude comes from the inertial unit. Its horizontal position comes from
+the legs: an anchor between the soles, weighted by load, is taken to stand where it
+stands nominally, so on moving ground the state says where the robot is relative to
+its feet, which is what balance needs. Its height is a matter of the world: the
+accelerometer is integrated twice and only slowly pulled to the legs' kinematics, so
+a heaving ground is seen as what it is.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from robot_io.snapshot import Snapshot
+from schemas.arrays import Array, Vec3
+from schemas.settings import EstimatorSettings
+from stabilizer.attitude import AttitudeFilter
+from stabilizer.model import GRAVITY, RobotModel
+
+MIN_TOTAL_FORCE_N = 50.0
+"""Below it the load share keeps its last value [N]."""
+HEIGHT_RANGE_M = 0.25
+"""Farthest the ground may be thought from level [m]."""
+
+
+class Estimator:
+    """Base pose and twist, joints as measured.
+
+    Attributes:
+        q: (7 + n_a,) configuration in the stance frame, joints in model order.
+        v: (6 + n_a,) velocity.
+        height: base height in the world relative to level ground [m].
+        height_rate: its rate [m/s].
+    """
+
+    def __init__(
+        self, model: RobotModel, settings: EstimatorSettings, *, period_s: float
+    ) -> None:
+        """Allocates; begin with :meth:`calibrate`."""
+        self._model = model
+        self._settings = settings
+        self._dt = period_s
+        self._data = model.pin_model.createData()
+        self._attitude = AttitudeFilter(
+            tilt_bandwidth=settings.tilt_bandwidth,
+            bias_gain=settings.gyro_bias_gain,
+            period_s=period_s,
+        )
+        self._R_base_imu = model.T_base_imu.rotation.copy()
+        self._p_base_imu = model.T_base_imu.translation.copy()
+        self._R_world_base = np.eye(3)
+        blend = -math.expm1(-2.0 * math.pi * settings.anchor_cutoff_hz * period_s)
+        self._share_blend = blend
+        self._left_share = 0.5
+        nominal = model.nominal_configuration()
+        pin.framesForwardKinematics(model.pin_model, self._data, nominal)
+        self._p_nominal = [self._data.oMf[i].translation.copy() for i in model.sole_ids]
+        self._leg_velocity = np.zeros(3)
+        self._leg_rate = np.zeros(3)
+        self._anchor = np.zeros(3)
+        self.q: Array = nominal.copy()
+        self.v: Array = np.zeros(model.n_v)
+        self.height = float(nominal[2])
+        self.height_rate = 0.0
+
+    def calibrate(self, snapshot: Snapshot) -> None:
+        """Takes one reading of a robot that stands on still, level ground.
+
+        Args:
+            snapshot: reading of all sensors.
+        """
+        self._read(snapshot)
+        self._attitude.calibrate(
+            snapshot.angular_velocity,
+            snapshot.linear_acceleration,
+            leg_rate=self._leg_rate @ self._attitude.R_world_imu,
+            leg_velocity=self._unit_velocity(),
+        )
+        self._read(snapshot)
+        self.height = -float(self._anchor[2])
+        self.height_rate = float(self._leg_velocity[2])
+        self._place()
+
+    def update(
+        self, snapshot: Snapshot, *, normal_left: float, normal_right: float
+    ) -> None:
+        """Advances by one tick.
+
+        Args:
+            snapshot: reading of all sensors.
+            normal_left: normal force of the left foot, as last measured [N].
+            normal_right: the same for the right foot [N].
+        """
+        self._attitude.update(
+            snapshot.angular_velocity,
+            snapshot.linear_acceleration,
+            leg_velocity=self._unit_velocity(),
+        )
+        self._update_share(normal_left, normal_right)
+        self._read(snapshot)
+        self._update_height(snapshot)
+        self._place()
+        self._pull_yaw()
+
+    def _read(self, snapshot: Snapshot) -> None:
+        """Joints and attitude into q and v, then what the legs say of the base."""
+        model, data = self._model, self._data
+        attitude = self._attitude
+        q, v = self.q, self.v
+        q[7:] = snapshot.q[model.to_model]
+        v[6:] = snapshot.dq[model.to_model]
+        np.dot(attitude.R_world_imu, self._R_base_imu.T, out=self._R_world_base)
+        q[:3] = 0.0
+        q[3:7] = pin.Quaternion(self._R_world_base).coeffs()
+        v[:3] = 0.0
+        np.dot(self._R_base_imu, attitude.rate, out=v[3:6])
+        pin.forwardKinematics(model.pin_model, data, q, v)
+        shares = (self._left_share, 1.0 - self._left_share)
+        anchor, velocity, rate = self._anchor, self._leg_velocity, self._leg_rate
+        anchor[:] = 0.0
+        velocity[:] = 0.0
+        rate[:] = self._R_world_base @ v[3:6]
+        for share, frame in zip(shares, model.sole_ids, strict=True):
+            placement = pin.updateFramePlacement(model.pin_model, data, frame)
+            twist = pin.getFrameVelocity(
+                model.pin_model, data, frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            anchor += share * placement.translation
+            velocity -= share * twist.linear
+            rate -= share * twist.angular
+
+    def _unit_velocity(self) -> Vec3:
+        """(3,) velocity of the inertial unit that the legs see, world [m/s]."""
+        lever = np.cross(self.v[3:6], self._p_base_imu)
+        velocity: Vec3 = self._leg_velocity + self._R_world_base @ lever
+        return velocity
+
+    def _place(self) -> None:
+        """Base position and velocity from the anchor and the height."""
+        q, v = self.q, self.v
+        share = self._left_share
+        nominal = share * self._p_nominal[0] + (1.0 - share) * self._p_nominal[1]
+        q[0] = nominal[0] - self._anchor[0]
+        q[1] = nominal[1] - self._anchor[1]
+        q[2] = self.height
+        self._leg_velocity[2], leg_rate_up = self.height_rate, self._leg_velocity[2]
+        np.dot(self._leg_velocity, self._R_world_base, out=v[:3])
+        self._leg_velocity[2] = leg_rate_up
+
+    def _update_share(self, normal_left: float, normal_right: float) -> None:
+        left, right = max(normal_left, 0.0), max(normal_right, 0.0)
+        if left + right > MIN_TOTAL_FORCE_N:
+            share = left / (left + right)
+            self._left_share += self._share_blend * (share - self._left_share)
+
+    def _update_height(self, snapshot: Snapshot) -> None:
+        """Second-order filter: accelerometer above its bandwidth, legs below."""
+        w_x, w_y, w_z = self.v[3:6].tolist()
+        p_x, p_y, p_z = self._p_base_imu.tolist()
+        # Centripetal part of the lever, w x (w x p) = w (w.p) - p |w|^2, base axes.
+        along = w_x * p_x + w_y * p_y + w_z * p_z
+        square = w_x * w_x + w_y * w_y + w_z * w_z
+        up = self._R_world_base[2].tolist()
+        centripetal = (
+            up[0] * (w_x * along - p_x * square)
+            + up[1] * (w_y * along - p_y * square)
+            + up[2] * (w_z * along - p_z * square)
+        )
+        force = float(self._attitude.R_world_imu[2] @ snapshot.linear_acceleration)
+        acceleration = force - centripetal - GRAVITY
+        bandwidth = self._settings.height_bandwidth
+        error = -float(self._anchor[2]) - self.height
+        error = min(max(error, -HEIGHT_RANGE_M), HEIGHT_RANGE_M)
+        dt = self._dt
+        self.height += dt * (self.height_rate + 1.4 * bandwidth * error)
+        self.height_rate += dt * (acceleration + bandwidth * bandwidth * error)
+
+    def _pull_yaw(self) -> None:
+        """Keeps the mean yaw of the soles at the stance's, since yaw is free."""
+        yaw = 0.0
+        for frame in self._model.sole_ids:
+            R = self._data.oMf[frame].rotation
+            yaw += 0.5 * math.atan2(R[1, 0], R[0, 0])
+        self._attitude.pull_yaw(-self._settings.yaw_gain * self._dt * yaw)

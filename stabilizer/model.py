@@ -1,0 +1,155 @@
+"""The robot's rigid-body model in Pinocchio, built from the robot's files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from robot_io.robot import Robot
+from schemas.arrays import Array, Mat, Vec3
+
+GRAVITY = 9.81
+"""Magnitude of gravity, as the simulator has it [m/s^2]."""
+N_BASE_Q = 7
+N_BASE_V = 6
+
+
+@dataclass(frozen=True)
+class Plate:
+    """What hangs below a force-torque sensor.
+
+    Attributes:
+        mass: [kg].
+        com: (3,) centre of mass in the sensor frame [m].
+    """
+
+    mass: float
+    com: Vec3
+
+
+class RobotModel:
+    """Static model: everything that does not change from tick to tick.
+
+    Configurations follow Pinocchio: q = (base position, quat_xyzw, q_J) and
+    v = (base twist in base, v_J). Joints are in the order of Pinocchio inside and
+    in the order of the bus outside; ``to_model`` and ``to_bus`` convert.
+
+    Attributes:
+        pin_model: Pinocchio's model, with the drives' rotor inertia.
+        n_a: number of joints.
+        n_v: 6 + n_a.
+        mass: total mass [kg].
+        to_model: (n_a,) ``q_model = q_bus[to_model]``.
+        to_bus: (n_a,) ``q_bus = q_model[to_bus]``.
+        sole_ids: frame ids of left and right sole.
+        T_sensor_sole: placement of each sole in its sensor frame.
+        plates: what hangs below each sensor.
+        is_leg: (n_a,) whether a joint lies between base and a sole.
+        T_base_imu: placement of the inertial unit in the base.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Reads the URDF.
+
+        Args:
+            robot: loaded and checked robot files.
+
+        Raises:
+            ValueError: Pinocchio sees other joints than the robot file lists.
+        """
+        self.robot = robot
+        self.pin_model = pin.buildModelFromUrdf(
+            str(robot.urdf_path), pin.JointModelFreeFlyer()
+        )
+        model = self.pin_model
+        self.n_a = robot.n_a
+        self.n_v = N_BASE_V + self.n_a
+        if model.nv != self.n_v or model.nq != N_BASE_Q + self.n_a:
+            raise ValueError(
+                f"{robot.urdf_path}: Pinocchio sees {model.nv - N_BASE_V} joint "
+                f"velocities, the robot file lists {self.n_a} joints; "
+                "only revolute and prismatic joints are supported"
+            )
+        bus_index = {name: i for i, name in enumerate(robot.joint_names)}
+        self.to_model = np.array([bus_index[name] for name in list(model.names)[2:]])
+        self.to_bus = np.argsort(self.to_model)
+        model.armature = np.concatenate(
+            (np.zeros(N_BASE_V), robot.armature[self.to_model])
+        )
+        model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+        self.mass = float(pin.computeTotalMass(model))
+        self.sole_ids = [model.getFrameId(foot.sole_frame) for foot in robot.file.foot]
+        self._read_fixed_frames(robot)
+        self.lower = robot.lower[self.to_model]
+        self.upper = robot.upper[self.to_model]
+        self.torque_limit = robot.torque_limit[self.to_model]
+        self.velocity_limit = robot.velocity_limit[self.to_model]
+        self.nominal = robot.nominal[self.to_model]
+        self.is_leg = self._leg_joints()
+
+    def _read_fixed_frames(self, robot: Robot) -> None:
+        model = self.pin_model
+        self.T_sensor_sole: list[pin.SE3] = []
+        self.plates: list[Plate] = []
+        for foot, sole_id in zip(robot.file.foot, self.sole_ids, strict=True):
+            sensor = model.frames[model.getFrameId(foot.ft_link)]
+            sole = model.frames[sole_id]
+            self.T_sensor_sole.append(sensor.placement.actInv(sole.placement))
+            self.plates.append(_plate_below(model, model.getFrameId(foot.ft_link)))
+        imu = model.frames[model.getFrameId(robot.file.imu.frame)]
+        base = model.frames[model.getFrameId(robot.file.base_link)]
+        self.T_base_imu: pin.SE3 = base.placement.actInv(imu.placement)
+
+    def _leg_joints(self) -> NDArray[np.bool_]:
+        """(n_a,) joints on the way from the base to a sole."""
+        is_leg = np.zeros(self.n_a, dtype=bool)
+        for sole_id in self.sole_ids:
+            joint = self.pin_model.frames[sole_id].parentJoint
+            while joint > 1:
+                is_leg[self.pin_model.idx_vs[joint] - N_BASE_V] = True
+                joint = self.pin_model.parents[joint]
+        return is_leg
+
+    def nominal_configuration(self) -> Array:
+        """(7 + n_a,) nominal posture, base upright, soles level at z = 0.
+
+        The stance frame is the world: origin midway between the soles.
+        """
+        q = np.concatenate((np.zeros(3), [0.0, 0.0, 0.0, 1.0], self.nominal))
+        data = self.pin_model.createData()
+        pin.framesForwardKinematics(self.pin_model, data, q)
+        middle = sum(data.oMf[i].translation for i in self.sole_ids) / 2.0
+        q[:3] = -middle
+        return q
+
+
+def _plate_below(model: pin.Model, sensor_id: int) -> Plate:
+    """Mass and centre of mass of all links fixed below the sensor.
+
+    Pinocchio keeps a fixed link's inertia in the frame of its fixed joint.
+    """
+    sensor = model.frames[sensor_id]
+    mount_id = sensor.parentFrame
+    mass, moment = 0.0, np.zeros(3)
+    for frame_id, frame in enumerate(model.frames):
+        if frame.inertia.mass == 0.0 or not _is_below(model, frame_id, mount_id):
+            continue
+        T_sensor_link = sensor.placement.actInv(frame.placement)
+        mass += frame.inertia.mass
+        moment += frame.inertia.mass * T_sensor_link.act(frame.inertia.lever)
+    com = moment / mass if mass > 0.0 else moment
+    return Plate(mass=mass, com=com)
+
+
+def _is_below(model: pin.Model, frame_id: int, ancestor_id: int) -> bool:
+    while frame_id not in (0, ancestor_id):
+        frame_id = model.frames[frame_id].parentFrame
+    return frame_id == ancestor_id
+
+
+def skew(v: Vec3) -> Mat:
+    """(3, 3) matrix with ``skew(a) @ b == cross(a, b)``."""
+    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

@@ -1,0 +1,149 @@
+"""Small dense QPs, solved every tick.
+
+    minimise   1/2 x^T P x + q_lin^T x
+    subject to G x <= h_u,  x_l <= x <= x_u
+
+P is positive definite in both of our problems. So the unconstrained minimum, one
+Cholesky factorisation away, is the answer whenever it keeps all constraints, as it
+does on most ticks; only otherwise PIQP runs. Both ways meet the same optimality
+conditions, and tests hold them together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import piqp
+from scipy.linalg import lapack
+
+from schemas.arrays import Array, Mat
+
+FEASIBILITY_TOLERANCE = 1e-9
+"""Violation that the unconstrained minimum may have to be taken as feasible."""
+SOLVED = "ok"
+
+
+@dataclass(frozen=True, slots=True)
+class QpSolution:
+    """Outcome of one solve; ``x`` and ``z`` are reused by the next.
+
+    Attributes:
+        x: (n,) minimiser; meaningless unless ``ok``.
+        status: ``ok``, or the solver's word for what went wrong.
+        constrained: whether the interior-point solver was needed.
+        z: (m,) multipliers of G x <= h_u.
+        z_box: (n,) multipliers of the box, positive at the upper bound.
+    """
+
+    x: Array
+    status: str
+    constrained: bool
+    z: Array
+    z_box: Array
+
+    @property
+    def ok(self) -> bool:
+        """Whether the problem was solved."""
+        return self.status == SOLVED
+
+
+@dataclass(frozen=True)
+class QpData:
+    """A problem kept for replay after a failure; symbols as above."""
+
+    name: str
+    status: str
+    P: Mat
+    q_lin: Array
+    G: Mat
+    h_u: Array
+    x_l: Array
+    x_u: Array
+
+
+class DenseQp:
+    """Workspace for problems of one size.
+
+    Fill ``P``, ``q_lin``, ``G``, ``h_u``, ``x_l``, ``x_u`` in place, then solve.
+    """
+
+    def __init__(self, name: str, *, n: int, m: int) -> None:
+        """Allocates n variables and m general inequalities."""
+        self.name = name
+        self.P: Mat = np.eye(n)
+        self.q_lin: Array = np.zeros(n)
+        self.G: Mat = np.zeros((m, n))
+        self.h_u: Array = np.ones(m)
+        self.x_l: Array = np.full(n, -np.inf)
+        self.x_u: Array = np.full(n, np.inf)
+        self._no_z = np.zeros(m)
+        self._no_z_box = np.zeros(n)
+        self._slack = np.zeros(m)
+        self._solver = piqp.DenseSolver()
+        self._solver.settings.eps_abs = 1e-9
+        self._solver.settings.eps_rel = 0.0
+        self._solver.settings.max_iter = 60
+        self._is_set_up = False
+
+    def solve(self) -> QpSolution:
+        """Solves what the arrays hold now."""
+        _, x, info = lapack.dposv(self.P, self.q_lin, lower=1)
+        if info == 0:
+            np.negative(x, out=x)
+            if self._is_feasible(x):
+                return QpSolution(x, SOLVED, False, self._no_z, self._no_z_box)
+        return self._solve_constrained()
+
+    def _is_feasible(self, x: Array) -> bool:
+        tolerance = FEASIBILITY_TOLERANCE
+        if (x < self.x_l - tolerance).any() or (x > self.x_u + tolerance).any():
+            return False
+        if self.h_u.size == 0:
+            return True
+        np.dot(self.G, x, out=self._slack)
+        np.subtract(self._slack, self.h_u, out=self._slack)
+        return float(self._slack.max()) <= tolerance
+
+    def _solve_constrained(self) -> QpSolution:
+        arrays = (self.P, self.q_lin, self.G, self.h_u, self.x_l, self.x_u)
+        if not all(np.isfinite(a).all() for a in arrays[:4]):
+            return self._failed("not finite")
+        self._update_solver()
+        status = self._solver.solve()
+        if status != piqp.Status.PIQP_SOLVED:
+            return self._failed(str(status).rsplit("PIQP_", 1)[-1].lower())
+        result = self._solver.result
+        return QpSolution(
+            x=result.x,
+            status=SOLVED,
+            constrained=True,
+            z=result.z_u if self.h_u.size else self._no_z,
+            z_box=result.z_bu - result.z_bl,
+        )
+
+    def _update_solver(self) -> None:
+        has_rows = self.h_u.size > 0
+        rows = {"G": self.G, "h_u": self.h_u} if has_rows else {}
+        bounds = {"x_l": self.x_l, "x_u": self.x_u}
+        if self._is_set_up:
+            self._solver.update(P=self.P, c=self.q_lin, **rows, **bounds)
+            return
+        self._solver.setup(P=self.P, c=self.q_lin, **rows, **bounds)
+        self._is_set_up = True
+
+    def _failed(self, status: str) -> QpSolution:
+        return QpSolution(self._no_z_box, status, True, self._no_z, self._no_z_box)
+
+    def data(self, status: str) -> QpData:
+        """Copies the present problem, to be saved and replayed."""
+        return QpData(
+            name=self.name,
+            status=status,
+            P=self.P.copy(),
+            q_lin=self.q_lin.copy(),
+            G=self.G.copy(),
+            h_u=self.h_u.copy(),
+            x_l=self.x_l.copy(),
+            x_u=self.x_u.copy(),
+        )

@@ -1,0 +1,154 @@
+"""The whole-body stabilizer: sensors in, joint command out, nothing else.
+
+Data flows one way: snapshot -> estimator -> dynamics -> wrenches -> contacts -> TSID
+-> wrench law -> DIK -> integration. No clock, no I/O, no randomness.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_io.robot import Robot
+from robot_io.snapshot import Snapshot
+from schemas.arrays import Array
+from schemas.messages import Reference
+from schemas.settings import ControllerSettings
+from stabilizer.contact import ContactMonitor
+from stabilizer.controller import ControllerOutput
+from stabilizer.dik import Dik
+from stabilizer.dynamics import Dynamics
+from stabilizer.estimator import Estimator
+from stabilizer.model import N_BASE_V, RobotModel
+from stabilizer.qp import QpData
+from stabilizer.references import standing
+from stabilizer.tsid import NO_CONTACT, Tsid
+from stabilizer.wrench import WrenchCompensation
+from stabilizer.wrench_law import NORMAL, WrenchLaw
+
+
+class WholeBodyController:
+    """Implements sections III and IV of the paper, with joint position limits.
+
+    Attributes:
+        name: as named on the command line.
+        failure: the first QP that could not be solved, kept for replay.
+    """
+
+    name = "whole-body"
+
+    def __init__(self, robot: Robot, settings: ControllerSettings) -> None:
+        """Builds the model and allocates everything."""
+        self._settings = settings
+        self._dt = robot.period_s
+        self.model = RobotModel(robot)
+        self.stance = standing(self.model)
+        self.estimator = Estimator(
+            self.model, settings.estimator, period_s=robot.period_s
+        )
+        self.dynamics = Dynamics(self.model)
+        self.wrenches = WrenchCompensation(self.model)
+        self.contacts = ContactMonitor(settings.contact, period_s=robot.period_s)
+        self.tsid = Tsid(self.model, settings.tsid)
+        self.law = WrenchLaw(
+            settings.dik, settings.ground, settings.contact, period_s=robot.period_s
+        )
+        self.dik = Dik(self.model, settings.dik)
+        self.failure: QpData | None = None
+        self._q_command: Array = np.zeros(self.model.n_a)
+        self._normals = [0.5 * self.model.mass * 9.81] * 2
+        self._since_start_s = 0.0
+        self._reference: Reference | None = None
+
+    def start(self, snapshot: Snapshot, q_command: Array) -> None:
+        """Begins on a robot that stands still.
+
+        Args:
+            snapshot: first reading of all sensors.
+            q_command: (n_a,) posture the servos hold, bus order [rad].
+        """
+        self.estimator.calibrate(snapshot)
+        self._q_command[:] = q_command[self.model.to_model]
+        self._since_start_s = 0.0
+
+    def step(
+        self, snapshot: Snapshot, reference: Reference | None = None
+    ) -> ControllerOutput:
+        """Answers one tick.
+
+        Args:
+            snapshot: reading of all sensors.
+            reference: newest word of a planner, if any.
+
+        Returns:
+            Joint command in bus order, and what led to it.
+        """
+        if reference is not None and reference is not self._reference:
+            self.stance.set(reference, self.model)
+            self._reference = reference
+        self._estimate(snapshot)
+        self.dynamics.update(self.estimator.q, self.estimator.v)
+        F_meas = self.wrenches.update(
+            snapshot.ft_left, snapshot.ft_right, self.dynamics.R_world_sole
+        )
+        self._normals = [float(F_meas[NORMAL]), float(F_meas[6 + NORMAL])]
+        self.contacts.update(*self._normals)
+        qp_status = self._command(F_meas)
+        return ControllerOutput(
+            q_command=self._q_command[self.model.to_bus],
+            F_id=self.tsid.F_id,
+            F_meas=F_meas,
+            com=self.dynamics.p_com,
+            com_reference=self.stance.com,
+            in_contact=(self.contacts.in_contact[0], self.contacts.in_contact[1]),
+            qp_status=qp_status,
+        )
+
+    def _estimate(self, snapshot: Snapshot) -> None:
+        self._since_start_s += self._dt
+        if self._since_start_s < self._settings.estimator.calibration_s:
+            self.estimator.calibrate(snapshot)
+            return
+        left, right = self._normals
+        self.estimator.update(snapshot, normal_left=left, normal_right=right)
+
+    def _command(self, F_meas: Array) -> str:
+        """Both QPs and the integration; the posture is held when one fails."""
+        contacts, dynamics, stance = self.contacts, self.dynamics, self.stance
+        tsid = self.tsid.solve(
+            dynamics, stance, in_contact=contacts.in_contact, load=contacts.load
+        )
+        if not tsid.ok and tsid.status != NO_CONTACT:
+            self._keep_failure(self.tsid.problem(contacts.in_contact).data(tsid.status))
+            return f"tsid {tsid.status}"
+        r = self.law.update(
+            dynamics,
+            stance,
+            F_meas=F_meas,
+            F_id=self.tsid.F_id,
+            in_contact=contacts.in_contact,
+        )
+        dik = self.dik.solve(dynamics, stance, r=r, q_command=self._q_command)
+        if not dik.ok:
+            self._keep_failure(self.dik.qp.data(dik.status))
+            return f"dik {dik.status}"
+        self._integrate(dik.x[N_BASE_V:])
+        return "ok"
+
+    def _integrate(self, v_joint: Array) -> None:
+        """q_command += v_J dt, faded in at the start, never far from the robot."""
+        settings = self._settings.dik
+        active_s = self._since_start_s - self._settings.estimator.calibration_s
+        fade = min(max(active_s / settings.ramp_in_s, 0.0), 1.0)
+        self._q_command += (fade * self._dt) * v_joint
+        q_joint = self.dynamics.q[7:]
+        reach = settings.windup_limit_rad
+        np.clip(
+            self._q_command, q_joint - reach, q_joint + reach, out=self._q_command
+        )
+        np.clip(
+            self._q_command, self.model.lower, self.model.upper, out=self._q_command
+        )
+
+    def _keep_failure(self, data: QpData) -> None:
+        if self.failure is None:
+            self.failure = data

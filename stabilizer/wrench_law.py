@@ -1,0 +1,124 @@
+"""The wrench law: how each sole should move, given what it feels (cons_kine).
+
+A standing foot follows r = -Lambda_c^-1 K^-1 e_F, plus, where switched on, its own
+estimated twist: the ground's motion fed forward, which the paper treats as a
+disturbance. Along the sole and about its normal a leak pulls it back to the stance,
+since a tangential wrench error integrated for ever walks the feet apart. A lifted
+foot descends at a bounded speed, its moment terms frozen, until it finds the ground.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from schemas.arrays import Array
+from schemas.settings import ContactSettings, DikSettings, GroundSettings
+from stabilizer.dynamics import SOLE_ROWS, Dynamics
+from stabilizer.references import Stance
+
+NORMAL = 2
+"""Index of the normal force in a sole wrench."""
+
+
+class WrenchLaw:
+    """Wanted sole twists.
+
+    Attributes:
+        r: (12,) wanted twists of left and right sole, sole frames.
+        ground_twist: (12,) low-passed sole twists with the drives' lag made up for,
+            sole frames.
+    """
+
+    def __init__(
+        self,
+        dik: DikSettings,
+        ground: GroundSettings,
+        contact: ContactSettings,
+        *,
+        period_s: float,
+    ) -> None:
+        """Precomputes gains."""
+        self._K_inv = 1.0 / np.array(dik.k_force * 2)
+        self._leak = dik.stance_leak
+        self._contact = contact
+        self._ground_gain = np.array(ground.gain * 2)
+        self._full_force = ground.full_force_n
+        self._blend = -math.expm1(-2.0 * math.pi * ground.cutoff_hz * period_s)
+        self._lead = ground.lead_s / period_s
+        self._low_passed = np.zeros(12)
+        self._e = np.zeros(12)
+        self._scaled = np.zeros(12)
+        self.ground_twist: Array = np.zeros(12)
+        self.r: Array = np.zeros(12)
+
+    def update(
+        self,
+        dynamics: Dynamics,
+        stance: Stance,
+        *,
+        F_meas: Array,
+        F_id: Array,
+        in_contact: list[bool],
+    ) -> Array:
+        """Computes the twists of this tick.
+
+        Args:
+            dynamics: quantities at the present state.
+            stance: where the feet belong.
+            F_meas: (12,) measured wrenches of the ground on the soles.
+            F_id: (12,) wanted wrenches.
+            in_contact: which feet stand.
+
+        Returns:
+            (12,) r, reused by the next call.
+        """
+        e_F = self._e
+        np.subtract(F_meas, F_id, out=e_F)
+        for side, rows in enumerate(SOLE_ROWS):
+            if not in_contact[side]:
+                e_F[rows] = 0.0
+        np.multiply(e_F, self._K_inv, out=self._scaled)
+        np.dot(dynamics.Lambda_c_inv, self._scaled, out=self.r)
+        np.negative(self.r, out=self.r)
+        change = self._blend * (dynamics.v_sole - self._low_passed)
+        self._low_passed += change
+        np.multiply(change, self._lead, out=self.ground_twist)
+        self.ground_twist += self._low_passed
+        for side in (0, 1):
+            if in_contact[side]:
+                self._feed_forward(side, float(F_meas[6 * side + NORMAL]))
+            else:
+                self._search(side, dynamics, float(F_meas[6 * side + NORMAL]))
+            self._pull_to_stance(side, dynamics, stance)
+        return self.r
+
+    def _feed_forward(self, side: int, normal: float) -> None:
+        rows = SOLE_ROWS[side]
+        share = min(max(normal / self._full_force, 0.0), 1.0)
+        self.r[rows] += share * self._ground_gain[rows] * self.ground_twist[rows]
+
+    def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
+        """A lifted foot goes down, along the world's vertical."""
+        rows = SOLE_ROWS[side]
+        index = 6 * side + NORMAL
+        speed = (
+            dynamics.Lambda_c_inv[index, index]
+            * (self._contact.search_force_n - normal)
+            * -self._K_inv[index]
+        )
+        speed = min(max(speed, 0.0), self._contact.descent_limit_m_s)
+        self.r[rows] = 0.0
+        self.r[rows.start : rows.start + 3] = -speed * dynamics.R_world_sole[side][2]
+
+    def _pull_to_stance(self, side: int, dynamics: Dynamics, stance: Stance) -> None:
+        R = dynamics.R_world_sole[side]
+        offset = stance.p_sole[side] - dynamics.p_sole[side]
+        offset[2] = 0.0
+        start = 6 * side
+        pull = offset @ R
+        self.r[start] += self._leak * pull[0]
+        self.r[start + 1] += self._leak * pull[1]
+        yaw = math.atan2(R[1, 0], R[0, 0]) - stance.yaw_sole[side]
+        self.r[start + 5] -= self._leak * yaw
