@@ -23,26 +23,27 @@ class Accelerometer:
             period_s: time between readings.
         """
         self._rate = 1.0 / period_s
-        self._last: Vec3 | None = None
+        self._last: Vec3 = np.zeros(3)
+        self._started = False
         self._force_in_world: Array = np.empty(3)
 
     def read(self, velocity: Vec3, rotation: Mat) -> Vec3:
         """Reads the sensor once per tick.
 
         Args:
-            velocity: (3,) of the sensor in the world [m/s]; kept, so a copy.
+            velocity: (3,) of the sensor in the world [m/s].
             rotation: (3, 3) world from sensor.
 
         Returns:
             (3,) specific force in the sensor's frame [m/s^2]; + g upwards at rest.
         """
         force = self._force_in_world
-        if self._last is None:
-            force[:] = 0.0
-        else:
-            np.subtract(velocity, self._last, out=force)
-            force *= self._rate
+        if not self._started:
+            self._last[:] = velocity
+            self._started = True
+        np.subtract(velocity, self._last, out=force)
+        force *= self._rate
         force[2] += GRAVITY_M_S2
-        self._last = velocity
+        self._last[:] = velocity
         specific_force: Vec3 = force @ rotation
         return specific_force

@@ -9,6 +9,11 @@ import numpy as np
 from robot_io.snapshot import Snapshot
 from schemas.arrays import Array
 
+BLOCK_ROWS = 64
+"""Ticks hashed at a time; the digest does not depend on it."""
+READINGS_BESIDE_JOINTS = 4 + 3 + 3 + 6 + 6
+PER_JOINT = 4
+
 
 class RunDigest:
     """SHA-256 over every tick's sensors and the command it was stepped with.
@@ -18,13 +23,20 @@ class RunDigest:
     servos were given. Stamps and timings are left out.
     """
 
-    def __init__(self) -> None:
-        """Starts with nothing."""
+    def __init__(self, *, joints: int) -> None:
+        """Starts with nothing.
+
+        Args:
+            joints: n_a.
+        """
         self._sha = hashlib.sha256()
+        width = PER_JOINT * joints + READINGS_BESIDE_JOINTS
+        self._rows = np.empty((BLOCK_ROWS, width), dtype="<f8")
+        self._count = 0
 
     def add(self, snapshot: Snapshot, q_command: Array) -> None:
         """Takes in one tick."""
-        row = np.concatenate(
+        np.concatenate(
             (
                 snapshot.q,
                 snapshot.dq,
@@ -36,10 +48,15 @@ class RunDigest:
                 snapshot.ft_right,
                 q_command,
             ),
-            dtype="<f8",
+            out=self._rows[self._count],
         )
-        self._sha.update(row.data)
+        self._count += 1
+        if self._count == BLOCK_ROWS:
+            self._sha.update(self._rows.data)
+            self._count = 0
 
     def hexdigest(self) -> str:
         """Digest of all ticks so far."""
-        return self._sha.hexdigest()
+        whole = self._sha.copy()
+        whole.update(self._rows[: self._count].data)
+        return whole.hexdigest()

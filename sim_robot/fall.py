@@ -21,19 +21,16 @@ class FallDetector:
     def __init__(self, view: PlantView) -> None:
         """Takes the present height as that of standing."""
         self._view = view
-        left, right = view.sole_heights()
-        self._least_height = FALL_HEIGHT_RATIO * (
-            view.base_height() - 0.5 * (left + right)
-        )
+        base, left, right, *_ = view.heights()
+        self._least_height = FALL_HEIGHT_RATIO * (base - 0.5 * (left + right))
 
     def check(self) -> bool:
         """Whether the robot is low, leans too far, or touches down with a link."""
-        view = self._view
-        left, right = view.sole_heights()
-        # A state that is not a number fails each of these: that is a fall, too.
+        base, left, right, *links = self._view.heights()
+        # A state that is not a number fails one of these: that is a fall, too.
         standing = (
-            view.base_upright() > _UPRIGHT
-            and view.base_height() - 0.5 * (left + right) > self._least_height
-            and view.lowest_link() > min(left, right) + FALL_CLEARANCE_M
+            self._view.upright > _UPRIGHT
+            and base - 0.5 * (left + right) > self._least_height
+            and min(links) > min(left, right) + FALL_CLEARANCE_M
         )
         return not standing

@@ -1,14 +1,14 @@
-"""How well the robot stands, from the truth of every tick."""
+"""How well the robot stands, from its true state at every tick."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from schemas.arrays import Array, Vec3
-from sim_robot.truth import PlantTruth
 
 COM_FROM_S = 1.0
 """CoM errors and force deviations count from here on: ground begins to move."""
@@ -40,14 +40,38 @@ class StandingFigures:
     contact_lost_s: Array
 
 
+class StandingState(Protocol):
+    """What the figures are made of; see PlantTruth and PlantView."""
+
+    @property
+    def com(self) -> Vec3:
+        """(3,) centre of mass, world [m]."""
+
+    @property
+    def sole_left(self) -> Vec3:
+        """(3,) origin of the sole, world [m]."""
+
+    @property
+    def sole_right(self) -> Vec3:
+        """(3,) the same of the right foot."""
+
+    @property
+    def upright(self) -> float:
+        """Cosine of the base's tilt."""
+
+    @property
+    def normal_forces(self) -> tuple[float, float]:
+        """Of the ground on the left and right sole [N]."""
+
+
 class PlantMetrics:
     """Running sums over ticks; its memory does not grow with the run."""
 
-    def __init__(self, start: PlantTruth, *, weight: float, period_s: float) -> None:
+    def __init__(self, start: StandingState, *, weight: float, period_s: float) -> None:
         """Takes the reference from how the robot stands.
 
         Args:
-            start: truth at tick 0, at rest.
+            start: state at tick 0, at rest.
             weight: the robot's true weight [N].
             period_s: control period.
         """
@@ -55,60 +79,58 @@ class PlantMetrics:
         self._half_weight = 0.5 * weight
         self._com_from = _first_tick(COM_FROM_S, period_s)
         self._peak_from = _first_tick(PEAK_FROM_S, period_s)
-        self._reference = start.com.copy()
-        self._reference[:2] -= 0.5 * (start.sole_left + start.sole_right)[:2]
-        self._error = np.empty(3)
-        self._squares = np.zeros(3)
-        self._largest = np.zeros(3)
+        self._reference = _com_over_soles(start)
+        self._squares = [0.0, 0.0, 0.0]
+        self._largest = [0.0, 0.0, 0.0]
         self._counted = 0
         self._least_upright = 1.0
         self._force_squares = [0.0, 0.0]
         self._force_peak = [0.0, 0.0]
         self._lost_ticks = [0, 0]
 
-    def update(self, truth: PlantTruth) -> None:
+    def update(self, state: StandingState, *, tick: int) -> None:
         """Takes in one tick; each tick once."""
-        qx, qy = truth.base_quat_xyzw.item(0), truth.base_quat_xyzw.item(1)
-        upright = 1.0 - 2.0 * (qx * qx + qy * qy)
-        if upright < self._least_upright:
-            self._least_upright = upright
-        forces = truth.F_left.item(2), truth.F_right.item(2)
+        self._least_upright = min(self._least_upright, state.upright)
+        forces = state.normal_forces
         for foot, force in enumerate(forces):
             if force < CONTACT_LOST_N:
                 self._lost_ticks[foot] += 1
-            if truth.tick >= self._peak_from and force > self._force_peak[foot]:
+            if tick >= self._peak_from and force > self._force_peak[foot]:
                 self._force_peak[foot] = force
-        if truth.tick >= self._com_from:
-            self._count_errors(truth, forces)
+        if tick >= self._com_from:
+            self._count_errors(state, forces)
 
     def figures(self) -> StandingFigures:
         """What the run amounts to so far; zero where nothing has counted yet."""
         count = max(self._counted, 1)
         return StandingFigures(
-            com_error_rms=np.sqrt(self._squares / count),
-            com_error_max=self._largest.copy(),
+            com_error_rms=np.sqrt(np.array(self._squares) / count),
+            com_error_max=np.array(self._largest),
             base_tilt_max=math.acos(max(-1.0, self._least_upright)),
             force_deviation_rms=np.sqrt(np.array(self._force_squares) / count),
             force_peak=np.array(self._force_peak),
             contact_lost_s=np.array(self._lost_ticks) * self._period_s,
         )
 
-    def _count_errors(self, truth: PlantTruth, forces: tuple[float, float]) -> None:
-        """Adds up errors: x, y against the soles, z against the world."""
-        error = self._error
-        np.add(truth.sole_left, truth.sole_right, out=error)
-        error *= -0.5
-        error[2] = 0.0
-        error += truth.com
-        error -= self._reference
+    def _count_errors(self, state: StandingState, forces: tuple[float, float]) -> None:
         self._counted += 1
-        np.abs(error, out=error)
-        np.maximum(self._largest, error, out=self._largest)
-        error *= error
-        self._squares += error
+        for axis, value in enumerate(_com_over_soles(state)):
+            error = abs(value - self._reference[axis])
+            self._squares[axis] += error * error
+            if error > self._largest[axis]:
+                self._largest[axis] = error
         for foot, force in enumerate(forces):
             deviation = force - self._half_weight
             self._force_squares[foot] += deviation * deviation
+
+
+def _com_over_soles(state: StandingState) -> tuple[float, float, float]:
+    """CoM: x and y from the midpoint of the soles, z in the world [m]."""
+    # Three numbers at a time: plain floats are quicker than arrays here.
+    x, y, z = state.com.tolist()
+    left_x, left_y, _ = state.sole_left.tolist()
+    right_x, right_y, _ = state.sole_right.tolist()
+    return x - 0.5 * (left_x + right_x), y - 0.5 * (left_y + right_y), z
 
 
 def _first_tick(time_s: float, period_s: float) -> int:

@@ -34,6 +34,7 @@ class Plant:
     Attributes:
         world: the compiled model and its addresses.
         data: MuJoCo's state; to be read, not written.
+        view: the true state at the present tick, without copying it.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, *, seed: int) -> None:
@@ -51,7 +52,7 @@ class Plant:
         self.world: World = build_world(robot, scenario)
         self.data = mujoco.MjData(self.world.model)
         self._model = self.world.model
-        self._view = PlantView(self.world, self.data)
+        self.view = PlantView(self.world, self.data)
         self._ctrl = self.data.ctrl
         self._substeps = whole_ticks(
             robot.period_s, SIM_STEP_S, what="the control period"
@@ -76,7 +77,7 @@ class Plant:
         self._steps_done = 0
         self._settle()
         self._snapshot: Snapshot | None = None
-        self._fallen = FallDetector(self._view)
+        self._fallen = FallDetector(self.view)
 
     @property
     def tick(self) -> int:
@@ -119,7 +120,7 @@ class Plant:
     def truth(self) -> PlantTruth:
         """True state at the present tick."""
         mujoco.mj_subtreeVel(self._model, self.data)
-        return self._view.truth(self._tick)
+        return self.view.truth(self._tick)
 
     def _simulate(self, q_command: Array, *, end_s: float) -> None:
         """One simulation step up to ``end_s``.

@@ -12,13 +12,14 @@ from sim_robot.urdf_spec import read_urdf
 SOLE_HALF_THICKNESS_M = 0.015
 IMU_SITE = "imu"
 SENSOR_QUAT_WXYZ = slice(0, 4)
-SENSOR_GYRO = slice(4, 7)
 SENSOR_IMU_VELOCITY = slice(7, 10)
 SENSOR_FT = slice(10, 22)
 SENSOR_SOLES = slice(22, 34)
+SENSOR_NOISY = slice(4, 22)
 """Layout of the sensor array; FT and SOLES hold left then right [force; moment].
 
-The velocity of the IMU is in world axes; wrenches have MuJoCo's sign, that of the
+NOISY is the gyroscope (4 to 7) and all from there to the last force sensor. The
+velocity of the IMU is in world axes; wrenches have MuJoCo's sign, that of the
 robot on what is below.
 """
 

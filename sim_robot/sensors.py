@@ -12,12 +12,12 @@ from robot_io.snapshot import Snapshot
 from schemas.scenario import Sensors
 from sim_robot.accelerometer import Accelerometer
 from sim_robot.encoders import Encoders
-from sim_robot.noise import Noise
+from sim_robot.noise import ACCEL, FT_LEFT, FT_RIGHT, GYRO, SensorNoise
 from sim_robot.quaternion import xyzw
 from sim_robot.robot_spec import (
     SENSOR_FT,
-    SENSOR_GYRO,
     SENSOR_IMU_VELOCITY,
+    SENSOR_NOISY,
     SENSOR_QUAT_WXYZ,
 )
 from sim_robot.world import World
@@ -66,21 +66,7 @@ class SensorSuite:
             if settings.encoder_resolution_rad > 0.0
             else None
         )
-        wrench_noise = np.repeat([settings.force_noise_n, settings.moment_noise_nm], 3)
-        wrench_bias = np.repeat([settings.force_bias_n, settings.moment_bias_nm], 3)
-        left, right, gyro, accel = np.random.SeedSequence(seed).spawn(4)
-        self._noise_left = Noise(left, deviation=wrench_noise, bias=wrench_bias)
-        self._noise_right = Noise(right, deviation=wrench_noise, bias=wrench_bias)
-        self._noise_gyro = Noise(
-            gyro,
-            deviation=np.full(3, settings.gyro_noise_rad_s),
-            bias=np.full(3, settings.gyro_bias_rad_s),
-        )
-        self._noise_accel = Noise(
-            accel,
-            deviation=np.full(3, settings.accel_noise_m_s2),
-            bias=np.full(3, settings.accel_bias_m_s2),
-        )
+        self._noise = SensorNoise(settings, seed=seed)
 
     def read(self, tick: int) -> Snapshot:
         """Takes one reading; to be called once per tick, in order.
@@ -92,11 +78,10 @@ class SensorSuite:
             What the robot reports at ``tick``; ``stamp_ns`` is simulated time.
         """
         snapshot = self._measure(tick)
-        self._past.append(snapshot)
-        oldest = self._past[0]
-        if oldest is snapshot:
+        if self._past.maxlen == 1:
             return snapshot
-        return replace(oldest, tick=tick, stamp_ns=snapshot.stamp_ns)
+        self._past.append(snapshot)
+        return replace(self._past[0], tick=tick, stamp_ns=snapshot.stamp_ns)
 
     def _measure(self, tick: int) -> Snapshot:
         raw = self._raw.copy()
@@ -105,19 +90,16 @@ class SensorSuite:
             dq = self._qvel.take(self._joint_dof)
         else:
             q, dq = self._encoders.read(q)
-        angular_velocity = raw[SENSOR_GYRO]
-        acceleration = self._accelerometer.read(
+        # The accelerometer's reading takes the place of the velocity it is made of.
+        raw[SENSOR_IMU_VELOCITY] = self._accelerometer.read(
             raw[SENSOR_IMU_VELOCITY], self._imu_rotation
         )
-        self._noise_gyro.add_to(angular_velocity)
-        self._noise_accel.add_to(acceleration)
         # MuJoCo reports what the ankle does to the plate; the robot's sensor what
         # the plate does to the ankle: + z when standing.
         wrenches = raw[SENSOR_FT]
         np.negative(wrenches, out=wrenches)
-        left, right = wrenches[:6], wrenches[6:]
-        self._noise_left.add_to(left)
-        self._noise_right.add_to(right)
+        noisy = raw[SENSOR_NOISY]
+        self._noise.add_to(noisy)
         return Snapshot(
             tick=tick,
             stamp_ns=tick * self._period_ns,
@@ -125,8 +107,8 @@ class SensorSuite:
             dq=dq,
             effort=self._effort.copy(),
             quat_xyzw=xyzw(raw[SENSOR_QUAT_WXYZ]),
-            angular_velocity=angular_velocity,
-            linear_acceleration=acceleration,
-            ft_left=left,
-            ft_right=right,
+            angular_velocity=noisy[GYRO],
+            linear_acceleration=noisy[ACCEL],
+            ft_left=noisy[FT_LEFT],
+            ft_right=noisy[FT_RIGHT],
         )

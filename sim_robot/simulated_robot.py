@@ -68,17 +68,16 @@ class SimulatedRobot:
         )
         self._fell_at_s: float | None = None
         self._truth: PlantTruth | None = None
-        start = self.plant.truth()
         self._metrics = PlantMetrics(
-            start, weight=self.plant.world.weight, period_s=period_s
+            self.plant.view, weight=self.plant.world.weight, period_s=period_s
         )
-        self._digest = RunDigest()
+        self._digest = RunDigest(joints=robot.n_a)
         self._record: RunRecord | None = None
         if record:
             self._record = RunRecord(
                 ticks=self._last_tick,
                 joints=robot.n_a,
-                platforms=len(start.platforms),
+                platforms=len(scenario.platform),
                 period_s=period_s,
             )
 
@@ -155,12 +154,12 @@ class SimulatedRobot:
         Raises:
             CommandError: wrong size.
         """
-        snapshot, truth = self.sense(), self.truth()
-        self.plant.step(q_command)
-        self._metrics.update(truth)
-        self._digest.add(snapshot, q_command)
+        snapshot = self.sense()
+        self._metrics.update(self.plant.view, tick=self.plant.tick)
         if self._record is not None:
-            self._record.add(truth, snapshot, q_command)
+            self._record.add(self.truth(), snapshot, q_command)
+        self.plant.step(q_command)
+        self._digest.add(snapshot, q_command)
         self._truth = None
         if self._fell_at_s is None and self.plant.fell:
             self._fell_at_s = self.time_s

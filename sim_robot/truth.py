@@ -48,3 +48,14 @@ class PlantTruth:
     F_left: Vec6
     F_right: Vec6
     platforms: tuple[PlatformPose, ...]
+
+    @property
+    def upright(self) -> float:
+        """Cosine of the angle between the base's z axis and the vertical."""
+        x, y = float(self.base_quat_xyzw[0]), float(self.base_quat_xyzw[1])
+        return 1.0 - 2.0 * (x * x + y * y)
+
+    @property
+    def normal_forces(self) -> tuple[float, float]:
+        """Of the ground on the left and right sole, along the sole's z axis [N]."""
+        return float(self.F_left[2]), float(self.F_right[2])

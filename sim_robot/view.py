@@ -3,63 +3,75 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
+from schemas.arrays import Vec3
 from sim_robot.quaternion import xyzw
 from sim_robot.robot_spec import SENSOR_SOLES
 from sim_robot.truth import PlantTruth, PlatformPose
 from sim_robot.world import World
 
+_NORMAL_LEFT = SENSOR_SOLES.start + 2
+_NORMAL_RIGHT = SENSOR_SOLES.start + 8
+
 
 class PlantView:
-    """True state, straight from the arrays the simulation works in."""
+    """True state, straight from the arrays the simulation works in.
+
+    Attributes:
+        com: (3,) centre of mass, world [m]; live, like all arrays here.
+        sole_left: (3,) sole frame's origin, world [m].
+        sole_right: (3,) the same of the right foot.
+    """
 
     def __init__(self, world: World, data: mujoco.MjData) -> None:
         """Finds the arrays; they stay those of ``data`` for good."""
         base = world.base_body
         left, right = world.sole_bodies
+        self.com: Vec3 = data.subtree_com[base]
+        self.sole_left: Vec3 = data.xpos[left]
+        self.sole_right: Vec3 = data.xpos[right]
         self._base_position = data.qpos[:3]
         self._base_quat_wxyz = data.qpos[3:7]
         self._base_z_axis = data.xmat[base, 6:9]
-        self._com = data.subtree_com[base]
         self._com_velocity = data.subtree_linvel[base]
-        self._sole_left, self._sole_right = data.xpos[left], data.xpos[right]
         self._heights = data.xpos[:, 2]
-        self._upper_bodies = world.upper_bodies
-        self._soles = data.sensordata[SENSOR_SOLES]
+        self._height_bodies = np.array([base, left, right, *world.upper_bodies])
+        self._sensors = data.sensordata
         self._platforms = [
             (data.xpos[body], data.xquat[body])
             for body, plan in zip(world.ground_bodies, world.platforms, strict=True)
             if plan.in_scenario
         ]
 
-    def base_height(self) -> float:
-        """Base origin, world z [m]."""
-        return float(self._base_position[2])
-
-    def base_upright(self) -> float:
+    @property
+    def upright(self) -> float:
         """Cosine of the angle between the base's z axis and the vertical."""
-        return float(self._base_z_axis[2])
+        return float(self._base_z_axis.item(2))
 
-    def sole_heights(self) -> tuple[float, float]:
-        """Left and right sole, world z [m]."""
-        return float(self._sole_left[2]), float(self._sole_right[2])
+    @property
+    def normal_forces(self) -> tuple[float, float]:
+        """Of the ground on the left and right sole, along the sole's z axis [N]."""
+        # MuJoCo's sign is that of the robot on the ground.
+        sensors = self._sensors
+        return -sensors.item(_NORMAL_LEFT), -sensors.item(_NORMAL_RIGHT)
 
-    def lowest_link(self) -> float:
-        """Lowest origin of the links above the ankles, world z [m]."""
-        return float(self._heights.take(self._upper_bodies).min())
+    def heights(self) -> list[float]:
+        """World z of the base, the soles, then every link above the ankles [m]."""
+        heights: list[float] = self._heights.take(self._height_bodies).tolist()
+        return heights
 
     def truth(self, tick: int) -> PlantTruth:
         """Copies the true state; the CoM's velocity must have been computed."""
-        # MuJoCo's sign is that of the robot on the ground.
-        wrenches = -self._soles
+        wrenches = -self._sensors[SENSOR_SOLES]
         return PlantTruth(
             tick=tick,
             base_position=self._base_position.copy(),
             base_quat_xyzw=xyzw(self._base_quat_wxyz),
-            com=self._com.copy(),
+            com=self.com.copy(),
             com_velocity=self._com_velocity.copy(),
-            sole_left=self._sole_left.copy(),
-            sole_right=self._sole_right.copy(),
+            sole_left=self.sole_left.copy(),
+            sole_right=self.sole_right.copy(),
             F_left=wrenches[:6],
             F_right=wrenches[6:],
             platforms=tuple(

@@ -30,13 +30,17 @@ def metrics() -> PlantMetrics:
     return PlantMetrics(START, weight=WEIGHT_N, period_s=PERIOD_S)
 
 
+def take(metrics: PlantMetrics, truth: PlantTruth) -> None:
+    metrics.update(truth, tick=truth.tick)
+
+
 def normal(force: float) -> np.ndarray:
     return np.array([0.0, 0.0, force, 0.0, 0.0, 0.0])
 
 
 def test_standing_like_the_start_is_no_error(metrics: PlantMetrics) -> None:
     for tick in range(1500):
-        metrics.update(replace(START, tick=tick))
+        take(metrics, replace(START, tick=tick))
     figures = metrics.figures()
     np.testing.assert_allclose(figures.com_error_max, 0.0, atol=1e-15)
     np.testing.assert_array_equal(figures.force_deviation_rms, 0.0)
@@ -50,14 +54,15 @@ def test_ground_that_carries_the_robot_along_is_no_horizontal_error(
 ) -> None:
     for tick in range(1000, 1100):
         way = np.array([1e-3 * (tick - 900), -2e-3 * (tick - 900), 0.0])
-        metrics.update(
+        take(
+            metrics,
             replace(
                 START,
                 tick=tick,
                 com=START.com + way,
                 sole_left=START.sole_left + way,
                 sole_right=START.sole_right + way,
-            )
+            ),
         )
     np.testing.assert_allclose(metrics.figures().com_error_max, 0.0, atol=1e-12)
 
@@ -66,14 +71,15 @@ def test_height_counts_in_the_world_even_if_the_soles_go_along(
     metrics: PlantMetrics,
 ) -> None:
     lift = np.array([0.0, 0.0, 0.03])
-    metrics.update(
+    take(
+        metrics,
         replace(
             START,
             tick=1000,
             com=START.com + lift,
             sole_left=START.sole_left + lift,
             sole_right=START.sole_right + lift,
-        )
+        ),
     )
     np.testing.assert_allclose(metrics.figures().com_error_rms, [0, 0, 0.03])
 
@@ -84,7 +90,7 @@ def test_errors_are_root_mean_square_and_largest_magnitude(
     rng = np.random.default_rng(5)
     errors = 0.01 * rng.normal(size=(400, 3))
     for tick, error in enumerate(errors, start=1000):
-        metrics.update(replace(START, tick=tick, com=START.com + error))
+        take(metrics, replace(START, tick=tick, com=START.com + error))
     figures = metrics.figures()
     np.testing.assert_allclose(
         figures.com_error_rms, np.sqrt(np.mean(errors**2, axis=0))
@@ -94,8 +100,9 @@ def test_errors_are_root_mean_square_and_largest_magnitude(
 
 def test_first_second_does_not_count(metrics: PlantMetrics) -> None:
     for tick in range(1000):
-        metrics.update(
-            replace(START, tick=tick, com=START.com + 1.0, F_left=normal(100.0))
+        take(
+            metrics,
+            replace(START, tick=tick, com=START.com + 1.0, F_left=normal(100.0)),
         )
     figures = metrics.figures()
     np.testing.assert_array_equal(figures.com_error_max, 0.0)
@@ -104,16 +111,17 @@ def test_first_second_does_not_count(metrics: PlantMetrics) -> None:
 
 def test_force_deviation_is_against_half_the_weight(metrics: PlantMetrics) -> None:
     for tick in range(1000, 1010):
-        metrics.update(
-            replace(START, tick=tick, F_left=normal(340.0), F_right=normal(380.0))
+        take(
+            metrics,
+            replace(START, tick=tick, F_left=normal(340.0), F_right=normal(380.0)),
         )
     np.testing.assert_allclose(metrics.figures().force_deviation_rms, [10.0, 30.0])
 
 
 def test_force_peak_counts_from_a_fifth_of_a_second(metrics: PlantMetrics) -> None:
-    metrics.update(replace(START, tick=199, F_left=normal(2000.0)))
-    metrics.update(replace(START, tick=200, F_right=normal(900.0)))
-    metrics.update(replace(START, tick=201))
+    take(metrics, replace(START, tick=199, F_left=normal(2000.0)))
+    take(metrics, replace(START, tick=200, F_right=normal(900.0)))
+    take(metrics, replace(START, tick=201))
     np.testing.assert_array_equal(metrics.figures().force_peak, [350.0, 900.0])
 
 
@@ -122,7 +130,7 @@ def test_lost_contact_is_counted_in_seconds_from_the_start(
 ) -> None:
     for tick in range(100):
         lifted = 4.9 if tick < 30 else 5.1
-        metrics.update(replace(START, tick=tick, F_right=normal(lifted)))
+        take(metrics, replace(START, tick=tick, F_right=normal(lifted)))
     np.testing.assert_allclose(metrics.figures().contact_lost_s, [0.0, 0.03])
 
 
@@ -134,6 +142,6 @@ def test_tilt_is_the_lean_from_the_vertical_whatever_the_yaw(
     leaning = math.sin(0.5 * lean)
     quat = np.array([c * leaning, s * leaning, s * math.cos(0.5 * lean), 0.0])
     quat[3] = c * math.cos(0.5 * lean)
-    metrics.update(replace(START, tick=1, base_quat_xyzw=quat))
-    metrics.update(replace(START, tick=2))
+    take(metrics, replace(START, tick=1, base_quat_xyzw=quat))
+    take(metrics, replace(START, tick=2))
     assert metrics.figures().base_tilt_max == pytest.approx(lean)

@@ -179,6 +179,21 @@ def test_sensor_delay_must_be_whole_ticks(make_plant: Callable[..., Plant]) -> N
         make_plant(delay={"sensor_ms": 0.5})
 
 
+def test_live_view_and_copied_truth_agree(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    tilt = {"axis": "roll", "kind": "ramp", "amplitude_deg": 4.0, "rate_deg_s": 40.0}
+    plant = make_plant(platform=[{"foot": "both", "motion": [tilt]}])
+    for _ in range(150):
+        plant.step(walker.nominal)
+    truth, view = plant.truth(), plant.view
+    for name in ("com", "sole_left", "sole_right"):
+        np.testing.assert_array_equal(getattr(truth, name), getattr(view, name))
+    assert truth.upright == pytest.approx(view.upright, abs=1e-12)
+    assert truth.upright < 1.0 - 1e-4
+    assert truth.normal_forces == view.normal_forces
+
+
 def test_command_of_another_size_is_refused(standing_plant: Plant) -> None:
     with pytest.raises(CommandError, match=r"got shape \(3,\), expected \(28,\)"):
         standing_plant.step(np.zeros(3))
