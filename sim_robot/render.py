@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -45,8 +46,8 @@ class Camera:
         elevation_deg: negative looks down.
     """
 
-    target: tuple[float, float, float] = (0.0, 0.0, 0.48)
-    distance: float = 2.9
+    target: tuple[float, float, float] = (0.0, 0.0, 0.45)
+    distance: float = 2.75
     azimuth_deg: float = 150.0
     elevation_deg: float = -11.0
 
@@ -124,6 +125,25 @@ class Renderer:
         self._add_legs()
         image: NDArray[np.uint8] = self._drawing.render()
         return image
+
+    def draw_recorded(
+        self, arrays: Mapping[str, Array], *, row: int, camera: Camera | None = None
+    ) -> NDArray[np.uint8]:
+        """Draws one tick of a recorded run.
+
+        Args:
+            arrays: as :meth:`SimulatedRobot.recording` gives them, or the file they
+                were saved in, opened by ``numpy.load``.
+            row: which tick; negative counts from the end.
+            camera: where from; a view of the whole robot if not given.
+        """
+        return self.draw(
+            time_s=float(arrays["time_s"][row]),
+            base_position=arrays["base_position"][row],
+            base_quat_xyzw=arrays["base_quat_xyzw"][row],
+            q=arrays["q"][row],
+            camera=camera,
+        )
 
     def _add_legs(self) -> None:
         """Draws each platform on six cylinders, as a motion base."""

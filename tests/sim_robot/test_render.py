@@ -17,6 +17,7 @@ from sim_robot.errors import RenderError
 from sim_robot.plant import Plant
 from sim_robot.png import write_png
 from sim_robot.render import Camera, Renderer
+from sim_robot.simulated_robot import SimulatedRobot
 from sim_robot.world import build_world
 
 WIDTH, HEIGHT = 160, 120
@@ -85,16 +86,19 @@ def test_missing_graphics_say_what_to_install() -> None:
     assert "apt-get install libegl1" in ran.stderr
 
 
+def open_renderer(walker: Robot, scenario: Scenario) -> Renderer:
+    try:
+        return Renderer(walker, scenario, width=WIDTH, height=HEIGHT)
+    except RenderError as error:
+        pytest.skip(str(error))
+
+
 def test_moving_the_ground_changes_the_picture(
     walker: Robot, make_scenario: Callable[..., Scenario], standing_plant: Plant
 ) -> None:
     scenario = make_scenario(platform=[{"foot": "both", "motion": [TILT]}])
     truth = standing_plant.truth()
-    try:
-        renderer = Renderer(walker, scenario, width=WIDTH, height=HEIGHT)
-    except RenderError as error:
-        pytest.skip(str(error))
-    with renderer:
+    with open_renderer(walker, scenario) as renderer:
         level, again, tilted = (
             renderer.draw(
                 time_s=time_s,
@@ -109,3 +113,22 @@ def test_moving_the_ground_changes_the_picture(
     assert level.std() > 10.0
     np.testing.assert_array_equal(level, again)
     assert not np.array_equal(level, tilted)
+
+
+def test_recorded_run_can_be_drawn_from_its_file(
+    walker: Robot, make_scenario: Callable[..., Scenario], tmp_path: Path
+) -> None:
+    scenario = make_scenario(
+        duration_s=0.2, platform=[{"foot": "both", "motion": [TILT]}]
+    )
+    simulated = SimulatedRobot(walker, scenario, seed=0, record=True)
+    while not simulated.finished:
+        simulated.step()
+    np.savez(tmp_path / "run.npz", **simulated.recording())
+    with (
+        open_renderer(walker, scenario) as renderer,
+        np.load(tmp_path / "run.npz") as arrays,
+    ):
+        first = renderer.draw_recorded(arrays, row=0)
+        last = renderer.draw_recorded(arrays, row=-1)
+    assert not np.array_equal(first, last)
