@@ -109,6 +109,26 @@ class Robot:
         """(n_a,) [rad/s]."""
         return self._column("velocity_limit_rad_s")
 
+    @cached_property
+    def soft_lower(self) -> Array:
+        """(n_a,) lower end of what the controller uses [rad]."""
+        return self._soft("soft_lower_rad", self.lower)
+
+    @cached_property
+    def soft_upper(self) -> Array:
+        """(n_a,) upper end of what the controller uses [rad]."""
+        return self._soft("soft_upper_rad", self.upper)
+
+    def _soft(self, name: str, hard: Array) -> Array:
+        wanted = [getattr(joint, name) for joint in self.file.joint]
+        limits = hard.copy()
+        for index, value in enumerate(wanted):
+            if value is not None:
+                limits[index] = value
+        clipped: Array = np.clip(limits, self.lower, self.upper)
+        clipped.setflags(write=False)
+        return clipped
+
     def _column(self, name: str) -> Array:
         column = np.array([getattr(joint, name) for joint in self.file.joint])
         column.setflags(write=False)

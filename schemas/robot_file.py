@@ -76,6 +76,10 @@ class Joint(FileStruct, frozen=True, kw_only=True):
     """Fastest command the gate lets pass and the controller asks for."""
     nominal_rad: float
     """Nominal posture."""
+    soft_lower_rad: float | None = None
+    """Lower end of what the controller uses, where tighter than the joint range."""
+    soft_upper_rad: float | None = None
+    """Upper end of what the controller uses, where tighter than the joint range."""
 
 
 class RobotFile(FileStruct, frozen=True, kw_only=True):
@@ -89,6 +93,8 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
     base_link: str
     nominal_base_height_m: Positive
     """Base origin above the ground in the nominal posture."""
+    com_travel_m: tuple[float, float] = (-0.1, 0.03)
+    """How far the centre of mass may sink and rise over its feet, from nominal."""
     imu: Imu
     foot: Annotated[list[Foot], msgspec.Meta(min_length=2, max_length=2)]
     """Left, then right."""

@@ -124,9 +124,16 @@ class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     """Learning of the gyroscope bias [1/s^2]."""
     yaw_gain: NonNegative = 1.0
     """Pull of the yaw to the stance [1/s]."""
-    height_bandwidth: Positive = 0.25
-    """Pull of the height to the legs' kinematics [rad/s]; below it the ground is
-    taken to be level on average, above it the accelerometer decides."""
+    height_bandwidth: Positive = 0.4
+    """Pull of the height to the legs' kinematics while the ground moves [rad/s]:
+    below it the ground is taken to be level on average, above it the accelerometer
+    decides."""
+    height_damping: Positive = 0.35
+    """Damping ratio of that pull; less damping lets less of the ground through."""
+    still_height_bandwidth: Positive = 2.0
+    """The same pull while the ground stands still [rad/s]."""
+    still_speed_m_s: Positive = 0.015
+    """Vertical ground speed that tells still from moving."""
     anchor_cutoff_hz: Positive = 5.0
     """Low-pass of the load share that places the anchor between the feet."""
 

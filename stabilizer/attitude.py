@@ -52,6 +52,7 @@ class AttitudeFilter:
         self.R_world_imu: Mat = np.eye(3)
         self.bias: Vec3 = np.zeros(3)
         self.rate: Vec3 = np.zeros(3)
+        self._rows = self.R_world_imu.tolist()
 
     def calibrate(
         self, gyro: Vec3, accel: Vec3, *, leg_rate: Vec3, leg_velocity: Vec3
@@ -78,6 +79,7 @@ class AttitudeFilter:
         x_axis = np.array([1.0, 0.0, 0.0]) - up[0] * up
         x_axis /= np.linalg.norm(x_axis)
         self.R_world_imu[:] = np.vstack((x_axis, np.cross(up, x_axis), up))
+        self._rows = self.R_world_imu.tolist()
         self._v_x, self._v_y = float(leg_velocity[0]), float(leg_velocity[1])
 
     def update(self, gyro: Vec3, accel: Vec3, *, leg_velocity: Vec3) -> None:
@@ -89,19 +91,23 @@ class AttitudeFilter:
             leg_velocity: (3,) velocity of the unit that the legs saw one period
                 ago, world [m/s].
         """
-        dt, R = self._dt, self.R_world_imu
-        y_x = float(leg_velocity[0]) - self._v_x
-        y_y = float(leg_velocity[1]) - self._v_y
-        force = R @ accel
-        self._v_x += dt * (float(force[0]) + self._velocity_gain * y_x)
-        self._v_y += dt * (float(force[1]) + self._velocity_gain * y_y)
-        # z x y, in the IMU frame.
-        turn = y_x * R[1] - y_y * R[0]
-        self.bias -= (self._bias_gain * dt) * turn
-        np.subtract(gyro, self.bias, out=self.rate)
-        step = (self.rate + self._tilt_gain * turn) * dt
-        x, y, z = step.tolist()
-        self._rotate(x, y, z)
+        dt = self._dt
+        row_x, row_y, row_z = self._rows
+        a_x, a_y, a_z = accel.tolist()
+        y_x = leg_velocity.item(0) - self._v_x
+        y_y = leg_velocity.item(1) - self._v_y
+        force_x = row_x[0] * a_x + row_x[1] * a_y + row_x[2] * a_z
+        force_y = row_y[0] * a_x + row_y[1] * a_y + row_y[2] * a_z
+        self._v_x += dt * (force_x + self._velocity_gain * y_x)
+        self._v_y += dt * (force_y + self._velocity_gain * y_y)
+        bias, rate, step = self.bias, self.rate, [0.0, 0.0, 0.0]
+        for i, w in enumerate(gyro.tolist()):
+            # z x y, in the IMU frame.
+            turn = y_x * row_y[i] - y_y * row_x[i]
+            bias[i] = b = bias.item(i) - self._bias_gain * dt * turn
+            rate[i] = w - b
+            step[i] = (w - b + self._tilt_gain * turn) * dt
+        self._rotate(step)
 
     def pull_yaw(self, angle: float) -> None:
         """Turns the estimate about the world's vertical.
@@ -109,29 +115,31 @@ class AttitudeFilter:
         Args:
             angle: rotation to apply, counter-clockwise from above [rad].
         """
-        row_x, row_y = self.R_world_imu[0].copy(), self.R_world_imu[1]
         cos, sin = math.cos(angle), math.sin(angle)
-        self.R_world_imu[0] = cos * row_x - sin * row_y
-        self.R_world_imu[1] = sin * row_x + cos * row_y
+        row_x, row_y, row_z = self._rows
+        self._rows = [
+            [cos * x - sin * y for x, y in zip(row_x, row_y, strict=True)],
+            [sin * x + cos * y for x, y in zip(row_x, row_y, strict=True)],
+            row_z,
+        ]
+        self.R_world_imu[:] = self._rows
 
-    def _rotate(self, x: float, y: float, z: float) -> None:
-        """R <- R exp(skew(x, y, z)) by Rodrigues' formula, kept orthonormal."""
-        angle_squared = x * x + y * y + z * z
+    def _rotate(self, step: list[float]) -> None:
+        """R <- R exp(skew(step)) by Rodrigues' formula, rows kept at length one."""
+        x, y, z = step
+        square = x * x + y * y + z * z
         # Series: the angle of one tick is a few milliradians at most.
-        a = 1.0 - angle_squared / 6.0
-        b = 0.5 - angle_squared / 24.0
-        step = np.array(
-            (
-                (1.0 - b * (y * y + z * z), b * x * y - a * z, b * x * z + a * y),
-                (b * x * y + a * z, 1.0 - b * (x * x + z * z), b * y * z - a * x),
-                (b * x * z - a * y, b * y * z + a * x, 1.0 - b * (x * x + y * y)),
-            )
-        )
-        R = self.R_world_imu @ step
-        # One Newton step towards the nearest rotation: R (3 I - R^T R) / 2.
-        gram = R.T @ R
-        gram *= -0.5
-        gram[0, 0] += 1.5
-        gram[1, 1] += 1.5
-        gram[2, 2] += 1.5
-        np.dot(R, gram, out=self.R_world_imu)
+        a = 1.0 - square / 6.0
+        b = 0.5 - square / 24.0
+        turned = []
+        for r_x, r_y, r_z in self._rows:
+            # Row of R times exp: r + a r x s + b ((r.s) s - |s|^2 r).
+            along = b * (r_x * x + r_y * y + r_z * z)
+            keep = 1.0 - b * square
+            n_x = keep * r_x + a * (r_y * z - r_z * y) + along * x
+            n_y = keep * r_y + a * (r_z * x - r_x * z) + along * y
+            n_z = keep * r_z + a * (r_x * y - r_y * x) + along * z
+            shrink = 1.5 - 0.5 * (n_x * n_x + n_y * n_y + n_z * n_z)
+            turned.append([n_x * shrink, n_y * shrink, n_z * shrink])
+        self._rows = turned
+        self.R_world_imu[:] = turned

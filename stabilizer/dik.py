@@ -21,7 +21,6 @@ from stabilizer.dynamics import Dynamics
 from stabilizer.model import N_BASE_V, RobotModel
 from stabilizer.qp import DenseQp, QpSolution
 from stabilizer.references import Stance
-from stabilizer.tsid import base_rotation_error
 
 CONTACT, COM = slice(0, 12), slice(12, 15)
 BASE = slice(3, 6)
@@ -76,7 +75,7 @@ class Dik:
         np.dot(T.T, T, out=qp.P)
         qp.P.flat[:: self._model.n_v + 1] += self._diagonal
         np.dot(t, T, out=qp.q_lin)
-        base_velocity = settings.base_gain * base_rotation_error(dynamics, stance)
+        base_velocity = settings.base_gain * stance.base_error
         qp.q_lin[BASE] += settings.base_weight * base_velocity
         posture_velocity = settings.posture_gain * (stance.posture - q_command)
         qp.q_lin[N_BASE_V:] += self._posture * posture_velocity
@@ -90,7 +89,13 @@ class Dik:
         per_second = 1.0 / self._settings.limit_time_s
         np.subtract(self._upper, q_command, out=upper)
         upper *= per_second
-        np.clip(upper, -self._velocity, self._velocity, out=upper)
+        _clamp(upper, self._velocity)
         np.subtract(self._lower, q_command, out=lower)
         lower *= per_second
-        np.clip(lower, -self._velocity, self._velocity, out=lower)
+        _clamp(lower, self._velocity)
+
+
+def _clamp(values: Array, limit: Array) -> None:
+    """Brings values into [-limit, limit] in place; np.clip costs five times more."""
+    np.minimum(values, limit, out=values)
+    np.maximum(values, -limit, out=values)

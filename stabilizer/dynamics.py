@@ -59,7 +59,7 @@ class Dynamics:
         self.p_sole: list[Array] = [np.zeros(3), np.zeros(3)]
         self.X: Mat = np.zeros((n_v, 12))
         self.Lambda_c_inv: Mat = np.zeros((12, 12))
-        self._lower = np.tril_indices(n_v, -1)
+        self._below = np.tri(n_v, k=-1, dtype=bool)
 
     def update(self, q: Array, v: Array) -> None:
         """Computes everything at a state.
@@ -72,10 +72,9 @@ class Dynamics:
         self.q[:] = q
         self.v[:] = v
         pin.computeMinverse(model, data, q)
-        H_inv = data.Minv
         # Pinocchio fills the upper triangle only.
-        np.copyto(self.H_inv, H_inv)
-        self.H_inv[self._lower] = H_inv.T[self._lower]
+        np.copyto(self.H_inv, data.Minv)
+        np.copyto(self.H_inv, self.H_inv.T.copy(), where=self._below)
         pin.computeAllTerms(model, data, q, v)
         np.copyto(self.c, data.nle)
         np.copyto(self.J_com, data.Jcom)

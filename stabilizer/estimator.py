@@ -23,6 +23,8 @@ from stabilizer.model import GRAVITY, RobotModel
 
 MIN_TOTAL_FORCE_N = 50.0
 """Below it the load share keeps its last value [N]."""
+GROUND_SPEED_MEMORY_S = 3.0
+"""How long ground that moved is taken to move still."""
 HEIGHT_RANGE_M = 0.25
 """Farthest the ground may be thought from level [m]."""
 
@@ -33,8 +35,10 @@ class Estimator:
     Attributes:
         q: (7 + n_a,) configuration in the stance frame, joints in model order.
         v: (6 + n_a,) velocity.
+        R_world_base: (3, 3) base rotation.
         height: base height in the world relative to level ground [m].
         height_rate: its rate [m/s].
+        ground_height: height of the anchor between the soles, from nominal [m].
     """
 
     def __init__(
@@ -50,22 +54,27 @@ class Estimator:
             bias_gain=settings.gyro_bias_gain,
             period_s=period_s,
         )
-        self._R_base_imu = model.T_base_imu.rotation.copy()
-        self._p_base_imu = model.T_base_imu.translation.copy()
-        self._R_world_base = np.eye(3)
+        self._R_imu_base = model.T_base_imu.rotation.T.copy()
+        self._p_base_imu = model.T_base_imu.translation.tolist()
+        self.R_world_base = np.eye(3)
         blend = -math.expm1(-2.0 * math.pi * settings.anchor_cutoff_hz * period_s)
         self._share_blend = blend
         self._left_share = 0.5
         nominal = model.nominal_configuration()
         pin.framesForwardKinematics(model.pin_model, self._data, nominal)
-        self._p_nominal = [self._data.oMf[i].translation.copy() for i in model.sole_ids]
+        self._p_nominal = [
+            self._data.oMf[i].translation.tolist() for i in model.sole_ids
+        ]
         self._leg_velocity = np.zeros(3)
-        self._leg_rate = np.zeros(3)
+        self._velocity = np.zeros(3)
         self._anchor = np.zeros(3)
         self.q: Array = nominal.copy()
         self.v: Array = np.zeros(model.n_v)
         self.height = float(nominal[2])
         self.height_rate = 0.0
+        self.ground_height = 0.0
+        self._ground_speed = 0.0
+        self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
 
     def calibrate(self, snapshot: Snapshot) -> None:
         """Takes one reading of a robot that stands on still, level ground.
@@ -77,7 +86,7 @@ class Estimator:
         self._attitude.calibrate(
             snapshot.angular_velocity,
             snapshot.linear_acceleration,
-            leg_rate=self._leg_rate @ self._attitude.R_world_imu,
+            leg_rate=self._leg_rate(),
             leg_velocity=self._unit_velocity(),
         )
         self._read(snapshot)
@@ -108,48 +117,61 @@ class Estimator:
 
     def _read(self, snapshot: Snapshot) -> None:
         """Joints and attitude into q and v, then what the legs say of the base."""
-        model, data = self._model, self._data
-        attitude = self._attitude
+        model, data, attitude = self._model, self._data, self._attitude
+        pin_model = model.pin_model
         q, v = self.q, self.v
-        q[7:] = snapshot.q[model.to_model]
-        v[6:] = snapshot.dq[model.to_model]
-        np.dot(attitude.R_world_imu, self._R_base_imu.T, out=self._R_world_base)
+        np.take(snapshot.q, model.to_model, out=q[7:])
+        np.take(snapshot.dq, model.to_model, out=v[6:])
+        np.dot(attitude.R_world_imu, self._R_imu_base, out=self.R_world_base)
         q[:3] = 0.0
-        q[3:7] = pin.Quaternion(self._R_world_base).coeffs()
+        q[3:7] = pin.Quaternion(self.R_world_base).coeffs()
         v[:3] = 0.0
-        np.dot(self._R_base_imu, attitude.rate, out=v[3:6])
-        pin.forwardKinematics(model.pin_model, data, q, v)
-        shares = (self._left_share, 1.0 - self._left_share)
-        anchor, velocity, rate = self._anchor, self._leg_velocity, self._leg_rate
-        anchor[:] = 0.0
-        velocity[:] = 0.0
-        rate[:] = self._R_world_base @ v[3:6]
-        for share, frame in zip(shares, model.sole_ids, strict=True):
-            placement = pin.updateFramePlacement(model.pin_model, data, frame)
+        np.dot(attitude.rate, self._R_imu_base, out=v[3:6])
+        pin.forwardKinematics(pin_model, data, q, v)
+        left, right = model.sole_ids
+        world = pin.LOCAL_WORLD_ALIGNED
+        p_left = pin.updateFramePlacement(pin_model, data, left).translation
+        p_right = pin.updateFramePlacement(pin_model, data, right).translation
+        # Twists of the soles as if the base stood still but for its rotation.
+        v_left = pin.getFrameVelocity(pin_model, data, left, world).linear
+        v_right = pin.getFrameVelocity(pin_model, data, right, world).linear
+        share = self._left_share
+        self._anchor[:] = share * p_left + (1.0 - share) * p_right
+        self._leg_velocity[:] = (-share) * v_left - (1.0 - share) * v_right
+
+    def _leg_rate(self) -> Vec3:
+        """(3,) angular velocity that the legs see, IMU frame [rad/s]."""
+        model, data = self._model, self._data
+        rate = np.zeros(3)
+        for frame in model.sole_ids:
             twist = pin.getFrameVelocity(
                 model.pin_model, data, frame, pin.LOCAL_WORLD_ALIGNED
             )
-            anchor += share * placement.translation
-            velocity -= share * twist.linear
-            rate -= share * twist.angular
+            rate -= 0.5 * twist.angular
+        seen: Vec3 = self._attitude.rate + rate @ self._attitude.R_world_imu
+        return seen
 
     def _unit_velocity(self) -> Vec3:
         """(3,) velocity of the inertial unit that the legs see, world [m/s]."""
-        lever = np.cross(self.v[3:6], self._p_base_imu)
-        velocity: Vec3 = self._leg_velocity + self._R_world_base @ lever
+        w_x, w_y, w_z = self.v[3:6].tolist()
+        p_x, p_y, p_z = self._p_base_imu
+        lever = (w_y * p_z - w_z * p_y, w_z * p_x - w_x * p_z, w_x * p_y - w_y * p_x)
+        velocity: Vec3 = self.R_world_base @ lever
+        velocity += self._leg_velocity
         return velocity
 
     def _place(self) -> None:
         """Base position and velocity from the anchor and the height."""
         q, v = self.q, self.v
         share = self._left_share
-        nominal = share * self._p_nominal[0] + (1.0 - share) * self._p_nominal[1]
-        q[0] = nominal[0] - self._anchor[0]
-        q[1] = nominal[1] - self._anchor[1]
+        left, right = self._p_nominal
+        q[0] = share * left[0] + (1.0 - share) * right[0] - self._anchor.item(0)
+        q[1] = share * left[1] + (1.0 - share) * right[1] - self._anchor.item(1)
         q[2] = self.height
-        self._leg_velocity[2], leg_rate_up = self.height_rate, self._leg_velocity[2]
-        np.dot(self._leg_velocity, self._R_world_base, out=v[:3])
-        self._leg_velocity[2] = leg_rate_up
+        velocity = self._velocity
+        velocity[:] = self._leg_velocity
+        velocity[2] = self.height_rate
+        np.dot(velocity, self.R_world_base, out=v[:3])
 
     def _update_share(self, normal_left: float, normal_right: float) -> None:
         left, right = max(normal_left, 0.0), max(normal_right, 0.0)
@@ -160,11 +182,11 @@ class Estimator:
     def _update_height(self, snapshot: Snapshot) -> None:
         """Second-order filter: accelerometer above its bandwidth, legs below."""
         w_x, w_y, w_z = self.v[3:6].tolist()
-        p_x, p_y, p_z = self._p_base_imu.tolist()
+        p_x, p_y, p_z = self._p_base_imu
         # Centripetal part of the lever, w x (w x p) = w (w.p) - p |w|^2, base axes.
         along = w_x * p_x + w_y * p_y + w_z * p_z
         square = w_x * w_x + w_y * w_y + w_z * w_z
-        up = self._R_world_base[2].tolist()
+        up = self.R_world_base[2].tolist()
         centripetal = (
             up[0] * (w_x * along - p_x * square)
             + up[1] * (w_y * along - p_y * square)
@@ -172,12 +194,24 @@ class Estimator:
         )
         force = float(self._attitude.R_world_imu[2] @ snapshot.linear_acceleration)
         acceleration = force - centripetal - GRAVITY
-        bandwidth = self._settings.height_bandwidth
+        bandwidth = self._height_bandwidth()
         error = -float(self._anchor[2]) - self.height
         error = min(max(error, -HEIGHT_RANGE_M), HEIGHT_RANGE_M)
+        gain = 2.0 * self._settings.height_damping * bandwidth
         dt = self._dt
-        self.height += dt * (self.height_rate + 1.4 * bandwidth * error)
+        self.height += dt * (self.height_rate + gain * error)
         self.height_rate += dt * (acceleration + bandwidth * bandwidth * error)
+        self.ground_height = self.height + float(self._anchor[2])
+
+    def _height_bandwidth(self) -> float:
+        """Legs are trusted while the ground stands still, little while it moves."""
+        settings = self._settings
+        speed = abs(self.height_rate - float(self._leg_velocity[2]))
+        self._ground_speed = max(speed, self._ground_speed * self._forget)
+        ratio = self._ground_speed / settings.still_speed_m_s
+        stillness = 1.0 / (1.0 + ratio**4)
+        moving, still = settings.height_bandwidth, settings.still_height_bandwidth
+        return moving + stillness * (still - moving)
 
     def _pull_yaw(self) -> None:
         """Keeps the mean yaw of the soles at the stance's, since yaw is free."""

@@ -83,11 +83,12 @@ class RobotModel:
         self.mass = float(pin.computeTotalMass(model))
         self.sole_ids = [model.getFrameId(foot.sole_frame) for foot in robot.file.foot]
         self._read_fixed_frames(robot)
-        self.lower = robot.lower[self.to_model]
-        self.upper = robot.upper[self.to_model]
+        self.lower = robot.soft_lower[self.to_model]
+        self.upper = robot.soft_upper[self.to_model]
         self.torque_limit = robot.torque_limit[self.to_model]
         self.velocity_limit = robot.velocity_limit[self.to_model]
         self.nominal = robot.nominal[self.to_model]
+        self.com_travel = robot.file.com_travel_m
         self.is_leg = self._leg_joints()
 
     def _read_fixed_frames(self, robot: Robot) -> None:

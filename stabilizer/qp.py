@@ -88,7 +88,8 @@ class DenseQp:
 
     def solve(self) -> QpSolution:
         """Solves what the arrays hold now."""
-        _, x, info = lapack.dposv(self.P, self.q_lin, lower=1)
+        # P is symmetric: its transpose is the column-major array LAPACK wants.
+        _, x, info = lapack.dposv(self.P.T, self.q_lin, lower=1)
         if info == 0:
             np.negative(x, out=x)
             if self._is_feasible(x):
@@ -97,7 +98,7 @@ class DenseQp:
 
     def _is_feasible(self, x: Array) -> bool:
         tolerance = FEASIBILITY_TOLERANCE
-        if (x < self.x_l - tolerance).any() or (x > self.x_u + tolerance).any():
+        if (x - self.x_l).min() < -tolerance or (self.x_u - x).min() < -tolerance:
             return False
         if self.h_u.size == 0:
             return True

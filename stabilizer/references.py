@@ -17,22 +17,36 @@ class Stance:
     """Reference in the stance frame; arrays are written in place.
 
     Attributes:
-        com: (3,) centre of mass [m].
+        com: (3,) centre of mass [m]; its z is held within reach of the feet.
+        com_height: z asked for [m].
         com_velocity: (3,) [m/s].
         com_acceleration: (3,) [m/s^2].
         R_base: (3, 3) base rotation.
         posture: (n_a,) joints in model order [rad].
         p_sole: positions of left and right sole [m].
         yaw_sole: yaw of left and right sole [rad].
+        base_error: (3,) rotation from base to reference, base axes [rad].
+        com_nominal: height of the centre of mass in the nominal stance [m].
     """
 
     com: Vec3
+    com_height: float
     com_velocity: Vec3
     com_acceleration: Vec3
     R_base: Mat
     posture: Array
     p_sole: list[Vec3]
     yaw_sole: list[float]
+    com_nominal: float
+    base_error: Vec3
+
+    def compare_base(self, R_world_base: Mat) -> None:
+        """Updates ``base_error``, the rotation vector from base to reference.
+
+        Args:
+            R_world_base: (3, 3) estimated base rotation.
+        """
+        self.base_error[:] = pin.log3(R_world_base.T @ self.R_base)
 
     def set(self, reference: Reference, model: RobotModel) -> None:
         """Takes over a planner's reference.
@@ -42,6 +56,7 @@ class Stance:
             model: gives the joint order.
         """
         self.com[:] = reference.com
+        self.com_height = reference.com[2]
         self.com_velocity[:] = reference.com_velocity
         self.com_acceleration[:] = reference.com_acceleration
         quaternion = pin.Quaternion(np.array(reference.base_quat_xyzw))
@@ -56,6 +71,20 @@ class Stance:
             )
 
 
+    def limit_height(self, ground: float, *, travel: tuple[float, float]) -> None:
+        """Keeps the height reference within reach of legs that are neither straight
+        nor folded.
+
+        Args:
+            ground: present height of the soles against nominal [m].
+            travel: lowest and highest reference over the soles, from nominal [m].
+        """
+        lowest, highest = travel
+        wanted = min(max(self.com_height, self.com_nominal + ground + lowest),
+                     self.com_nominal + ground + highest)  # fmt: skip
+        self.com[2] = wanted
+
+
 def standing(model: RobotModel) -> Stance:
     """Nominal posture on level ground, base upright."""
     q = model.nominal_configuration()
@@ -64,10 +93,13 @@ def standing(model: RobotModel) -> Stance:
     pin.updateFramePlacements(model.pin_model, data)
     return Stance(
         com=com,
+        com_height=float(com[2]),
         com_velocity=np.zeros(3),
         com_acceleration=np.zeros(3),
         R_base=np.eye(3),
         posture=model.nominal.copy(),
         p_sole=[data.oMf[i].translation.copy() for i in model.sole_ids],
         yaw_sole=[0.0, 0.0],
+        com_nominal=float(com[2]),
+        base_error=np.zeros(3),
     )

@@ -16,7 +16,6 @@ so the unknowns are the n_a torques alone.
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from scipy.linalg import lapack
 
 from schemas.arrays import Array, Mat
@@ -29,6 +28,7 @@ from stabilizer.references import Stance
 ROWS_PER_FOOT = 12
 COM, BASE = slice(0, 3), slice(3, 6)
 NO_CONTACT = "no contact"
+SINGULAR = "singular contact"
 
 
 def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> Mat:
@@ -78,6 +78,7 @@ class _FeetProblem:
             rows = slice(ROWS_PER_FOOT * i, ROWS_PER_FOOT * (i + 1))
             self.C[rows, 6 * i : 6 * i + 6] = cones[foot]
         self.d: Array = np.zeros(ROWS_PER_FOOT * len(feet))
+        self.known: Mat = np.zeros((n_c, n_a + 1))
         self.Gamma_c: Mat = np.zeros((n_c, n_a))
         self.h_c: Array = np.zeros(n_c)
         # Stacked task rows: com 3, base 3, posture n_a, wrench n_c.
@@ -115,6 +116,8 @@ class Tsid:
         self._com_kp = np.array(settings.com_kp)
         self._com_kd = np.array(settings.com_kd)
         self._weight = model.mass * GRAVITY
+        self._com_root = settings.com_weight**0.5
+        self._base_root = settings.base_weight**0.5
         self._posture_roots = np.sqrt(
             np.where(
                 model.is_leg, settings.leg_posture_weight, settings.posture_weight
@@ -128,6 +131,9 @@ class Tsid:
         self.tau: Array = np.zeros(n_a)
         self._none = QpSolution(
             np.zeros(n_a), NO_CONTACT, False, np.zeros(0), np.zeros(n_a)
+        )
+        self._singular = QpSolution(
+            np.zeros(n_a), SINGULAR, False, np.zeros(0), np.zeros(n_a)
         )
 
     def solve(
@@ -153,7 +159,8 @@ class Tsid:
         if problem is None:
             self.F_id[:] = 0.0
             return self._none
-        self.condense(dynamics, problem)
+        if not self.condense(dynamics, problem):
+            return self._singular
         self._stack_tasks(dynamics, stance, problem)
         self._set_limits(problem, load)
         qp = problem.qp
@@ -172,19 +179,30 @@ class Tsid:
         """The QP of a set of standing feet, as last solved."""
         return self._problems[(in_contact[0], in_contact[1])].qp
 
-    def condense(self, dynamics: Dynamics, problem: _FeetProblem) -> None:
-        """Expresses F and qdd affinely in tau, for the standing feet."""
-        rows = problem.rows
-        X = dynamics.X[:, rows]
-        Lambda_c = inverse_spd(dynamics.Lambda_c_inv[rows, rows])
-        np.dot(Lambda_c, X[N_BASE_V:].T, out=problem.Gamma_c)
-        np.negative(problem.Gamma_c, out=problem.Gamma_c)
-        drift = dynamics.c @ X - dynamics.Jdot_v_contact[rows]
-        np.dot(Lambda_c, drift, out=problem.h_c)
+    def condense(self, dynamics: Dynamics, problem: _FeetProblem) -> bool:
+        """Expresses F and qdd affinely in tau, for the standing feet.
+
+        Returns:
+            Whether the feet's Jacobian has full rank.
+        """
+        rows, X = problem.rows, dynamics.X[:, problem.rows]
+        # One factorisation: Lambda_c [J_c H^-1 S^T, J_c H^-1 c - Jdot_c v].
+        known = problem.known
+        known[:, :-1] = X[N_BASE_V:].T
+        known[:, -1] = dynamics.c @ X
+        known[:, -1] -= dynamics.Jdot_v_contact[rows]
+        _, solved, info = lapack.dposv(
+            dynamics.Lambda_c_inv[rows, rows], known, lower=1
+        )
+        if info != 0:
+            return False
+        np.negative(solved[:, :-1], out=problem.Gamma_c)
+        problem.h_c[:] = solved[:, -1]
         np.dot(X, problem.Gamma_c, out=self.A)
         self.A += dynamics.H_inv[:, N_BASE_V:]
         np.dot(X, problem.h_c, out=self.b)
         self.b -= dynamics.H_inv @ dynamics.c
+        return True
 
     def _stack_tasks(
         self, dynamics: Dynamics, stance: Stance, problem: _FeetProblem
@@ -194,7 +212,7 @@ class Tsid:
         n_a = self._model.n_a
         posture = slice(6, 6 + n_a)
         wrench = slice(6 + n_a, 6 + n_a + problem.n_c)
-        root = settings.com_weight**0.5
+        root = self._com_root
         com_acceleration = (
             stance.com_acceleration
             + self._com_kp * (stance.com - dynamics.p_com)
@@ -203,7 +221,7 @@ class Tsid:
         J_com = root * dynamics.J_com
         np.dot(J_com, self.A, out=T[COM])
         t[COM] = root * (com_acceleration - dynamics.Jdot_v_com) - J_com @ self.b
-        root = settings.base_weight**0.5
+        root = self._base_root
         np.multiply(self.A[BASE], root, out=T[BASE])
         t[BASE] = root * (self._base_acceleration(dynamics, stance) - self.b[BASE])
         roots = self._posture_roots
@@ -220,7 +238,7 @@ class Tsid:
 
     def _base_acceleration(self, dynamics: Dynamics, stance: Stance) -> Array:
         """(3,) wanted angular acceleration of the base, base axes [rad/s^2]."""
-        error = base_rotation_error(dynamics, stance)
+        error = stance.base_error
         wanted: Array = (
             self._settings.base_kp * error - self._settings.base_kd * dynamics.v[BASE]
         )
@@ -246,18 +264,3 @@ class Tsid:
         np.dot(problem.C, problem.Gamma_c, out=problem.qp.G)
         np.dot(problem.C, problem.h_c, out=problem.qp.h_u)
         np.subtract(problem.d, problem.qp.h_u, out=problem.qp.h_u)
-
-
-def base_rotation_error(dynamics: Dynamics, stance: Stance) -> Array:
-    """(3,) rotation vector from the base to its reference, base axes [rad]."""
-    quaternion = pin.Quaternion(dynamics.q[3:7])
-    error: Array = pin.log3(quaternion.toRotationMatrix().T @ stance.R_base)
-    return error
-
-
-def inverse_spd(matrix: Mat) -> Mat:
-    """Inverse of a symmetric positive definite matrix."""
-    factor, _ = lapack.dpotrf(matrix, lower=1)
-    inverse, _ = lapack.dpotri(factor, lower=1)
-    full: Mat = np.tril(inverse) + np.tril(inverse, -1).T
-    return full

@@ -92,6 +92,10 @@ class WholeBodyController:
         )
         self._normals = [float(F_meas[NORMAL]), float(F_meas[6 + NORMAL])]
         self.contacts.update(*self._normals)
+        self.stance.limit_height(
+            self.estimator.ground_height, travel=self.model.com_travel
+        )
+        self.stance.compare_base(self.estimator.R_world_base)
         qp_status = self._command(F_meas)
         return ControllerOutput(
             q_command=self._q_command[self.model.to_bus],
@@ -142,12 +146,11 @@ class WholeBodyController:
         self._q_command += (fade * self._dt) * v_joint
         q_joint = self.dynamics.q[7:]
         reach = settings.windup_limit_rad
-        np.clip(
-            self._q_command, q_joint - reach, q_joint + reach, out=self._q_command
-        )
-        np.clip(
-            self._q_command, self.model.lower, self.model.upper, out=self._q_command
-        )
+        q_command = self._q_command
+        np.minimum(q_command, q_joint + reach, out=q_command)
+        np.maximum(q_command, q_joint - reach, out=q_command)
+        np.minimum(q_command, self.model.upper, out=q_command)
+        np.maximum(q_command, self.model.lower, out=q_command)
 
     def _keep_failure(self, data: QpData) -> None:
         if self.failure is None:
