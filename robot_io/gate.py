@@ -12,7 +12,7 @@ from robot_io.limits import CommandLimits
 from robot_io.robot import Robot
 from robot_io.verdict import Answer, Refusal, Verdict
 from schemas.arrays import Array
-from schemas.messages import JointCommand, RobotMode
+from schemas.messages import SCHEMA_VERSION, JointCommand, RobotMode, RobotStatus
 
 _ACCEPTED = Verdict(accepted=True)
 
@@ -71,10 +71,6 @@ class CommandGate:
         """(n_a,) what the servos follow [rad]; changes in place, not to be written."""
         return self._visible
 
-    def command_age_s(self, *, now_s: float) -> float:
-        """Age of the command in use [s]; -1 before the first."""
-        return now_s - self._heard_s if self._is_commanded else -1.0
-
     def request(self, action: str, who: str, *, now_s: float) -> Answer:
         """Changes mode or lease; see :meth:`Authority.request`."""
         holder, mode = self.authority.lease.holder, self.mode
@@ -131,6 +127,33 @@ class CommandGate:
         self.refused[refusal] += 1
         self.authority.reason = f"command refused ({refusal}): {detail}"
         return Verdict(accepted=False, refusal=refusal)
+
+    def status(
+        self, *, tick: int, stamp_ns: int, now_s: float, deadline_misses: int
+    ) -> RobotStatus:
+        """What to tell everyone.
+
+        Args:
+            tick: the present tick.
+            stamp_ns: the robot's monotonic clock [ns].
+            now_s: the robot's time [s].
+            deadline_misses: ticks that went on without their command.
+        """
+        authority = self.authority
+        return RobotStatus(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            mode=authority.mode,
+            fault=authority.fault,
+            reason=authority.reason,
+            commander=authority.lease.holder,
+            command_age_s=now_s - self._heard_s if self._is_commanded else -1.0,
+            q_command=self._posture.tolist(),
+            refused=dict(self.refused),
+            clipped=dict(self.clipped),
+            deadline_misses=deadline_misses,
+        )
 
     def _check_posture(self, q: list[float], now_s: float) -> Verdict:
         if len(q) != len(self._names):

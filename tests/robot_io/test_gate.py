@@ -14,7 +14,8 @@ from robot_io.gate import CommandGate
 from robot_io.robot import Robot, load_robot
 from robot_io.verdict import Limit, Refusal, Verdict
 from schemas.arrays import Array
-from schemas.messages import SCHEMA_VERSION, JointCommand, RobotMode
+from schemas.codec import decode, encode
+from schemas.messages import SCHEMA_VERSION, JointCommand, RobotMode, RobotStatus
 
 WALKER = load_robot("walker")
 GATE = WALKER.file.gate
@@ -422,11 +423,25 @@ def test_the_first_command_may_take_its_time_but_not_for_ever() -> None:
     assert gate.authority.fault == ""
 
 
-def test_age_of_the_command_is_unknown_before_the_first() -> None:
+def test_status_tells_what_the_gate_does() -> None:
     gate = active_gate()
-    assert gate.command_age_s(now_s=5.0) == -1.0
+
+    def status() -> RobotStatus:
+        return gate.status(tick=7, stamp_ns=8, now_s=0.5, deadline_misses=2)
+
+    assert status().command_age_s == -1.0, "before the first command"
     at_tick(gate, 0)
-    assert gate.command_age_s(now_s=0.5) == 0.5
+    at_tick(gate, 0)
+    gate.authority.stop("a bystander")
+    told = status()
+    assert (told.tick, told.stamp_ns, told.deadline_misses) == (7, 8, 2)
+    assert told.mode is RobotMode.FAULT
+    assert told.fault == "e-stop by a bystander"
+    assert told.commander == "ann"
+    assert told.command_age_s == 0.5
+    assert told.refused == {"sequence": 1}
+    assert told.q_command == WALKER.nominal.tolist()
+    assert decode(encode(told), RobotStatus, joint_count=WALKER.n_a) == told
 
 
 @settings(max_examples=100, deadline=None)

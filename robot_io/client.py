@@ -1,0 +1,290 @@
+"""The controller's side of the bus."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+import zenoh
+
+from robot_io.assembler import SnapshotAssembler, SnapshotReading
+from robot_io.bus import Bus
+from robot_io.errors import RobotIoError, RobotUnreachableError
+from robot_io.inbox import Inbox, M
+from robot_io.latest import Latest
+from robot_io.robot import Robot
+from robot_io.sensor import Sensor
+from robot_io.service_caller import ServiceCaller
+from robot_io.session import Role
+from robot_io.stop_request import StopRequest
+from schemas.arrays import Array
+from schemas.codec import encode
+from schemas.endpoints import Endpoints
+from schemas.messages import (
+    SCHEMA_VERSION,
+    EstopRequest,
+    ForceTorque,
+    ImuState,
+    JointCommand,
+    JointState,
+    LeaseRequest,
+    ModeRequest,
+    Reference,
+    RobotStatus,
+    ServiceReply,
+    StabilizerStatus,
+)
+from schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
+
+SENSOR_MESSAGES_KEPT = 64
+REQUEST_TIMEOUT_S = 5.0
+STOP_POLL_S = 0.05
+PATIENCE_S = 0.005
+"""How long one sensor may keep the others of its tick waiting."""
+
+
+class RobotClient:
+    """Reads a robot's sensors and commands its joints.
+
+    A context manager, used by one thread::
+
+        with RobotClient(robot, endpoints=endpoints, identity="me", ...) as client:
+            client.wait_for_robot(timeout_s=10.0)
+            client.take_lease()
+            q = client.enable()
+            while (reading := client.wait_snapshot(timeout_s=0.1)) is not None:
+                client.send(q, tick=reading.snapshot.tick)
+
+    Leaving the context gives the lease back.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        endpoints: Endpoints,
+        identity: str,
+        in_order: bool,
+        stop: StopRequest,
+    ) -> None:
+        """Prepares; entering the context starts dialing.
+
+        Args:
+            robot: names keys and joints.
+            endpoints: where to dial.
+            identity: who commands; one word, unique on the bus.
+            in_order: every tick once, none skipped (lockstep); otherwise the newest.
+            stop: ends waits.
+        """
+        self.identity = identity
+        self._robot = robot
+        self._endpoints = endpoints
+        self._in_order = in_order
+        self._stop = stop
+        self._bus = Bus(endpoints, Role.PEER, namespace=robot.file.namespace)
+        self._robot_is_here = threading.Event()
+        self._sequence = 0
+        self._has_lease = False
+
+    def __enter__(self) -> Self:
+        """Opens the bus.
+
+        Raises:
+            EndpointError: a locator is malformed.
+        """
+        self._bus.__enter__()
+        self._stop.waking(self._bus.waker.nudge)
+        keys, n_a = self._robot.keys, self._robot.n_a
+        self._assembler = SnapshotAssembler(
+            self._sensor("joints", JointState),
+            self._sensor("imu", ImuState),
+            self._sensor("left_ankle_ft", ForceTorque),
+            self._sensor("right_ankle_ft", ForceTorque),
+            joint_count=n_a,
+            in_order=self._in_order,
+            patience_s=PATIENCE_S,
+        )
+        self._status = Latest(
+            self._bus.channel(keys["status"], depth=1), RobotStatus, joint_count=n_a
+        )
+        self._reference = Latest(
+            self._bus.channel(keys["reference"], depth=1), Reference, joint_count=n_a
+        )
+        self._command = self._bus.publisher(keys["joint_command"], urgent=True)
+        self._own_status = self._bus.publisher(keys["stabilizer"], urgent=False)
+        self._services = ServiceCaller(
+            self._bus.session, joint_count=n_a, timeout_s=REQUEST_TIMEOUT_S
+        )
+        self._token: zenoh.LivelinessToken = self._bus.announce(
+            f"{ALIVE_STABILIZER}/{self.identity}"
+        )
+        self._bus.watch_presence(ALIVE_ROBOT, self._on_presence)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Gives the lease back and closes the bus."""
+        try:
+            if self._has_lease and self.robot_is_here:
+                with contextlib.suppress(RobotIoError):  # it may end this very moment
+                    self.release()
+        finally:
+            self._bus.__exit__(kind, error, traceback)
+
+    @property
+    def robot_is_here(self) -> bool:
+        """Whether the robot's process is alive, as far as the bus knows."""
+        return self._robot_is_here.is_set()
+
+    def wait_for_robot(self, *, timeout_s: float) -> bool:
+        """Waits until the robot is there.
+
+        Args:
+            timeout_s: how long [s].
+
+        Returns:
+            Whether it is; False when the wait was stopped.
+
+        Raises:
+            RobotUnreachableError: it did not come in time.
+        """
+        end = time.monotonic() + timeout_s
+        while not self._robot_is_here.wait(STOP_POLL_S):
+            if self._stop.is_set:
+                return False
+            if time.monotonic() >= end:
+                raise RobotUnreachableError(
+                    f"no robot {self._robot.file.namespace!r} at "
+                    f"{', '.join(self._endpoints.connect)} within {timeout_s:g} s; is "
+                    "it running (surefoot robot), and does it listen there?"
+                )
+        return True
+
+    def take_lease(self) -> ServiceReply:
+        """Becomes the robot's commander.
+
+        Raises:
+            RequestRefusedError: someone else is; the reason says who.
+            RobotUnreachableError: no answer.
+        """
+        reply = self._ask_lease("take")
+        self._has_lease = True
+        return reply
+
+    def release(self) -> ServiceReply:
+        """Gives the lease back; the robot holds its posture.
+
+        Raises:
+            RequestRefusedError: it was not ours.
+            RobotUnreachableError: no answer.
+        """
+        self._has_lease = False
+        return self._ask_lease("release")
+
+    def enable(self) -> Array:
+        """Has the robot follow commands from now on.
+
+        Snapshots that came before are forgotten: the next one is the first to answer.
+
+        Returns:
+            (n_a,) the posture it holds, where the first command must begin [rad].
+
+        Raises:
+            RequestRefusedError: not our lease, or the robot is in fault or off.
+            RobotUnreachableError: no answer.
+        """
+        self._assembler.restart()
+        self._status.forget()
+        return np.array(self.request_mode("enable").q_command)
+
+    def request_mode(self, action: str) -> ServiceReply:
+        """Asks for a mode: enable, hold, disable or reset.
+
+        Raises:
+            RequestRefusedError: the robot says no, and why.
+            RobotUnreachableError: no answer.
+        """
+        request = ModeRequest(
+            schema=SCHEMA_VERSION, action=action, commander=self.identity
+        )
+        return self._services.ask(self._robot.keys["mode"], request)
+
+    def stop_robot(self) -> ServiceReply:
+        """E-stop; needs no lease.
+
+        Raises:
+            RobotUnreachableError: no answer.
+        """
+        request = EstopRequest(schema=SCHEMA_VERSION, source=self.identity)
+        return self._services.ask(self._robot.keys["estop"], request)
+
+    def wait_snapshot(self, *, timeout_s: float) -> SnapshotReading | None:
+        """Waits for the next snapshot: the next tick, or the newest one.
+
+        Args:
+            timeout_s: how long [s].
+
+        Returns:
+            None when the time is up, the robot is gone or the wait was stopped.
+        """
+        return self._assembler.wait(time.monotonic() + timeout_s)
+
+    def missing_sensors(self) -> tuple[str, ...]:
+        """Channels that nothing has come from since enabling."""
+        return self._assembler.missing()
+
+    def send(self, q_command: Array, *, tick: int) -> None:
+        """Commands the joints.
+
+        Args:
+            q_command: (n_a,) in bus order [rad].
+            tick: the tick this answers.
+        """
+        command = JointCommand(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=time.monotonic_ns(),
+            q=q_command.tolist(),
+            commander=self.identity,
+            sequence=self._sequence,
+        )
+        self._sequence += 1
+        self._command.put(encode(command))
+
+    def status(self) -> RobotStatus | None:
+        """What the robot last said of itself; None before it has."""
+        return self._status.poll()
+
+    def reference(self) -> Reference | None:
+        """What a planner last asked for; None when none has."""
+        return self._reference.poll()
+
+    def publish_status(self, status: StabilizerStatus) -> None:
+        """Tells everyone how the controller fares."""
+        self._own_status.put(encode(status))
+
+    def _ask_lease(self, action: str) -> ServiceReply:
+        request = LeaseRequest(
+            schema=SCHEMA_VERSION, action=action, commander=self.identity
+        )
+        return self._services.ask(self._robot.keys["lease"], request)
+
+    def _sensor(self, name: str, kind: type[M]) -> Sensor[M]:
+        channel = self._bus.channel(self._robot.keys[name], depth=SENSOR_MESSAGES_KEPT)
+        return Sensor(name, Inbox(channel, kind, joint_count=self._robot.n_a))
+
+    def _on_presence(self, key: str, is_there: bool) -> None:
+        del key
+        if is_there:
+            self._robot_is_here.set()
+        else:
+            self._robot_is_here.clear()
+            self._bus.waker.nudge()

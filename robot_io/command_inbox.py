@@ -1,0 +1,113 @@
+"""Commands on their way from the bus through the gate."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+from robot_io.channel import Channel
+from robot_io.gate import CommandGate
+from robot_io.verdict import Refusal, Verdict
+from schemas.codec import decode
+from schemas.errors import MessageError, SchemaVersionError
+from schemas.messages import JointCommand
+
+
+class Judged(NamedTuple):
+    """A command, and what the gate said of it."""
+
+    command: JointCommand
+    verdict: Verdict
+
+
+class CommandInbox:
+    """Reads joint commands and has the gate judge every single one."""
+
+    def __init__(
+        self, channel: Channel, gate: CommandGate, *, joint_count: int
+    ) -> None:
+        """Reads from a channel.
+
+        Args:
+            channel: where the bytes come from.
+            gate: judges, and counts what cannot be read.
+            joint_count: n_a.
+        """
+        self._channel = channel
+        self._gate = gate
+        self._joint_count = joint_count
+        self._early: JointCommand | None = None
+
+    def newest(self, tick: int, *, now_s: float) -> JointCommand | None:
+        """Judges all that has come; real time.
+
+        Args:
+            tick: the newest tick that can have been answered.
+            now_s: the robot's time [s].
+
+        Returns:
+            The last one accepted, None when none was.
+        """
+        accepted = None
+        while (data := self._channel.poll()) is not None:
+            command = self._read(data)
+            if command is None:
+                continue
+            if self._gate.check(command, tick=tick, now_s=now_s).accepted:
+                accepted = command
+        return accepted
+
+    def wait_answer(
+        self,
+        tick: int,
+        *,
+        newest_tick: int,
+        now_s: float,
+        deadline: float,
+        keep_waiting: Callable[[], bool],
+    ) -> Judged | None:
+        """Waits for the commander's answer to a tick; lockstep.
+
+        Args:
+            tick: the tick whose answer is wanted.
+            newest_tick: the newest tick that can have been answered.
+            now_s: the robot's time [s].
+            deadline: until when, on ``time.monotonic`` [s].
+            keep_waiting: asked whenever the wait was broken off.
+
+        Returns:
+            The answer, accepted or not; None when it will not come any more.
+        """
+        while True:
+            command = self._next(deadline)
+            if command is None:
+                if keep_waiting():
+                    continue
+                return None
+            is_commander = self._gate.authority.holds_lease(command.commander)
+            if is_commander and tick < command.tick <= newest_tick:
+                self._early = command  # the one wanted was lost: this came after it
+                return None
+            verdict = self._gate.check(command, tick=tick, now_s=now_s)
+            is_replay = verdict.refusal is Refusal.SEQUENCE
+            if is_commander and command.tick == tick and not is_replay:
+                return Judged(command, verdict)
+
+    def _next(self, deadline: float) -> JointCommand | None:
+        if self._early is not None:
+            early, self._early = self._early, None
+            return early
+        while (data := self._channel.wait(deadline)) is not None:
+            command = self._read(data)
+            if command is not None:
+                return command
+        return None
+
+    def _read(self, data: bytes) -> JointCommand | None:
+        try:
+            return decode(data, JointCommand, joint_count=self._joint_count)
+        except SchemaVersionError as error:
+            self._gate.refuse(Refusal.SCHEMA, str(error))
+        except MessageError as error:
+            self._gate.refuse(Refusal.MALFORMED, str(error))
+        return None

@@ -1,0 +1,94 @@
+"""Messages of one channel, checked, each tick once and in order."""
+
+from __future__ import annotations
+
+from typing import Generic, TypeVar
+
+from robot_io.channel import Channel
+from schemas.codec import decode
+from schemas.errors import MessageError
+from schemas.messages import Message
+
+M = TypeVar("M", bound=Message)
+NEVER = -1
+
+
+class Inbox(Generic[M]):
+    """Reads a channel message by message.
+
+    What cannot be read is counted and skipped; so is what comes twice, or after a
+    message of a later tick.
+
+    Attributes:
+        malformed: messages that could not be read.
+        outdated: messages that came twice or too late.
+        error: what was wrong with the last malformed one.
+    """
+
+    def __init__(
+        self, channel: Channel, kind: type[M], *, joint_count: int | None = None
+    ) -> None:
+        """Reads from a channel.
+
+        Args:
+            channel: where the bytes come from.
+            kind: what they must be.
+            joint_count: n_a, when the message holds per-joint fields.
+        """
+        self.malformed = 0
+        self.outdated = 0
+        self.error = ""
+        self._channel = channel
+        self._kind = kind
+        self._joint_count = joint_count
+        self._head: M | None = None
+        self._last_tick = NEVER
+
+    def peek(self) -> M | None:
+        """The next message, left where it is; None when there is none yet."""
+        while self._head is None:
+            data = self._channel.poll()
+            if data is None:
+                return None
+            self._head = self._read(data)
+        return self._head
+
+    def peek_wait(self, deadline: float) -> M | None:
+        """The next message, waited for.
+
+        Args:
+            deadline: until when, on ``time.monotonic`` [s].
+
+        Returns:
+            None when the deadline has passed or the wait was broken off.
+        """
+        while self._head is None:
+            data = self._channel.wait(deadline)
+            if data is None:
+                return None
+            self._head = self._read(data)
+        return self._head
+
+    def drop(self) -> None:
+        """Moves on to the next message."""
+        if self._head is not None:
+            self._last_tick = self._head.tick
+            self._head = None
+
+    def restart(self) -> None:
+        """Forgets what has come; ticks may begin anew."""
+        self._channel.discard()
+        self._head = None
+        self._last_tick = NEVER
+
+    def _read(self, data: bytes) -> M | None:
+        try:
+            message = decode(data, self._kind, joint_count=self._joint_count)
+        except MessageError as error:
+            self.malformed += 1
+            self.error = str(error)
+            return None
+        if message.tick <= self._last_tick:
+            self.outdated += 1
+            return None
+        return message

@@ -1,0 +1,257 @@
+"""The robot's side of the bus."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+from typing import Self
+
+import msgspec
+import zenoh
+
+from robot_io.bus import Bus
+from robot_io.command_inbox import CommandInbox, Judged
+from robot_io.gate import CommandGate
+from robot_io.robot import Robot
+from robot_io.services import RobotServices
+from robot_io.session import Role
+from robot_io.snapshot import Snapshot
+from robot_io.stop_request import StopRequest
+from schemas.codec import encode
+from schemas.endpoints import Endpoints
+from schemas.messages import (
+    SCHEMA_VERSION,
+    ForceTorque,
+    ImuState,
+    JointCommand,
+    JointState,
+    RobotMode,
+    Truth,
+)
+from schemas.topics import ALIVE_ROBOT, TICK_SENSORS
+
+COMMANDS_KEPT = 256
+STATUS_PERIOD_S = 0.02
+IDLE_POLL_S = 0.01
+
+
+class RobotServer:
+    """Publishes what a robot senses and takes commands through its gate.
+
+    A context manager, used by one thread, the robot's loop. The simulator and any
+    hardware driver use the same one::
+
+        with RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server:
+            server.wait_until_active(...)
+            while running:
+                server.publish_sensors(snapshot, stamp_ns=now)
+                server.wait_answer(...)     # or take_newest(...)
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        gate: CommandGate,
+        *,
+        endpoints: Endpoints,
+        stop: StopRequest,
+    ) -> None:
+        """Prepares; entering the context opens the bus.
+
+        Args:
+            robot: names keys and joints.
+            gate: judges commands and answers requests.
+            endpoints: where to listen.
+            stop: ends waits.
+        """
+        self._robot = robot
+        self._gate = gate
+        self._stop = stop
+        self._bus = Bus(endpoints, Role.ROBOT, namespace=robot.file.namespace)
+        self._tick = 0
+        self._status_due_s = 0.0
+        self._told: tuple[RobotMode, str, str] | None = None
+        self.deadline_misses = 0
+
+    def __enter__(self) -> Self:
+        """Opens the bus, ready for whoever sees the robot's liveliness token.
+
+        Raises:
+            EndpointError: cannot listen there.
+        """
+        self._bus.__enter__()
+        self._stop.waking(self._bus.waker.nudge)
+        keys = self._robot.keys
+        self._sensors = tuple(
+            self._bus.publisher(keys[name], urgent=True) for name in TICK_SENSORS
+        )
+        self._status = self._bus.publisher(keys["status"], urgent=False)
+        self._truth = self._bus.publisher(keys["truth"], urgent=False)
+        self._commands = CommandInbox(
+            self._bus.channel(keys["joint_command"], depth=COMMANDS_KEPT),
+            self._gate,
+            joint_count=self._robot.n_a,
+        )
+        self._services = RobotServices(self._bus, self._robot, self._gate)
+        self._token: zenoh.LivelinessToken = self._bus.announce(ALIVE_ROBOT)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Closes the bus."""
+        self._bus.__exit__(kind, error, traceback)
+
+    def wait_until_active(self, *, now_s: float, timeout_s: float | None) -> bool:
+        """Serves requests until a commander has enabled the robot.
+
+        Args:
+            now_s: the robot's time, which stands still meanwhile [s].
+            timeout_s: how long to wait at most; None for ever [s].
+
+        Returns:
+            Whether it is ACTIVE; False after the time-out or a stop request.
+        """
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        while not self._stop.is_set:
+            self._services.serve(now_s=now_s)
+            self.publish_status(now_s=now_s)
+            if self._gate.mode is RobotMode.ACTIVE:
+                return True
+            if end is not None and time.monotonic() >= end:
+                return False
+            self._services.wait(IDLE_POLL_S)
+        return False
+
+    def serve_requests(self, *, now_s: float) -> None:
+        """Answers what was asked since last time; costs nothing when nothing was.
+
+        Args:
+            now_s: the robot's time [s].
+        """
+        if self._services.serve(now_s=now_s):
+            self.publish_status(now_s=now_s)
+
+    def publish_sensors(self, snapshot: Snapshot, *, stamp_ns: int) -> None:
+        """Sends the four sensor messages of a tick, in the order of the topic table.
+
+        Args:
+            snapshot: sensors of the tick.
+            stamp_ns: the robot's monotonic clock when they were taken [ns].
+        """
+        self._tick = snapshot.tick
+        # Encoded first, then sent in one go: a message that meets Zenoh's sender at
+        # work on the one before waits a millisecond for the next batch.
+        encoded = [encode(message) for message in _messages(snapshot, stamp_ns)]
+        for publisher, data in zip(self._sensors, encoded, strict=True):
+            publisher.put(data)
+
+    def wait_answer(
+        self, tick: int, *, now_s: float, timeout_s: float
+    ) -> Judged | None:
+        """Waits for the command that answers a tick, serving requests meanwhile.
+
+        Args:
+            tick: a tick whose sensors were published.
+            now_s: the robot's time [s].
+            timeout_s: how long to wait at most [s].
+
+        Returns:
+            The command and the gate's verdict; None when it did not come: the time
+            was up, the robot was stopped, or nobody commands it any more.
+        """
+        deadline = time.monotonic() + timeout_s
+
+        def keep_waiting() -> bool:
+            self.serve_requests(now_s=now_s)
+            return (
+                self._gate.mode is RobotMode.ACTIVE
+                and not self._stop.is_set
+                and time.monotonic() < deadline
+            )
+
+        return self._commands.wait_answer(
+            tick,
+            newest_tick=self._tick,
+            now_s=now_s,
+            deadline=deadline,
+            keep_waiting=keep_waiting,
+        )
+
+    def take_newest(self, *, now_s: float) -> JointCommand | None:
+        """Judges the commands that have come since last time, without waiting.
+
+        Args:
+            now_s: the robot's time [s].
+
+        Returns:
+            The last one accepted; None when none was.
+        """
+        return self._commands.newest(self._tick, now_s=now_s)
+
+    def publish_status(self, *, now_s: float, at_once: bool = False) -> None:
+        """Tells what the gate does, when it has changed or 50 times a second.
+
+        Args:
+            now_s: the robot's time [s].
+            at_once: without waiting for either.
+        """
+        authority = self._gate.authority
+        tell = (authority.mode, authority.fault, authority.lease.holder)
+        clock_s = time.monotonic()
+        if tell == self._told and clock_s < self._status_due_s and not at_once:
+            return
+        self._told = tell
+        self._status_due_s = clock_s + STATUS_PERIOD_S
+        status = self._gate.status(
+            tick=self._tick,
+            stamp_ns=time.monotonic_ns(),
+            now_s=now_s,
+            deadline_misses=self.deadline_misses,
+        )
+        self._status.put(encode(status))
+
+    def publish_truth(self, truth: Truth) -> None:
+        """Sends what only a simulator knows."""
+        self._truth.put(encode(truth))
+
+
+def _messages(snapshot: Snapshot, stamp_ns: int) -> tuple[msgspec.Struct, ...]:
+    """Messages of a tick, in the order of ``TICK_SENSORS``."""
+    tick = snapshot.tick
+    left, right = snapshot.ft_left.tolist(), snapshot.ft_right.tolist()
+    return (
+        JointState(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            q=snapshot.q.tolist(),
+            dq=snapshot.dq.tolist(),
+            effort=snapshot.effort.tolist(),
+        ),
+        ImuState(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            quat_xyzw=snapshot.quat_xyzw.tolist(),
+            angular_velocity=snapshot.angular_velocity.tolist(),
+            linear_acceleration=snapshot.linear_acceleration.tolist(),
+        ),
+        ForceTorque(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            force=left[:3],
+            moment=left[3:],
+        ),
+        ForceTorque(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            force=right[:3],
+            moment=right[3:],
+        ),
+    )

@@ -1,0 +1,72 @@
+"""Asks the robot for something and waits for its answer."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import msgspec
+import zenoh
+
+from robot_io.errors import RequestRefusedError, RobotUnreachableError
+from schemas.codec import decode, encode
+from schemas.messages import ServiceReply
+
+RETRY_PAUSE_S = 0.01
+
+
+class ServiceCaller:
+    """Calls the robot's services; every call has a limit."""
+
+    def __init__(
+        self, session: zenoh.Session, *, joint_count: int, timeout_s: float
+    ) -> None:
+        """Calls through a session.
+
+        Args:
+            session: an open session.
+            joint_count: n_a.
+            timeout_s: how long a call may take [s].
+        """
+        self._session = session
+        self._joint_count = joint_count
+        self._timeout_s = timeout_s
+        self._pause = threading.Event()
+
+    def ask(self, key: str, request: msgspec.Struct) -> ServiceReply:
+        """Asks, again while the service is not known yet.
+
+        Args:
+            key: of the service, relative to the namespace.
+            request: what to ask.
+
+        Returns:
+            The robot's answer, which accepts.
+
+        Raises:
+            RequestRefusedError: the robot says no.
+            RobotUnreachableError: nobody answered in time.
+            MessageError: the answer cannot be read.
+        """
+        end = time.monotonic() + self._timeout_s
+        while (remaining_s := end - time.monotonic()) > 0:
+            data = self._ask_once(key, encode(request), remaining_s)
+            if data is not None:
+                reply = decode(data, ServiceReply, joint_count=self._joint_count)
+                if not reply.accepted:
+                    raise RequestRefusedError(
+                        f"{key}: the robot refused {request}: {reply.reason}",
+                        reason=reply.reason,
+                    )
+                return reply
+            self._pause.wait(RETRY_PAUSE_S)
+        raise RobotUnreachableError(
+            f"{key}: no answer from the robot within {self._timeout_s:g} s; it may "
+            "hang, or be about to end"
+        )
+
+    def _ask_once(self, key: str, data: bytes, timeout_s: float) -> bytes | None:
+        for reply in self._session.get(key, payload=data, timeout=timeout_s):
+            if reply.ok is not None:
+                return reply.ok.payload.to_bytes()
+        return None

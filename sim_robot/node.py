@@ -1,0 +1,113 @@
+"""The simulated robot as a process on the bus."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+from robot_io.gate import CommandGate
+from robot_io.pace import Pace
+from robot_io.quiet import quiet_interpreter
+from robot_io.robot import Robot
+from robot_io.server import RobotServer
+from robot_io.stop_request import StopRequest
+from schemas.arrays import Array
+from schemas.endpoints import Endpoints
+from schemas.result import PlantResult
+from schemas.scenario import Scenario
+from sim_robot.robot_loop import RobotLoop
+from sim_robot.simulated_robot import SimulatedRobot
+
+NEVER_STARTED = "no commander came"
+
+
+@dataclass(frozen=True)
+class RobotRun:
+    """What a run of the simulated robot left behind.
+
+    Attributes:
+        result: figures of the run, over the ticks there were.
+        reason: why it ended.
+        was_stopped: whether it ended early, on a signal or a stop request.
+        recording: per-tick arrays by name; None unless recorded.
+    """
+
+    result: PlantResult
+    reason: str
+    was_stopped: bool
+    recording: dict[str, Array] | None
+
+
+def run_robot(
+    robot: Robot,
+    scenario: Scenario,
+    *,
+    seed: int,
+    endpoints: Endpoints,
+    pace: Pace,
+    record: bool = False,
+    wait_s: float | None = None,
+    stop: StopRequest | None = None,
+) -> RobotRun:
+    """Runs a scenario on the bus, commanded by whoever takes the lease.
+
+    The robot stands at tick 0, in HOLD, until a commander has enabled it: scenarios
+    begin with the commander, however long it takes to come up. Sensors are published
+    from then on; status is from the start. The run ends with the scenario, at the
+    tick of the fall, or on SIGINT or SIGTERM, with a last status in mode OFF.
+
+    Args:
+        robot: what its files say.
+        scenario: the run.
+        seed: of the sensor noise.
+        endpoints: where to listen.
+        pace: lockstep or real time.
+        record: keep per-tick arrays.
+        wait_s: how long to wait for a commander; None for ever [s].
+        stop: ends the run from outside, besides signals.
+
+    Returns:
+        The run; also when it was stopped or nobody came.
+
+    Raises:
+        EndpointError: cannot listen there.
+        ScenarioError: the scenario fits neither the robot nor its ticks.
+    """
+    stop = stop or StopRequest()
+    simulated = SimulatedRobot(robot, scenario, seed=seed, record=record)
+    gate = CommandGate(robot, simulated.held_posture)
+    with (
+        stop.on_signals(),
+        RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server,
+    ):
+        loop = RobotLoop(
+            simulated,
+            gate,
+            server,
+            pace=pace,
+            period_s=robot.period_s,
+            ticks=math.ceil(scenario.duration_s / robot.period_s),
+        )
+        is_commanded = server.wait_until_active(now_s=0.0, timeout_s=wait_s)
+        begin_s = time.monotonic()
+        reason = NEVER_STARTED
+        if is_commanded:
+            with quiet_interpreter():
+                reason = loop.run(stop)
+        elapsed_s = time.monotonic() - begin_s
+        gate.authority.finish(reason)
+        server.publish_status(now_s=simulated.time_s, at_once=True)
+        return RobotRun(
+            result=simulated.result(
+                real_time_factor=simulated.time_s / elapsed_s if elapsed_s else 0.0,
+                round_trip_ms=loop.round_trip.distribution(),
+                period_jitter_ms=loop.lateness.distribution(),
+                deadline_misses=server.deadline_misses,
+                refused=dict(gate.refused),
+                clipped=dict(gate.clipped),
+            ),
+            reason=reason,
+            was_stopped=stop.is_set and not simulated.finished,
+            recording=simulated.recording() if record else None,
+        )

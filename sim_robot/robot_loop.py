@@ -1,0 +1,149 @@
+"""The simulated robot's loop between its plant and the bus."""
+
+from __future__ import annotations
+
+import time
+
+from robot_io.gate import CommandGate
+from robot_io.pace import Pace
+from robot_io.pacer import Pacer
+from robot_io.server import RobotServer
+from robot_io.stop_request import StopRequest
+from robot_io.timing import TimingLog
+from schemas.messages import RobotMode
+from sim_robot.simulated_robot import SimulatedRobot
+from sim_robot.truth_message import truth_message
+
+DEADLINE_S = 2.0
+"""Lockstep: how long an answer may take."""
+FIRST_DEADLINE_S = 15.0
+"""The same for the first one, while a controller may still build its model."""
+TRUTH_EVERY_TICKS = 20
+ROUND_TRIPS_KEPT = 1024
+"""Ticks whose departure is remembered; older answers are refused anyway."""
+
+
+class RobotLoop:
+    """Sense, publish, take commands, step; tick after tick.
+
+    In lockstep, tick k steps once the answer to tick k - d has come, d the command
+    delay: with d >= 1 the controller answers tick k while the plant of tick k runs,
+    and still every run is the same. While nobody commands, in HOLD or FAULT, there is
+    nobody to be in step with: the robot holds its posture and its time goes by the
+    clock, until it falls or someone takes over.
+
+    Attributes:
+        round_trip: from sensors sent to command taken in.
+        lateness: how late ticks began, where they go by the clock.
+    """
+
+    def __init__(
+        self,
+        simulated: SimulatedRobot,
+        gate: CommandGate,
+        server: RobotServer,
+        *,
+        pace: Pace,
+        period_s: float,
+        ticks: int,
+    ) -> None:
+        """Joins plant, gate and bus.
+
+        Args:
+            simulated: the run.
+            gate: judges commands.
+            server: the bus.
+            pace: lockstep or real time.
+            period_s: from tick to tick [s].
+            ticks: how many there will be at most.
+        """
+        self.round_trip = TimingLog(ticks)
+        self.lateness = TimingLog(ticks)
+        self._simulated, self._gate, self._server = simulated, gate, server
+        self._is_lockstep = pace is Pace.LOCKSTEP
+        self._pacer = Pacer(period_s, lateness=self.lateness)
+        self._sent_ns = [0] * ROUND_TRIPS_KEPT
+        self._active_since: int | None = None
+        self._is_answered = False
+
+    def run(self, stop: StopRequest) -> str:
+        """Runs until the scenario is over, the robot fell or somebody asks.
+
+        Returns:
+            Why it ended.
+        """
+        self._pacer.restart()
+        while not self._simulated.finished:
+            if stop.is_set:
+                return f"stopped: {stop.cause}"
+            self._tick(stop)
+        if self._simulated.fell:
+            return f"run over: fell at {self._simulated.time_s:.2f} s"
+        return f"run over: {self._simulated.time_s:g} s"
+
+    def _tick(self, stop: StopRequest) -> None:
+        simulated, server = self._simulated, self._server
+        tick, now_s = simulated.tick, simulated.time_s
+        self._gate.begin_tick(now_s=now_s)
+        server.serve_requests(now_s=now_s)
+        self._note_mode(tick)
+        stamp_ns = time.monotonic_ns()
+        server.publish_sensors(simulated.sense(), stamp_ns=stamp_ns)
+        self._sent_ns[tick % ROUND_TRIPS_KEPT] = stamp_ns
+        if self._is_lockstep and self._gate.mode is RobotMode.ACTIVE:
+            self._take_answer(tick, now_s, stop)
+            simulated.step()
+        else:
+            self._take_newest(tick, now_s)
+            simulated.step()
+            self._pacer.wait()
+        server.publish_status(now_s=now_s)
+        if tick % TRUTH_EVERY_TICKS == 0:
+            server.publish_truth(truth_message(simulated.truth(), stamp_ns=stamp_ns))
+
+    def _note_mode(self, tick: int) -> None:
+        """Answers are due for ticks from the first ACTIVE one on."""
+        if self._gate.mode is not RobotMode.ACTIVE:
+            self._active_since = None
+        elif self._active_since is None:
+            self._active_since = tick
+            self._is_answered = False
+
+    def _take_answer(self, tick: int, now_s: float, stop: StopRequest) -> None:
+        """Lockstep: waits for the answer that has to act in this tick's step."""
+        due = self._simulated.commands_needed(tick)
+        if due is None or self._active_since is None or due < self._active_since:
+            return
+        answer = self._server.wait_answer(
+            due,
+            now_s=now_s,
+            timeout_s=DEADLINE_S if self._is_answered else FIRST_DEADLINE_S,
+        )
+        if answer is not None:
+            self._take_in(answer.command.tick, due)
+        elif self._gate.mode is RobotMode.ACTIVE and not stop.is_set:
+            self._server.deadline_misses += 1
+        else:
+            self._pacer.restart()
+
+    def _take_newest(self, tick: int, now_s: float) -> None:
+        """Real time: the newest command acts as soon as its delay is over."""
+        command = self._server.take_newest(now_s=now_s)
+        if command is not None:
+            due = tick - self._simulated.command_delay_ticks
+            self._take_in(command.tick, max(command.tick, due))
+        elif self._is_answered and self._gate.mode is RobotMode.ACTIVE:
+            self._server.deadline_misses += 1
+
+    def _take_in(self, answered_tick: int, acts_as: int) -> None:
+        """Hands the gate's posture on.
+
+        Args:
+            answered_tick: the tick the command answers.
+            acts_as: the tick whose answer it stands for.
+        """
+        sent_ns = self._sent_ns[answered_tick % ROUND_TRIPS_KEPT]
+        self.round_trip.add(time.monotonic_ns() - sent_ns)
+        self._is_answered = True
+        if acts_as >= 0:
+            self._simulated.apply(self._gate.posture, tick=acts_as)

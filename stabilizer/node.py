@@ -1,0 +1,162 @@
+"""A controller as a process on the bus."""
+
+from __future__ import annotations
+
+import os
+import socket
+import time
+
+from robot_io.assembler import SnapshotReading
+from robot_io.client import RobotClient
+from robot_io.pace import Pace
+from robot_io.quiet import quiet_interpreter
+from robot_io.robot import Robot
+from robot_io.stop_request import StopRequest
+from schemas.arrays import Array
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode
+from schemas.result import ControllerResult
+from stabilizer.controller import Controller, ControllerOutput
+from stabilizer.telemetry import ControllerTelemetry
+
+CONNECT_TIMEOUT_S = 10.0
+SILENCE_POLL_S = 0.1
+SILENCE_LIMIT_S = 10.0
+"""A robot that is there but sends nothing for so long is given up."""
+STATUS_RATE_HZ = 50.0
+
+
+def run_stabilizer(
+    controller: Controller,
+    robot: Robot,
+    *,
+    endpoints: Endpoints,
+    pace: Pace,
+    identity: str | None = None,
+    connect_timeout_s: float = CONNECT_TIMEOUT_S,
+    stop: StopRequest | None = None,
+) -> ControllerResult:
+    """Waits for the robot, takes command of it and answers its ticks.
+
+    In lockstep every tick is answered exactly once, in order; in real time the newest
+    one. It ends when the robot does, or takes command away, or on SIGINT or SIGTERM;
+    the lease is given back, and the robot holds its posture.
+
+    Args:
+        controller: what answers.
+        robot: what its files say; the same as on the robot's side.
+        endpoints: where to dial.
+        pace: the robot's.
+        identity: one word, unique on the bus; made up when None.
+        connect_timeout_s: how long the robot may take to appear [s].
+        stop: ends the run from outside, besides signals.
+
+    Returns:
+        Figures of the run and why it ended.
+
+    Raises:
+        EndpointError: a locator is malformed.
+        RobotUnreachableError: no robot there, or it does not answer.
+        RequestRefusedError: somebody else commands it, or it is in fault.
+    """
+    stop = stop or StopRequest()
+    telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
+    with (
+        stop.on_signals(),
+        RobotClient(
+            robot,
+            endpoints=endpoints,
+            identity=identity or _made_up_identity(controller.name),
+            in_order=pace is Pace.LOCKSTEP,
+            stop=stop,
+        ) as client,
+    ):
+        if not client.wait_for_robot(timeout_s=connect_timeout_s):
+            return telemetry.result(f"stopped: {stop.cause}")
+        client.take_lease()
+        q_held = client.enable()
+        with quiet_interpreter():
+            reason = _Loop(controller, client, telemetry, robot.period_s).run(
+                q_held, stop
+            )
+    return telemetry.result(reason)
+
+
+def _made_up_identity(controller_name: str) -> str:
+    host = socket.gethostname().split(".")[0]
+    return f"{controller_name}-{host}-{os.getpid()}"
+
+
+class _Loop:
+    """Answers snapshots until there is a reason to end."""
+
+    def __init__(
+        self,
+        controller: Controller,
+        client: RobotClient,
+        telemetry: ControllerTelemetry,
+        period_s: float,
+    ) -> None:
+        """Joins controller and bus."""
+        self._controller, self._client = controller, client
+        self._telemetry = telemetry
+        self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
+        self._is_started = False
+        self._answered = 0
+
+    def run(self, q_held: Array, stop: StopRequest) -> str:
+        """Answers until the end; returns its reason."""
+        heard_s = time.monotonic()
+        while not stop.is_set:
+            reading = self._client.wait_snapshot(timeout_s=SILENCE_POLL_S)
+            if reading is not None:
+                heard_s = time.monotonic()
+                output = self._answer(reading, q_held)
+                if self._answered % self._status_every != 0:
+                    continue
+                self._tell(reading, output)
+            reason = self._why_end(time.monotonic() - heard_s)
+            if reason:
+                return reason
+        return f"stopped: {stop.cause}"
+
+    def _answer(self, reading: SnapshotReading, q_held: Array) -> ControllerOutput:
+        if not self._is_started:
+            self._controller.start(reading.snapshot, q_held)
+            self._is_started = True
+        output = self._controller.step(reading.snapshot, self._client.reference())
+        self._client.send(output.q_command, tick=reading.snapshot.tick)
+        self._telemetry.add(
+            output,
+            duration_ns=time.perf_counter_ns() - reading.complete_ns,
+            is_stale=bool(reading.stale),
+        )
+        self._answered += 1
+        return output
+
+    def _tell(self, reading: SnapshotReading, output: ControllerOutput) -> None:
+        status = self._telemetry.status(
+            output,
+            tick=reading.snapshot.tick,
+            stamp_ns=time.monotonic_ns(),
+            stale=reading.stale,
+        )
+        self._client.publish_status(status)
+
+    def _why_end(self, silence_s: float) -> str:
+        """Why to end; empty to go on."""
+        client = self._client
+        status = client.status()
+        if status is not None:
+            if status.mode is RobotMode.FAULT:
+                return f"the robot is in fault: {status.fault}"
+            if status.mode is RobotMode.OFF:
+                return status.reason or "the robot is off"
+            if status.commander != client.identity:
+                return f"lost command of the robot: {status.reason}"
+        if not client.robot_is_here:
+            return "the robot is gone"
+        if silence_s > SILENCE_LIMIT_S:
+            names = ", ".join(client.missing_sensors()) or "any sensor"
+            return f"no news from {names} for {silence_s:.1f} s"
+        return ""

@@ -1,0 +1,121 @@
+"""What a controller's run is measured by."""
+
+from __future__ import annotations
+
+import math
+
+from robot_io.timing import TimingLog
+from schemas.messages import SCHEMA_VERSION, StabilizerStatus
+from schemas.result import ControllerResult, Distribution
+from stabilizer.controller import ControllerOutput
+
+TICKS_KEPT = 65536
+TICKS_IN_STATUS = 1024
+TIMING_EVERY_STATUSES = 25
+"""Percentiles take as long as a small QP: not in every status."""
+SETTLED_S = 1.0
+"""Force errors count from here on, as the robot's own figures do."""
+F_Z = 2
+WRENCH = 6
+GOOD = "ok"
+
+
+class ControllerTelemetry:
+    """Counts and times a controller's ticks; the same on the bus and in one process."""
+
+    def __init__(self, controller_name: str, *, period_s: float) -> None:
+        """Starts empty.
+
+        Args:
+            controller_name: as told on status.
+            period_s: of the robot [s].
+        """
+        self._name = controller_name
+        self._settled_ticks = SETTLED_S / period_s
+        self._durations = TimingLog(TICKS_KEPT)
+        self._recent = TimingLog(TICKS_IN_STATUS)
+        self._recent_ms = Distribution(median=0.0, p99=0.0, max=0.0)
+        self._ticks = self._qp_failures = self._stale = self._statuses = 0
+        self._squares_left = self._squares_right = 0.0
+        self._settled = 0
+
+    def add(
+        self, output: ControllerOutput, *, duration_ns: int, is_stale: bool
+    ) -> None:
+        """Adds a tick.
+
+        Args:
+            output: the controller's answer.
+            duration_ns: time it took, snapshot to command [ns].
+            is_stale: whether a sensor's message was missing.
+        """
+        self._durations.add(duration_ns)
+        self._recent.add(duration_ns)
+        self._ticks += 1
+        self._stale += is_stale
+        self._qp_failures += output.qp_status != GOOD
+        if self._ticks > self._settled_ticks:
+            wanted, measured = output.F_id, output.F_meas
+            left = float(measured[F_Z] - wanted[F_Z])
+            right = float(measured[WRENCH + F_Z] - wanted[WRENCH + F_Z])
+            self._squares_left += left * left
+            self._squares_right += right * right
+            self._settled += 1
+
+    def status(
+        self,
+        output: ControllerOutput,
+        *,
+        tick: int,
+        stamp_ns: int,
+        stale: tuple[str, ...],
+    ) -> StabilizerStatus:
+        """What to tell everyone of the present tick.
+
+        Args:
+            output: the controller's answer.
+            tick: the tick answered.
+            stamp_ns: monotonic clock [ns].
+            stale: channels whose message was missing.
+        """
+        if self._statuses % TIMING_EVERY_STATUSES == 0:
+            self._recent_ms = self._recent.distribution()
+        self._statuses += 1
+        return StabilizerStatus(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            controller=self._name,
+            state="degraded" if stale else "active",
+            reason=f"no news from {', '.join(stale)}" if stale else "",
+            com=output.com.tolist(),
+            com_reference=output.com_reference.tolist(),
+            F_id_left=output.F_id[:WRENCH].tolist(),
+            F_id_right=output.F_id[WRENCH:].tolist(),
+            F_meas_left=output.F_meas[:WRENCH].tolist(),
+            F_meas_right=output.F_meas[WRENCH:].tolist(),
+            in_contact=list(output.in_contact),
+            qp_status=output.qp_status,
+            tick_median_ms=self._recent_ms.median,
+            tick_p99_ms=self._recent_ms.p99,
+            tick_max_ms=self._recent_ms.max,
+        )
+
+    def result(self, reason: str) -> ControllerResult:
+        """The whole run.
+
+        Args:
+            reason: why it ended.
+        """
+        count = max(1, self._settled)
+        return ControllerResult(
+            ticks=self._ticks,
+            tick_ms=self._durations.distribution(),
+            force_error_rms_n=[
+                math.sqrt(self._squares_left / count),
+                math.sqrt(self._squares_right / count),
+            ],
+            qp_failures=self._qp_failures,
+            stale_snapshots=self._stale,
+            reason=reason,
+        )
