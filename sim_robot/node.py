@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from robot_io.gate import CommandGate
@@ -49,6 +50,7 @@ def run_robot(
     record: bool = False,
     wait_s: float | None = None,
     stop: StopRequest | None = None,
+    on_tick: Callable[[int], None] | None = None,
 ) -> RobotRun:
     """Runs a scenario on the bus, commanded by whoever takes the lease.
 
@@ -66,6 +68,7 @@ def run_robot(
         record: keep per-tick arrays.
         wait_s: how long to wait for a commander; None for ever [s].
         stop: ends the run from outside, besides signals.
+        on_tick: told the tick now and then, for a progress bar.
 
     Returns:
         The run; also when it was stopped or nobody came.
@@ -88,6 +91,7 @@ def run_robot(
             pace=pace,
             period_s=robot.period_s,
             ticks=math.ceil(scenario.duration_s / robot.period_s),
+            on_tick=on_tick,
         )
         is_commanded = server.wait_until_active(now_s=0.0, timeout_s=wait_s)
         begin_s = time.monotonic()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 from robot_io.gate import CommandGate
 from robot_io.pace import Pace
@@ -46,6 +47,7 @@ class RobotLoop:
         pace: Pace,
         period_s: float,
         ticks: int,
+        on_tick: Callable[[int], None] | None = None,
     ) -> None:
         """Joins plant, gate and bus.
 
@@ -56,6 +58,7 @@ class RobotLoop:
             pace: lockstep or real time.
             period_s: from tick to tick [s].
             ticks: how many there will be at most.
+            on_tick: told the tick now and then, for a progress bar.
         """
         self.round_trip = TimingLog(ticks)
         self.lateness = TimingLog(ticks)
@@ -63,6 +66,7 @@ class RobotLoop:
         self._is_lockstep = pace is Pace.LOCKSTEP
         self._pacer = Pacer(period_s, lateness=self.lateness)
         self._sent_ns = [0] * ROUND_TRIPS_KEPT
+        self._on_tick = on_tick
         self._active_since: int | None = None
         self._is_answered = False
 
@@ -100,6 +104,8 @@ class RobotLoop:
         server.publish_status(now_s=now_s)
         if tick % TRUTH_EVERY_TICKS == 0:
             server.publish_truth(truth_message(simulated.truth(), stamp_ns=stamp_ns))
+            if self._on_tick is not None:
+                self._on_tick(tick)
 
     def _note_mode(self, tick: int) -> None:
         """Answers are due for ticks from the first ACTIVE one on."""
