@@ -66,11 +66,15 @@ class TsidSettings(FileStruct, frozen=True, kw_only=True):
 class DikSettings(FileStruct, frozen=True, kw_only=True):
     """Second QP (op: u): joint velocities that drive the wrenches there."""
 
-    k_force: NegativeSix = (-25.0, -25.0, -25.0, -25.0, -25.0, -25.0)
+    k_force: NegativeSix = (-50.0, -50.0, -50.0, -50.0, -50.0, -50.0)
     """Diagonal of K per foot, [x y z roll pitch yaw], negative [1/s]: closed-loop
     rate of the wrench error; smaller magnitude is softer and faster to yield."""
     contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """Weight of the wrench law per foot axis."""
+    yield_limit_m_s: Positive = 1.0
+    """Fastest a sole yields to a force error."""
+    yield_limit_rad_s: Positive = 6.0
+    """Fastest a sole yields to a moment error."""
     com_gain: PositiveTriple = (2.0, 2.0, 2.0)
     """CoM position gain, x y z [1/s]."""
     com_weight: PositiveTriple = (10.0, 10.0, 10.0)
@@ -106,10 +110,12 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     """Part of each foot's estimated twist fed forward, [x y z roll pitch yaw]."""
     cutoff_hz: Positive = 15.0
     """Low-pass of the estimated twist."""
-    lead_s: NonNegative = 0.035
+    lead_s: NonNegative = 0.015
     """Lead that makes up for the low-pass and the damping of the drives [s]."""
-    full_force_n: Positive = 100.0
-    """Feed-forward fades in with the normal force up to here."""
+    firm_force_n: Positive = 150.0
+    """Feed-forward is whole above this normal force, and in proportion below [N]."""
+    recovery_s: Positive = 0.3
+    """Time it takes to return after a foot was unloaded [s]."""
 
 
 class EstimatorSettings(FileStruct, frozen=True, kw_only=True):

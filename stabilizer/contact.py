@@ -13,17 +13,28 @@ class ContactMonitor:
 
     Attributes:
         in_contact: (left, right).
-        load: (2,) share of its full load a foot may take: 0 just after touch-down,
-            1 after ``reload_s``.
+        allowed: (2,) largest normal force to ask of each foot [N]: all of
+            ``largest_force`` while it stands; after touch-down what it carries,
+            growing to all within ``reload_s``.
     """
 
-    def __init__(self, settings: ContactSettings, *, period_s: float) -> None:
-        """Begins with both feet standing."""
+    def __init__(
+        self, settings: ContactSettings, *, largest_force: float, period_s: float
+    ) -> None:
+        """Begins with both feet standing.
+
+        Args:
+            settings: thresholds and times.
+            largest_force: to be asked of a foot that stands [N].
+            period_s: time between two updates [s].
+        """
+        self._largest = largest_force
         self._settings = settings
         self._dt = period_s
         self._timer = [0.0, 0.0]
         self.in_contact = [True, True]
-        self.load: Array = np.ones(2)
+        self._load = [1.0, 1.0]
+        self.allowed: Array = np.full(2, largest_force)
 
     def update(self, normal_left: float, normal_right: float) -> None:
         """Advances by one tick.
@@ -40,8 +51,8 @@ class ContactMonitor:
         if self.in_contact[side]:
             turning = normal < settings.lost_below_n
             needed = settings.lost_after_s
-            grown = self.load[side] + self._dt / settings.reload_s
-            self.load[side] = min(1.0, grown)
+            grown = self._load[side] + self._dt / settings.reload_s
+            self._load[side] = min(1.0, max(grown, normal / self._largest))
         else:
             turning = normal > settings.regained_above_n
             needed = settings.regained_after_s
@@ -49,4 +60,5 @@ class ContactMonitor:
         if turning and self._timer[side] > needed:
             self.in_contact[side] = not self.in_contact[side]
             self._timer[side] = 0.0
-            self.load[side] = 0.0
+            self._load[side] = 0.0
+        self.allowed[side] = self._load[side] * self._largest

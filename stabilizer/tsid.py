@@ -142,7 +142,7 @@ class Tsid:
         stance: Stance,
         *,
         in_contact: list[bool],
-        load: Array,
+        allowed: Array,
     ) -> QpSolution:
         """Computes F_id for this tick.
 
@@ -150,7 +150,7 @@ class Tsid:
             dynamics: quantities at the present state.
             stance: reference.
             in_contact: which feet stand.
-            load: (2,) share of its full load each foot may take.
+            allowed: (2,) largest normal force of each foot [N].
 
         Returns:
             The QP's solution; ``F_id`` keeps its last value when it failed.
@@ -162,7 +162,7 @@ class Tsid:
         if not self.condense(dynamics, problem):
             return self._singular
         self._stack_tasks(dynamics, stance, problem)
-        self._set_limits(problem, load)
+        self._set_limits(problem, allowed)
         qp = problem.qp
         np.dot(problem.T.T, problem.T, out=qp.P)
         qp.P.flat[:: self._model.n_a + 1] += self._settings.torque_weight
@@ -250,16 +250,14 @@ class Tsid:
         for i, foot in enumerate(problem.feet):
             problem.F_even[6 * i : 6 * i + 3] = share * dynamics.R_world_sole[foot][2]
 
-    def _set_limits(self, problem: _FeetProblem, load: Array) -> None:
-        settings = self._settings
-        largest = settings.normal_force_max_weights * self._weight
+    def _set_limits(self, problem: _FeetProblem, allowed: Array) -> None:
+        least = self._settings.normal_force_min_n
         for i, foot in enumerate(problem.feet):
-            least = settings.normal_force_min_n
-            allowed = max(2.0 * least, float(load[foot]) * largest)
+            largest = max(2.0 * least, float(allowed[foot]))
             # Alone on the ground, a foot must carry what there is to carry.
-            problem.d[ROWS_PER_FOOT * i + 10] = (
-                allowed if len(problem.feet) > 1 else largest
-            )
+            if len(problem.feet) == 1:
+                largest = max(largest, 2.0 * self._weight)
+            problem.d[ROWS_PER_FOOT * i + 10] = largest
             problem.d[ROWS_PER_FOOT * i + 11] = -least
         np.dot(problem.C, problem.Gamma_c, out=problem.qp.G)
         np.dot(problem.C, problem.h_c, out=problem.qp.h_u)

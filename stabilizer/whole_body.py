@@ -18,7 +18,7 @@ from stabilizer.controller import ControllerOutput
 from stabilizer.dik import Dik
 from stabilizer.dynamics import Dynamics
 from stabilizer.estimator import Estimator
-from stabilizer.model import N_BASE_V, RobotModel
+from stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from stabilizer.qp import QpData
 from stabilizer.references import standing
 from stabilizer.tsid import NO_CONTACT, Tsid
@@ -47,7 +47,12 @@ class WholeBodyController:
         )
         self.dynamics = Dynamics(self.model)
         self.wrenches = WrenchCompensation(self.model)
-        self.contacts = ContactMonitor(settings.contact, period_s=robot.period_s)
+        weight = self.model.mass * GRAVITY
+        self.contacts = ContactMonitor(
+            settings.contact,
+            largest_force=settings.tsid.normal_force_max_weights * weight,
+            period_s=robot.period_s,
+        )
         self.tsid = Tsid(self.model, settings.tsid)
         self.law = WrenchLaw(
             settings.dik, settings.ground, settings.contact, period_s=robot.period_s
@@ -55,7 +60,7 @@ class WholeBodyController:
         self.dik = Dik(self.model, settings.dik)
         self.failure: QpData | None = None
         self._q_command: Array = np.zeros(self.model.n_a)
-        self._normals = [0.5 * self.model.mass * 9.81] * 2
+        self._normals = [0.5 * weight] * 2
         self._since_start_s = 0.0
         self._reference: Reference | None = None
 
@@ -119,7 +124,7 @@ class WholeBodyController:
         """Both QPs and the integration; the posture is held when one fails."""
         contacts, dynamics, stance = self.contacts, self.dynamics, self.stance
         tsid = self.tsid.solve(
-            dynamics, stance, in_contact=contacts.in_contact, load=contacts.load
+            dynamics, stance, in_contact=contacts.in_contact, allowed=contacts.allowed
         )
         if not tsid.ok and tsid.status != NO_CONTACT:
             self._keep_failure(self.tsid.problem(contacts.in_contact).data(tsid.status))

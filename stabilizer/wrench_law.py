@@ -41,10 +41,14 @@ class WrenchLaw:
     ) -> None:
         """Precomputes gains."""
         self._K_inv = 1.0 / np.array(dik.k_force * 2)
+        linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
+        self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
         self._leak = dik.stance_leak
         self._contact = contact
         self._ground_gain = np.array(ground.gain * 2)
-        self._full_force = ground.full_force_n
+        self._firm_force = ground.firm_force_n
+        self._recovery = period_s / ground.recovery_s
+        self._share = [1.0, 1.0]
         self._blend = -math.expm1(-2.0 * math.pi * ground.cutoff_hz * period_s)
         self._lead = ground.lead_s / period_s
         self._low_passed = np.zeros(12)
@@ -82,6 +86,8 @@ class WrenchLaw:
         np.multiply(e_F, self._K_inv, out=self._scaled)
         np.dot(dynamics.Lambda_c_inv, self._scaled, out=self.r)
         np.negative(self.r, out=self.r)
+        np.minimum(self.r, self._yield_limit, out=self.r)
+        np.maximum(self.r, -self._yield_limit, out=self.r)
         change = self._blend * (dynamics.v_sole - self._low_passed)
         self._low_passed += change
         np.multiply(change, self._lead, out=self.ground_twist)
@@ -95,12 +101,20 @@ class WrenchLaw:
         return self.r
 
     def _feed_forward(self, side: int, normal: float) -> None:
+        """A foot that stands firmly moves with its ground.
+
+        A foot that bounces does not show the ground's motion but its own, so its
+        share drops at once and returns slowly.
+        """
+        share = min(max(normal / self._firm_force, 0.0), 1.0)
+        self._share[side] = min(share, self._share[side] + self._recovery)
         rows = SOLE_ROWS[side]
-        share = min(max(normal / self._full_force, 0.0), 1.0)
-        self.r[rows] += share * self._ground_gain[rows] * self.ground_twist[rows]
+        gain = self._share[side] * self._ground_gain[rows]
+        self.r[rows] += gain * self.ground_twist[rows]
 
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
         """A lifted foot goes down, along the world's vertical."""
+        self._share[side] = 0.0
         rows = SOLE_ROWS[side]
         index = 6 * side + NORMAL
         speed = (
