@@ -67,11 +67,12 @@ class StandingState(Protocol):
 class PlantMetrics:
     """Running sums over ticks; its memory does not grow with the run."""
 
-    def __init__(self, start: StandingState, *, weight: float, period_s: float) -> None:
-        """Takes the reference from how the robot stands.
+    def __init__(self, reference: Vec3, *, weight: float, period_s: float) -> None:
+        """Starts all sums at zero.
 
         Args:
-            start: state at tick 0, at rest.
+            reference: (3,) centre of mass of the reference stance, x and y from the
+                midpoint of the soles, z in the world [m].
             weight: the robot's true weight [N].
             period_s: control period.
         """
@@ -79,7 +80,7 @@ class PlantMetrics:
         self._half_weight = 0.5 * weight
         self._com_from = _first_tick(COM_FROM_S, period_s)
         self._peak_from = _first_tick(PEAK_FROM_S, period_s)
-        self._reference = _com_over_soles(start)
+        self._reference = reference.tolist()
         self._squares = [0.0, 0.0, 0.0]
         self._largest = [0.0, 0.0, 0.0]
         self._counted = 0

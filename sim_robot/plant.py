@@ -6,7 +6,7 @@ import mujoco
 
 from robot_io.robot import Robot
 from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
+from schemas.arrays import Array, Vec3
 from schemas.scenario import Scenario
 from sim_robot.constants import SIM_STEP_S
 from sim_robot.errors import CommandError
@@ -34,6 +34,7 @@ class Plant:
     Attributes:
         world: the compiled model and its addresses.
         data: MuJoCo's state; to be read, not written.
+        com_reference: (3,) what CoM errors are counted against: the nominal stance.
         view: the true state at the present tick, without copying it.
     """
 
@@ -75,7 +76,7 @@ class Plant:
         )
         self._tick = 0
         self._steps_done = 0
-        self._settle()
+        self.com_reference = self._settle()
         self._snapshot: Snapshot | None = None
         self._fallen = FallDetector(self.view)
 
@@ -134,12 +135,20 @@ class Plant:
         self._ground.arrive()
         mujoco.mj_step1(self._model, self.data)
 
-    def _settle(self) -> None:
-        """Stands the robot on the ground and waits until it is at rest."""
+    def _settle(self) -> Vec3:
+        """Stands the robot on the ground and waits until it is at rest.
+
+        Returns:
+            (3,) centre of mass of the nominal posture on level ground, x and y from
+            the midpoint of the soles, before the servos give way under the weight.
+        """
         data, world = self.data, self.world
         data.qpos[:3] = 0.0, 0.0, world.base_height
         data.qpos[world.joint_qpos] = self._nominal
         mujoco.mj_step1(self._model, data)
+        reference = self.view.com.copy()
+        reference[:2] -= 0.5 * (self.view.sole_left + self.view.sole_right)[:2]
         for _ in range(round(SETTLE_S / SIM_STEP_S)):
             self._simulate(self._nominal, end_s=0.0)
         data.time = 0.0
+        return reference

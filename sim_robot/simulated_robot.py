@@ -69,7 +69,9 @@ class SimulatedRobot:
         self._fell_at_s: float | None = None
         self._truth: PlantTruth | None = None
         self._metrics = PlantMetrics(
-            self.plant.view, weight=self.plant.world.weight, period_s=period_s
+            self.plant.com_reference,
+            weight=self.plant.world.weight,
+            period_s=period_s,
         )
         self._digest = RunDigest(joints=robot.n_a)
         self._record: RunRecord | None = None

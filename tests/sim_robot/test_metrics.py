@@ -27,7 +27,8 @@ START = PlantTruth(
 
 @pytest.fixture
 def metrics() -> PlantMetrics:
-    return PlantMetrics(START, weight=WEIGHT_N, period_s=PERIOD_S)
+    reference = START.com - [0.026, 0.0, 0.0]
+    return PlantMetrics(reference, weight=WEIGHT_N, period_s=PERIOD_S)
 
 
 def take(metrics: PlantMetrics, truth: PlantTruth) -> None:

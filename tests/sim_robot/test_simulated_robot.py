@@ -210,7 +210,9 @@ def test_standing_still_reports_figures_in_file_units(make: Make) -> None:
         simulated.step()
     report = result(simulated)
     half = 0.5 * simulated.plant.world.weight
-    assert max(report.com_error_max_mm) < 0.1
+    # The servos give way under the weight: the held posture sags, and stays so.
+    assert 0.5 < report.com_error_max_mm[2] < 3.0
+    assert report.com_error_max_mm == pytest.approx(report.com_error_rms_mm, abs=0.1)
     assert report.base_tilt_max_deg < 1.0
     assert report.force_peak_n == pytest.approx([half, half], rel=1e-3)
     assert max(report.force_deviation_rms_n) < 0.1
