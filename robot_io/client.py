@@ -5,11 +5,11 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
 import numpy as np
-import zenoh
 
 from robot_io.assembler import SnapshotAssembler, SnapshotReading
 from robot_io.bus import Bus
@@ -42,6 +42,8 @@ from schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
 
 SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
+DIAL_S = 0.5
+"""A stop request waits for at most this: Zenoh's dialing cannot be broken off."""
 STOP_POLL_S = 0.05
 PATIENCE_S = 0.005
 """How long one sensor may keep the others of its tick waiting."""
@@ -53,7 +55,7 @@ class RobotClient:
     A context manager, used by one thread::
 
         with RobotClient(robot, endpoints=endpoints, identity="me", ...) as client:
-            client.wait_for_robot(timeout_s=10.0)
+            client.connect(timeout_s=10.0)
             client.take_lease()
             q = client.enable()
             while (reading := client.wait_snapshot(timeout_s=0.1)) is not None:
@@ -71,7 +73,7 @@ class RobotClient:
         in_order: bool,
         stop: StopRequest,
     ) -> None:
-        """Prepares; entering the context starts dialing.
+        """Prepares; :meth:`connect` dials.
 
         Args:
             robot: names keys and joints.
@@ -85,44 +87,13 @@ class RobotClient:
         self._endpoints = endpoints
         self._in_order = in_order
         self._stop = stop
-        self._bus = Bus(endpoints, Role.PEER, namespace=robot.file.namespace)
+        self._stack = ExitStack()
         self._robot_is_here = threading.Event()
         self._sequence = 0
         self._has_lease = False
 
     def __enter__(self) -> Self:
-        """Opens the bus.
-
-        Raises:
-            EndpointError: a locator is malformed.
-        """
-        self._bus.__enter__()
-        self._stop.waking(self._bus.waker.nudge)
-        keys, n_a = self._robot.keys, self._robot.n_a
-        self._assembler = SnapshotAssembler(
-            self._sensor("joints", JointState),
-            self._sensor("imu", ImuState),
-            self._sensor("left_ankle_ft", ForceTorque),
-            self._sensor("right_ankle_ft", ForceTorque),
-            joint_count=n_a,
-            in_order=self._in_order,
-            patience_s=PATIENCE_S,
-        )
-        self._status = Latest(
-            self._bus.channel(keys["status"], depth=1), RobotStatus, joint_count=n_a
-        )
-        self._reference = Latest(
-            self._bus.channel(keys["reference"], depth=1), Reference, joint_count=n_a
-        )
-        self._command = self._bus.publisher(keys["joint_command"], urgent=True)
-        self._own_status = self._bus.publisher(keys["stabilizer"], urgent=False)
-        self._services = ServiceCaller(
-            self._bus.session, joint_count=n_a, timeout_s=REQUEST_TIMEOUT_S
-        )
-        self._token: zenoh.LivelinessToken = self._bus.announce(
-            f"{ALIVE_STABILIZER}/{self.identity}"
-        )
-        self._bus.watch_presence(ALIVE_ROBOT, self._on_presence)
+        """Does nothing yet; see :meth:`connect`."""
         return self
 
     def __exit__(
@@ -137,36 +108,36 @@ class RobotClient:
                 with contextlib.suppress(RobotIoError):  # it may end this very moment
                     self.release()
         finally:
-            self._bus.__exit__(kind, error, traceback)
+            self._stack.close()
 
-    @property
-    def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows."""
-        return self._robot_is_here.is_set()
-
-    def wait_for_robot(self, *, timeout_s: float) -> bool:
-        """Waits until the robot is there.
+    def connect(self, *, timeout_s: float) -> bool:
+        """Dials, and waits until the robot is ready.
 
         Args:
-            timeout_s: how long [s].
+            timeout_s: how long in all [s].
 
         Returns:
             Whether it is; False when the wait was stopped.
 
         Raises:
-            RobotUnreachableError: it did not come in time.
+            EndpointError: a locator is malformed.
+            RobotUnreachableError: no robot was ready in time.
         """
         end = time.monotonic() + timeout_s
-        while not self._robot_is_here.wait(STOP_POLL_S):
-            if self._stop.is_set:
-                return False
-            if time.monotonic() >= end:
-                raise RobotUnreachableError(
-                    f"no robot {self._robot.file.namespace!r} at "
-                    f"{', '.join(self._endpoints.connect)} within {timeout_s:g} s; is "
-                    "it running (surefoot robot), and does it listen there?"
-                )
-        return True
+        while not self._stop.is_set:
+            try:
+                self._open(min(DIAL_S, timeout_s))
+            except RobotUnreachableError:
+                if time.monotonic() < end:
+                    continue
+                raise self._unreachable("nobody answers", timeout_s) from None
+            return self._wait_for_robot(end, timeout_s)
+        return False
+
+    @property
+    def robot_is_here(self) -> bool:
+        """Whether the robot's process is alive, as far as the bus knows."""
+        return self._robot_is_here.is_set()
 
     def take_lease(self) -> ServiceReply:
         """Becomes the robot's commander.
@@ -270,6 +241,68 @@ class RobotClient:
     def publish_status(self, status: StabilizerStatus) -> None:
         """Tells everyone how the controller fares."""
         self._own_status.put(encode(status))
+
+    def _commands_still(self) -> bool:
+        """Whether there is a lease to give back; a robot that is off has taken it."""
+        if not self._has_lease or not self.robot_is_here:
+            return False
+        status = self._status.poll()
+        return status is None or status.commander == self.identity
+
+    def _open(self, timeout_s: float) -> None:
+        """Opens the bus and declares everything; the token last but the watch."""
+        with ExitStack() as stack:
+            self._bus = stack.enter_context(
+                Bus(
+                    self._endpoints,
+                    Role.CLIENT,
+                    namespace=self._robot.file.namespace,
+                    timeout_s=timeout_s,
+                )
+            )
+            self._declare()
+            self._stack = stack.pop_all()
+        self._stop.waking(self._bus.waker.nudge)
+
+    def _declare(self) -> None:
+        bus, keys, n_a = self._bus, self._robot.keys, self._robot.n_a
+        self._assembler = SnapshotAssembler(
+            self._sensor("joints", JointState),
+            self._sensor("imu", ImuState),
+            self._sensor("left_ankle_ft", ForceTorque),
+            self._sensor("right_ankle_ft", ForceTorque),
+            joint_count=n_a,
+            in_order=self._in_order,
+            patience_s=PATIENCE_S,
+        )
+        self._status = Latest(
+            bus.channel(keys["status"], depth=1), RobotStatus, joint_count=n_a
+        )
+        self._reference = Latest(
+            bus.channel(keys["reference"], depth=1), Reference, joint_count=n_a
+        )
+        self._command = bus.publisher(keys["joint_command"], urgent=True)
+        self._own_status = bus.publisher(keys["stabilizer"], urgent=False)
+        self._services = ServiceCaller(
+            bus.session, joint_count=n_a, timeout_s=REQUEST_TIMEOUT_S
+        )
+        self._token = bus.announce(f"{ALIVE_STABILIZER}/{self.identity}")
+        bus.watch_presence(ALIVE_ROBOT, self._on_presence)
+
+    def _wait_for_robot(self, end: float, timeout_s: float) -> bool:
+        while not self._robot_is_here.wait(STOP_POLL_S):
+            if self._stop.is_set:
+                return False
+            if time.monotonic() >= end:
+                name = self._robot.file.namespace
+                raise self._unreachable(f"no robot {name!r} is ready", timeout_s)
+        return True
+
+    def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
+        return RobotUnreachableError(
+            f"{what} at {', '.join(self._endpoints.connect)} within {timeout_s:g} s; "
+            "is the robot running (surefoot robot), and does it listen there?"
+        )
 
     def _ask_lease(self, action: str) -> ServiceReply:
         request = LeaseRequest(

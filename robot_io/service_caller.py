@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Callable
 
 import msgspec
 import zenoh
@@ -19,7 +20,12 @@ class ServiceCaller:
     """Calls the robot's services; every call has a limit."""
 
     def __init__(
-        self, session: zenoh.Session, *, joint_count: int, timeout_s: float
+        self,
+        session: zenoh.Session,
+        *,
+        joint_count: int,
+        timeout_s: float,
+        robot_is_here: Callable[[], bool],
     ) -> None:
         """Calls through a session.
 
@@ -27,10 +33,12 @@ class ServiceCaller:
             session: an open session.
             joint_count: n_a.
             timeout_s: how long a call may take [s].
+            robot_is_here: asked before a call is tried again.
         """
         self._session = session
         self._joint_count = joint_count
         self._timeout_s = timeout_s
+        self._robot_is_here = robot_is_here
         self._pause = threading.Event()
 
     def ask(self, key: str, request: msgspec.Struct) -> ServiceReply:
@@ -59,6 +67,8 @@ class ServiceCaller:
                         reason=reply.reason,
                     )
                 return reply
+            if not self._robot_is_here():
+                raise RobotUnreachableError(f"{key}: the robot went away, unanswered")
             self._pause.wait(RETRY_PAUSE_S)
         raise RobotUnreachableError(
             f"{key}: no answer from the robot within {self._timeout_s:g} s; it may "
