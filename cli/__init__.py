@@ -1,0 +1,1 @@
+"""The ``surefoot`` command: thin commands, all printing in one place."""

@@ -1,0 +1,44 @@
+"""Entry of the ``surefoot`` command and of ``python -m cli``."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from types import FrameType
+
+from cli.exit_codes import ExitCode, exit_code_of
+
+# 34 x 34 algebra is slower with threads, and its tail far worse. Read when numpy
+# and its libraries load, so it must stand before any of them.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
+
+def main() -> None:
+    """Runs the command line; the exit code is the one of :class:`ExitCode`."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        from cli.app import app
+
+        app(prog_name="surefoot")
+    except (Exception, KeyboardInterrupt) as error:
+        # The one place where errors become exit codes; unforeseen ones go on as
+        # they are, with their traceback and code 1.
+        code = exit_code_of(error)
+        if code is None:
+            raise
+        if code is not ExitCode.INTERRUPTED:
+            from cli.console import print_error
+
+            print_error(error)
+        sys.exit(code)
+
+
+def _interrupt(signum: int, frame: FrameType | None) -> None:
+    """Ends a command as Ctrl-C would, so that everything is closed on the way."""
+    raise KeyboardInterrupt
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,52 @@
+"""The commands of ``surefoot``; what they need is imported when they run."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from cli.robot_command import robot
+from cli.run_command import run
+from cli.scenarios_command import scenarios
+from cli.stabilizer_command import stabilizer
+
+app = typer.Typer(
+    name="surefoot",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"surefoot {version('surefoot')}")
+        raise typer.Exit
+
+
+@app.callback()
+def surefoot(
+    show_version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Show the version and exit.",
+        ),
+    ] = False,
+) -> None:
+    """Keep a position-controlled humanoid on its feet when the ground moves.
+
+    Exit codes: 0 ok, 1 failed, 2 usage or bad file, 3 environment, 4 robot
+    unreachable, 5 fell, 130 interrupted.
+    """
+
+
+app.command()(run)
+app.command()(robot)
+app.command()(stabilizer)
+app.command()(scenarios)

@@ -1,0 +1,118 @@
+"""A process of a run: its log, its progress, and how it is stopped."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections import deque
+from pathlib import Path
+from queue import SimpleQueue
+from typing import NamedTuple
+
+LAST_LINES = 12
+_TERMINATE_S = 5.0
+"""A process asked to end may take so long before it is killed [s]."""
+
+
+class Progress(NamedTuple):
+    """A child reached a tick."""
+
+    tick: int
+
+
+class Exit(NamedTuple):
+    """A child ended."""
+
+    child: Child
+    code: int
+    """Exit code; negative: the signal that ended it."""
+
+
+Event = Progress | Exit
+
+
+class Child:
+    """A ``surefoot`` command in a process of its own.
+
+    It runs in its own process group, so Ctrl-C reaches only the parent, which then
+    stops it in order. Its standard input is a pipe that nobody writes to: when the
+    parent dies, however that happens, the pipe closes and the child ends itself.
+
+    Attributes:
+        name: for messages and the name of the log.
+        log: everything it says on stderr.
+    """
+
+    def __init__(
+        self, name: str, arguments: list[str], *, log: Path, events: SimpleQueue[Event]
+    ) -> None:
+        """Starts the process.
+
+        Args:
+            name: what it is.
+            arguments: of the ``surefoot`` command.
+            log: file for its stderr.
+            events: gets its progress, then its exit.
+        """
+        self.name, self.log = name, log
+        with log.open("wb") as stderr:
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "cli", *arguments, "--child"],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=stderr,
+                env=_environment(),
+                start_new_session=True,
+            )
+        self._watch = threading.Thread(
+            target=self._report, args=(events,), name=f"watch-{name}", daemon=True
+        )
+        self._watch.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether the process is still there."""
+        return self._process.poll() is None
+
+    def ask_to_end(self) -> None:
+        """Asks the process to end in order."""
+        if self.running:
+            self._process.send_signal(signal.SIGTERM)
+
+    def stop(self) -> None:
+        """Ends the process, in order if it can, and waits until it is gone."""
+        self.ask_to_end()
+        try:
+            self._process.wait(_TERMINATE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._watch.join()
+
+    def last_lines(self) -> list[str]:
+        """The end of its log, blank lines left out."""
+        with self.log.open(encoding="utf-8", errors="replace") as file:
+            lines = (line.rstrip() for line in file)
+            return list(deque(filter(None, lines), maxlen=LAST_LINES))
+
+    def _report(self, events: SimpleQueue[Event]) -> None:
+        stdout = self._process.stdout
+        if stdout is not None:
+            with stdout:
+                for line in stdout:
+                    if line.strip().isdigit():
+                        events.put(Progress(int(line)))
+        events.put(Exit(self, self._process.wait()))
+
+
+def _environment() -> dict[str, str]:
+    """Ours, such that the child runs the same code as we do from any folder."""
+    root = str(Path(__file__).resolve().parent.parent)
+    inherited = os.environ.get("PYTHONPATH", "")
+    path = os.pathsep.join(filter(None, [root, inherited]))
+    return {**os.environ, "PYTHONPATH": path}

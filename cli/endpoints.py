@@ -1,0 +1,40 @@
+"""Where the processes of a command meet: file, options, or a free port of this host."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import msgspec
+
+from schemas.endpoints import Endpoints
+from schemas.toml_file import load
+
+
+def choose_endpoints(
+    file: Path | None, *, listen: list[str], connect: list[str]
+) -> Endpoints:
+    """Joins an endpoint file and the command line.
+
+    Args:
+        file: endpoint file, or None for the defaults.
+        listen: replaces the file's ``listen`` unless empty.
+        connect: replaces the file's ``connect`` unless empty.
+
+    Raises:
+        FileFormatError: the file cannot be used.
+    """
+    endpoints = Endpoints() if file is None else load(file, Endpoints)
+    if listen:
+        endpoints = msgspec.structs.replace(endpoints, listen=list(listen))
+    if connect:
+        endpoints = msgspec.structs.replace(endpoints, connect=list(connect))
+    return endpoints
+
+
+def private_endpoints() -> Endpoints:
+    """A free port of the loopback interface, for both sides of one run."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    locator = f"tcp/127.0.0.1:{port}"
+    return Endpoints(listen=[locator], connect=[locator])

@@ -1,0 +1,46 @@
+"""One result from what plant and controller measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from cli.run_plan import RunPlan
+from schemas.result import ControllerResult, PlantResult, RunResult
+
+
+def join_result(
+    plan: RunPlan,
+    plant: PlantResult,
+    controller: ControllerResult,
+    *,
+    out: Path | None,
+) -> RunResult:
+    """Joins both sides of a run into the object scripts read."""
+    return RunResult(
+        scenario=plan.scenario_name,
+        controller=plan.controller,
+        robot=plan.robot.file.name,
+        seed=plan.seed,
+        mode=plan.mode,
+        fell=plant.fell,
+        fell_at_s=plant.fell_at_s,
+        duration_s=plant.duration_s,
+        com_error_rms_mm=plant.com_error_rms_mm,
+        com_error_max_mm=plant.com_error_max_mm,
+        base_tilt_max_deg=plant.base_tilt_max_deg,
+        force_error_rms_n=controller.force_error_rms_n,
+        force_deviation_rms_n=plant.force_deviation_rms_n,
+        force_peak_n=plant.force_peak_n,
+        contact_lost_s=plant.contact_lost_s,
+        real_time_factor=plant.real_time_factor,
+        tick_ms=controller.tick_ms,
+        round_trip_ms=plant.round_trip_ms,
+        period_jitter_ms=plant.period_jitter_ms,
+        deadline_misses=plant.deadline_misses,
+        qp_failures=controller.qp_failures,
+        refused=plant.refused,
+        clipped=plant.clipped,
+        ticks=plant.ticks,
+        log_sha256=plant.log_sha256,
+        out=None if out is None else str(out),
+    )

@@ -1,0 +1,20 @@
+"""What the processes say while they run: one line each on stderr."""
+
+from __future__ import annotations
+
+import logging
+import os
+
+
+def set_up_logging(name: str) -> None:
+    """Sends our own notes, warnings and errors to stderr.
+
+    Args:
+        name: of the process, said first together with its number.
+    """
+    logging.basicConfig(
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+        datefmt="%H:%M:%S",
+    )
+    logging.getLogger(name).info("process %d", os.getpid())

@@ -1,0 +1,97 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class ControllerName(StrEnum):
+    """Controllers there are."""
+
+    WHOLE_BODY = "whole-body"
+    HOLD = "hold"
+
+
+_BUS = "Bus"
+_CONTROLLER = "Controller"
+
+RobotOption = Annotated[
+    str, typer.Option("--robot", help="Shipped robot, or a robot file (.toml).")
+]
+ServoOption = Annotated[
+    str | None,
+    typer.Option(
+        "--servo-profile", help="Servo profile of the robot file to use instead."
+    ),
+]
+SeedOption = Annotated[
+    int, typer.Option("--seed", min=0, help="Seed of the sensor noise.")
+]
+LockstepOption = Annotated[
+    bool,
+    typer.Option(
+        "--lockstep/--realtime",
+        help="The robot waits for each command (the same run bit for bit), or keeps "
+        "its own pace as hardware does.",
+    ),
+]
+ControllerOption = Annotated[
+    ControllerName,
+    typer.Option("--controller", help="Control law.", rich_help_panel=_CONTROLLER),
+]
+SettingsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--settings",
+        metavar="FILE",
+        help="Controller settings (.toml); any subset.",
+        rich_help_panel=_CONTROLLER,
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="Override one setting, such as tsid.base_kp=120. May be repeated.",
+        rich_help_panel=_CONTROLLER,
+    ),
+]
+EndpointsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--endpoints",
+        metavar="FILE",
+        help="Where robot and others meet (.toml).",
+        rich_help_panel=_BUS,
+    ),
+]
+ListenOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--listen",
+        metavar="LOCATOR",
+        help="The robot listens here, such as tcp/127.0.0.1:7447. May be repeated.",
+        rich_help_panel=_BUS,
+    ),
+]
+ConnectOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--connect",
+        metavar="LOCATOR",
+        help="Dial the robot here. May be repeated.",
+        rich_help_panel=_BUS,
+    ),
+]
+JsonOption = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on stdout and nothing else."),
+]
+ChildOption = Annotated[bool, typer.Option("--child", hidden=True)]
+ResultFileOption = Annotated[Path | None, typer.Option("--result-file", hidden=True)]
+RecordFileOption = Annotated[Path | None, typer.Option("--record-file", hidden=True)]

@@ -1,0 +1,99 @@
+"""A run as two processes that meet on the bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from queue import SimpleQueue
+from typing import NamedTuple
+
+from cli.child import Child, Event
+from cli.run_files import SETTINGS, TICKS, read_struct
+from cli.run_plan import RunPlan
+from cli.supervise import supervise
+from schemas.endpoints import Endpoints
+from schemas.result import ControllerResult, PlantResult
+
+
+class Sides(NamedTuple):
+    """What the two sides of a run measured."""
+
+    plant: PlantResult
+    controller: ControllerResult
+
+
+def run_processes(
+    plan: RunPlan,
+    folder: Path,
+    *,
+    endpoints: Endpoints,
+    record: bool,
+    on_tick: Callable[[int], None],
+) -> Sides:
+    """Starts robot and stabilizer, waits for the end of the run, stops both.
+
+    Neither waits a fixed time for the other: the stabilizer dials until the robot's
+    liveliness token is there, and the robot's clock starts with its commander.
+
+    Args:
+        plan: what to run.
+        folder: holds the settings file; gets logs and the record.
+        endpoints: where the two meet.
+        record: write every tick.
+        on_tick: told the robot's progress.
+
+    Raises:
+        ChildFailedError: one of the two failed.
+    """
+    plant_file, controller_file = folder / "plant.json", folder / "controller.json"
+    robot_words = [*_robot_words(plan, endpoints), "--result-file", str(plant_file)]
+    if record:
+        robot_words += ["--record-file", str(folder / TICKS)]
+    stabilizer_words = [
+        *_stabilizer_words(plan, endpoints),
+        *("--settings", str(folder / SETTINGS)),
+        *("--result-file", str(controller_file)),
+    ]
+    events: SimpleQueue[Event] = SimpleQueue()
+    children: list[Child] = []
+    try:
+        for name, words in (("robot", robot_words), ("stabilizer", stabilizer_words)):
+            log = folder / f"{name}.log"
+            children.append(Child(name, words, log=log, events=events))
+        supervise(*children, events=events, on_tick=on_tick)
+    finally:
+        for child in children:
+            child.ask_to_end()
+        for child in children:
+            child.stop()
+    sides = Sides(
+        plant=read_struct(plant_file, PlantResult),
+        controller=read_struct(controller_file, ControllerResult),
+    )
+    plant_file.unlink()
+    controller_file.unlink()
+    return sides
+
+
+def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
+    return [
+        *("robot", str(plan.scenario_path)),
+        *("--seed", str(plan.seed)),
+        *_shared_words(plan, endpoints),
+        *(word for locator in endpoints.listen for word in ("--listen", locator)),
+    ]
+
+
+def _stabilizer_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
+    return [
+        *("stabilizer", "--controller", plan.controller),
+        *_shared_words(plan, endpoints),
+        *(word for locator in endpoints.connect for word in ("--connect", locator)),
+    ]
+
+
+def _shared_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
+    words = ["--robot", plan.robot_name, f"--{plan.mode}"]
+    if plan.servo_profile is not None:
+        words += ["--servo-profile", plan.servo_profile]
+    return words

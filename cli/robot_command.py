@@ -1,0 +1,83 @@
+"""``surefoot robot``: the simulated robot alone, for a stabilizer elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli import options
+from cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    from sim_robot.node import RobotRun
+
+
+def robot(
+    scenario: Annotated[
+        str, typer.Argument(help="Shipped scenario, or a scenario file (.toml).")
+    ] = "standing",
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    seed: options.SeedOption = 0,
+    lockstep: options.LockstepOption = True,
+    endpoints: options.EndpointsOption = None,
+    listen: options.ListenOption = None,
+    as_json: options.JsonOption = False,
+    child: options.ChildOption = False,
+    result_file: options.ResultFileOption = None,
+    record_file: options.RecordFileOption = None,
+) -> None:
+    """Run the simulated robot alone; it waits for a stabilizer to take command.
+
+    Exits with 5 when the robot fell.
+    """
+    from cli.child_mode import begin_as_child, progress_reporter
+    from cli.endpoints import choose_endpoints
+    from cli.logs import set_up_logging
+    from robot_io.pace import Pace
+    from robot_io.robot import load_robot
+    from sim_robot.catalogue import open_scenario
+    from sim_robot.node import run_robot
+
+    set_up_logging("robot")
+    if child:
+        begin_as_child()
+    done = run_robot(
+        load_robot(robot, servo_profile=servo_profile),
+        open_scenario(scenario),
+        seed=seed,
+        endpoints=choose_endpoints(endpoints, listen=listen or [], connect=[]),
+        pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+        record=record_file is not None,
+        on_tick=progress_reporter() if child else None,
+    )
+    _write_files(done, result_file=result_file, record_file=record_file)
+    if not child:
+        _show(done, scenario, as_json=as_json)
+    if done.was_stopped:
+        raise typer.Exit(ExitCode.INTERRUPTED)
+    if done.result.fell:
+        raise typer.Exit(ExitCode.FELL)
+
+
+def _write_files(
+    done: RobotRun, *, result_file: Path | None, record_file: Path | None
+) -> None:
+    from cli.run_files import write_arrays, write_struct
+
+    if record_file is not None and done.recording is not None:
+        write_arrays(record_file, done.recording)
+    if result_file is not None:
+        write_struct(result_file, done.result)
+
+
+def _show(done: RobotRun, scenario: str, *, as_json: bool) -> None:
+    from cli.console import print_json, print_table
+    from cli.summary import plant_table
+
+    if as_json:
+        print_json(done.result)
+    else:
+        print_table(plant_table(done.result, f"{scenario}: {done.reason}"))

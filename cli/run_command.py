@@ -1,0 +1,153 @@
+"""``surefoot run``: a scenario from start to end."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli import options
+from cli.errors import ChildFailedError, UsageError
+from cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cli.processes import Sides
+    from cli.run_plan import Mode, RunPlan
+    from schemas.endpoints import Endpoints
+    from schemas.result import RunResult
+
+
+def run(
+    scenario: Annotated[
+        str, typer.Argument(help="Shipped scenario, or a scenario file (.toml).")
+    ],
+    controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    seed: options.SeedOption = 0,
+    lockstep: options.LockstepOption = True,
+    inline: Annotated[
+        bool,
+        typer.Option("--inline", help="Both sides in one process, without the bus."),
+    ] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Keep result, every tick, settings, scenario and logs here. A former "
+            "run there is replaced, any other folder refused.",
+        ),
+    ] = None,
+    settings: options.SettingsOption = None,
+    overrides: options.SetOption = None,
+    endpoints: options.EndpointsOption = None,
+    listen: options.ListenOption = None,
+    connect: options.ConnectOption = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Run a scenario: robot and stabilizer as two processes on the bus.
+
+    Exits with 5 when the robot fell.
+    """
+    from cli.console import print_json, print_table
+    from cli.run_plan import make_plan
+    from cli.summary import run_table
+
+    plan = make_plan(
+        scenario,
+        robot=robot,
+        servo_profile=servo_profile,
+        controller=controller,
+        settings_file=settings,
+        overrides=overrides or [],
+        seed=seed,
+        mode=_mode(lockstep=lockstep, inline=inline),
+    )
+    meeting = _meeting(endpoints, listen=listen or [], connect=connect or [])
+    if inline and meeting is not None:
+        raise UsageError(
+            "--inline uses no bus; leave out --endpoints, --listen and --connect"
+        )
+    result = _execute(plan, meeting, out=out)
+    if as_json:
+        print_json(result)
+    else:
+        print_table(run_table(result))
+    if result.fell:
+        raise typer.Exit(ExitCode.FELL)
+
+
+def _mode(*, lockstep: bool, inline: bool) -> Mode:
+    if not inline:
+        return "lockstep" if lockstep else "realtime"
+    if not lockstep:
+        raise UsageError("--inline knows no real time; leave out --realtime")
+    return "inline"
+
+
+def _meeting(
+    file: Path | None, *, listen: list[str], connect: list[str]
+) -> Endpoints | None:
+    """Where the user wants the two to meet; None for no wish."""
+    from cli.endpoints import choose_endpoints
+
+    if file is None and not listen and not connect:
+        return None
+    return choose_endpoints(file, listen=listen, connect=connect or listen)
+
+
+def _execute(
+    plan: RunPlan, meeting: Endpoints | None, *, out: Path | None
+) -> RunResult:
+    """Runs the plan and fills the folder of the run."""
+    from cli.console import progress_bar
+    from cli.join_result import join_result
+    from cli.run_directory import RunDirectory
+    from cli.run_files import RESULT, write_inputs, write_struct
+
+    with RunDirectory(out) as folder:
+        write_inputs(folder.path, plan)
+        try:
+            with progress_bar(
+                plan.scenario_name,
+                ticks=plan.total_ticks,
+                period_s=plan.robot.period_s,
+            ) as on_tick:
+                sides = _run_sides(
+                    plan, meeting, folder.path, record=out is not None, on_tick=on_tick
+                )
+        except ChildFailedError:
+            # The logs of a failed run are what its user needs next.
+            folder.keep()
+            raise
+        result = join_result(plan, sides.plant, sides.controller, out=out)
+        write_struct(folder.path / RESULT, result)
+        folder.keep()
+    return result
+
+
+def _run_sides(
+    plan: RunPlan,
+    meeting: Endpoints | None,
+    folder: Path,
+    *,
+    record: bool,
+    on_tick: Callable[[int], None],
+) -> Sides:
+    if plan.mode == "inline":
+        from cli.inline import run_inline
+
+        return run_inline(plan, folder, record=record, on_tick=on_tick)
+    from cli.endpoints import private_endpoints
+    from cli.processes import run_processes
+
+    return run_processes(
+        plan,
+        folder,
+        endpoints=meeting or private_endpoints(),
+        record=record,
+        on_tick=on_tick,
+    )

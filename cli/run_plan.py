@@ -1,0 +1,104 @@
+"""Everything a run depends on, loaded and checked before anything starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from cli.toml_text import toml_text
+from robot_io.robot import Robot, load_robot
+from schemas.scenario import Scenario, load_scenario
+from schemas.settings import ControllerSettings, build_settings
+from schemas.toml_file import read_toml
+from sim_robot.catalogue import find_scenario
+
+Mode = Literal["lockstep", "realtime", "inline"]
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """What is run.
+
+    Attributes:
+        scenario_path: the scenario's file.
+        scenario: its content.
+        robot_name: as given: a shipped name or a path.
+        robot: its files.
+        servo_profile: profile to use instead of the file's, if any.
+        controller: name of the control law.
+        settings: resolved: defaults, file and overrides.
+        seed: of the sensor noise.
+        mode: how the two sides are paced.
+    """
+
+    scenario_path: Path
+    scenario: Scenario
+    robot_name: str
+    robot: Robot
+    servo_profile: str | None
+    controller: str
+    settings: ControllerSettings
+    seed: int
+    mode: Mode
+
+    @property
+    def scenario_name(self) -> str:
+        """Shipped name, or name of the file without its suffix."""
+        return self.scenario_path.stem
+
+    @property
+    def total_ticks(self) -> int:
+        """Ticks of the whole scenario."""
+        return round(self.scenario.duration_s / self.robot.period_s)
+
+
+def make_plan(
+    scenario: str,
+    *,
+    robot: str,
+    servo_profile: str | None,
+    controller: str,
+    settings_file: Path | None,
+    overrides: list[str],
+    seed: int,
+    mode: Mode,
+) -> RunPlan:
+    """Loads all files a run depends on.
+
+    Raises:
+        ScenarioError: no such scenario.
+        RobotFileError: no such robot, or its files contradict each other.
+        FileFormatError: a file or an override is malformed.
+    """
+    path = find_scenario(scenario)
+    return RunPlan(
+        scenario_path=path,
+        scenario=load_scenario(path),
+        robot_name=robot,
+        robot=load_robot(robot, servo_profile=servo_profile),
+        servo_profile=servo_profile,
+        controller=controller,
+        settings=load_settings(settings_file, overrides=overrides),
+        seed=seed,
+        mode=mode,
+    )
+
+
+def load_settings(file: Path | None, *, overrides: list[str]) -> ControllerSettings:
+    """Joins defaults, a settings file and overrides ``section.name=value``.
+
+    Raises:
+        FileFormatError: an unknown key, a wrong type, a value out of range.
+    """
+    table = {} if file is None else read_toml(file)
+    source = "--set" if file is None else str(file)
+    return build_settings(table, overrides=overrides, source=source)
+
+
+def settings_text(settings: ControllerSettings) -> str:
+    """Settings as a file that ``--settings`` reads back."""
+    tables: dict[str, dict[str, Any]] = msgspec.to_builtins(settings)
+    return toml_text(tables)

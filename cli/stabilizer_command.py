@@ -1,0 +1,81 @@
+"""``surefoot stabilizer``: the stabilizer alone, for a robot elsewhere."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from cli import options
+from cli.exit_codes import ExitCode
+
+
+def stabilizer(
+    controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    lockstep: options.LockstepOption = True,
+    wait_s: Annotated[
+        float,
+        typer.Option(
+            "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
+        ),
+    ] = 10.0,
+    settings: options.SettingsOption = None,
+    overrides: options.SetOption = None,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    as_json: options.JsonOption = False,
+    child: options.ChildOption = False,
+    result_file: options.ResultFileOption = None,
+) -> None:
+    """Run the stabilizer alone; it takes command of the robot it dials.
+
+    Exits with 4 when there is no robot, or it goes away before its run is over.
+    """
+    from cli.child_mode import begin_as_child
+    from cli.console import print_json, print_table
+    from cli.endpoints import choose_endpoints
+    from cli.logs import set_up_logging
+    from cli.run_files import write_struct
+    from cli.run_plan import load_settings
+    from cli.summary import controller_table
+    from robot_io.pace import Pace
+    from robot_io.robot import load_robot
+    from robot_io.stop_request import StopRequest
+    from stabilizer.factory import make_controller
+    from stabilizer.node import run_stabilizer
+
+    set_up_logging("stabilizer")
+    if child:
+        begin_as_child()
+    model = load_robot(robot, servo_profile=servo_profile)
+    stop = StopRequest()
+    resolved = load_settings(settings, overrides=overrides or [])
+    result = run_stabilizer(
+        make_controller(controller, model, resolved),
+        model,
+        endpoints=choose_endpoints(endpoints, listen=[], connect=connect or []),
+        pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+        connect_timeout_s=wait_s,
+        stop=stop,
+    )
+    if result_file is not None:
+        write_struct(result_file, result)
+    if not child:
+        if as_json:
+            print_json(result)
+        else:
+            print_table(controller_table(result, controller))
+    if stop.is_set:
+        raise typer.Exit(ExitCode.INTERRUPTED)
+    raise typer.Exit(_verdict(result.reason))
+
+
+def _verdict(reason: str) -> ExitCode:
+    """Why the stabilizer ended, as an exit code."""
+    if reason.startswith("run over"):
+        return ExitCode.OK
+    if reason.startswith(("the robot is gone", "no news")):
+        return ExitCode.UNREACHABLE
+    return ExitCode.FAILED

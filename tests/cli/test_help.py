@@ -1,0 +1,61 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.cli.conftest import Surefoot, environment
+
+HEAVY = {"numpy", "mujoco", "pinocchio", "piqp", "zenoh", "scipy", "msgspec"}
+COMMANDS = ("run", "robot", "stabilizer", "scenarios")
+SHOW_MODULES = """
+import sys
+from cli.__main__ import main
+try:
+    main()
+finally:
+    print("MODULES", *sorted(sys.modules), file=sys.stderr)
+"""
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
+def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", SHOW_MODULES, *arguments],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    (modules,) = (
+        set(line.split()) for line in done.stderr.splitlines() if "MODULES" in line
+    )
+    assert "typer" in modules
+    assert modules.isdisjoint(HEAVY)
+    assert "Usage: surefoot" in done.stdout
+
+
+def test_help_names_all_commands_and_exit_codes(surefoot: Surefoot) -> None:
+    done = surefoot("--help")
+    assert done.returncode == 0
+    for word in (*COMMANDS, "4 robot unreachable", "130 interrupted"):
+        assert word in " ".join(done.stdout.split())
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(surefoot: Surefoot, command: str) -> None:
+    done = surefoot(command, "--help")
+    assert done.returncode == 0
+    assert f"Usage: surefoot {command}" in done.stdout
+    # Options for the processes among themselves are nobody's business.
+    assert "--result-file" not in done.stdout
+    assert "--child" not in done.stdout
+
+
+def test_unknown_commands_and_options_are_usage_errors(surefoot: Surefoot) -> None:
+    for arguments in (["walk"], ["run", "standing", "--spede"]):
+        done = surefoot(*arguments)
+        assert done.returncode == 2
+        assert arguments[-1] in done.stderr
+        assert done.stdout == ""

@@ -1,0 +1,161 @@
+"""Whole runs through the command line, both sides real."""
+
+from __future__ import annotations
+
+import json
+import socket
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from cli.run_directory import MARKER
+from schemas.result import RunResult
+from tests.cli.conftest import Surefoot
+from tests.support import free_port
+
+TICKS = 300
+FILES = {
+    MARKER,
+    "result.json",
+    "settings.toml",
+    "scenario.toml",
+    "ticks.npz",
+}
+LOGS = {"robot.log", "stabilizer.log"}
+
+
+def run_hold(surefoot: Surefoot, scenario: Path, *extra: object) -> dict[str, Any]:
+    """The JSON of a run with the holding controller, which must stand."""
+    done = surefoot("run", scenario, "--controller", "hold", "--json", *extra)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("mode", ["inline", "lockstep", "realtime"])
+def test_json_is_one_whole_result_and_nothing_else(
+    surefoot: Surefoot, short_scenario: Path, mode: str
+) -> None:
+    done = surefoot(
+        "run", short_scenario, "--controller", "hold", "--json", f"--{mode}"
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("\n") == 1
+    result = msgspec.json.decode(done.stdout, type=RunResult)
+    assert set(json.loads(done.stdout)) == set(RunResult.__struct_fields__)
+    assert result.mode == mode
+    assert result.scenario == "short"
+    assert result.controller == "hold"
+    assert result.robot == "walker"
+    assert not result.fell
+    assert result.out is None
+    assert result.duration_s == pytest.approx(TICKS * 1e-3, abs=0.05)
+
+
+def test_inline_and_lockstep_are_the_same_run(
+    surefoot: Surefoot, short_scenario: Path
+) -> None:
+    runs = [
+        run_hold(surefoot, short_scenario, "--seed", 7),
+        run_hold(surefoot, short_scenario, "--seed", 7),
+        run_hold(surefoot, short_scenario, "--seed", 7, "--inline"),
+    ]
+    assert [run["ticks"] for run in runs] == [TICKS] * 3
+    assert len({run["log_sha256"] for run in runs}) == 1
+    assert all(run["com_error_rms_mm"] == runs[0]["com_error_rms_mm"] for run in runs)
+    other = run_hold(surefoot, short_scenario, "--seed", 8, "--inline")
+    assert other["log_sha256"] != runs[0]["log_sha256"]
+
+
+@pytest.mark.parametrize("mode", ["inline", "lockstep"])
+def test_out_keeps_the_whole_run(
+    surefoot: Surefoot, short_scenario: Path, tmp_path: Path, mode: str
+) -> None:
+    out = tmp_path / "run"
+    words = [f"--{mode}", "--seed", 5, "--set", "tsid.base_kp=123.5", "--out", out]
+    result = run_hold(surefoot, short_scenario, *words)
+    logs = set() if mode == "inline" else LOGS
+    assert {path.name for path in out.iterdir()} == FILES | logs
+    assert json.loads((out / "result.json").read_text()) == result
+    assert result["out"] == str(out)
+    assert (out / "scenario.toml").read_text() == short_scenario.read_text()
+    assert "base_kp = 123.5" in (out / "settings.toml").read_text()
+    about = json.loads((out / MARKER).read_text())
+    assert (about["seed"], about["mode"], about["controller"]) == (5, mode, "hold")
+    with np.load(out / "ticks.npz") as ticks:
+        assert ticks["q_command"].shape == (TICKS, 28)
+        assert ticks["time_s"][-1] == pytest.approx((TICKS - 1) * 1e-3)
+
+
+def test_a_run_can_be_done_again_from_its_folder(
+    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    first = run_hold(surefoot, short_scenario, "--inline", "--seed", 5, "--out", out)
+    words = ["--inline", "--seed", 5, "--settings", out / "settings.toml"]
+    again = run_hold(surefoot, out / "scenario.toml", *words)
+    assert again["log_sha256"] == first["log_sha256"]
+
+
+def test_the_summary_is_for_people(surefoot: Surefoot, short_scenario: Path) -> None:
+    done = surefoot("run", short_scenario, "--controller", "hold", "--inline")
+    assert done.returncode == 0, done.stderr
+    for words in ("short, hold, walker, seed 0, inline", "stood 0.3 s", "CoM error"):
+        assert words in done.stdout
+    # No progress bar, no colours when it is not a terminal.
+    assert done.stderr == ""
+    assert "\x1b" not in done.stdout
+
+
+def test_a_fall_is_exit_code_5(surefoot: Surefoot, tmp_path: Path) -> None:
+    scenario = tmp_path / "shove.toml"
+    scenario.write_text(
+        'name = "shove"\nduration_s = 4.0\n[[push]]\nbody = "torso"\n'
+        "force_n = [0.0, 900.0, 0.0]\nstart_s = 0.1\nduration_s = 0.4\n"
+    )
+    done = surefoot("run", scenario, "--controller", "hold", "--json", "--inline")
+    assert done.returncode == 5, done.stderr
+    result = json.loads(done.stdout)
+    assert result["fell"] is True
+    assert 0.1 < result["fell_at_s"] < 4.0
+
+
+def test_a_child_that_fails_is_quoted(surefoot: Surefoot, short_scenario: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        done = surefoot("run", short_scenario, "--listen", locator)
+    assert done.returncode == 3
+    assert done.stdout == ""
+    assert "robot: failed with exit code 3" in done.stderr
+    assert f"cannot listen on {locator}" in done.stderr
+
+
+def test_logs_of_a_failed_run_are_kept(
+    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        surefoot("run", short_scenario, "--listen", locator, "--out", out)
+    assert "cannot listen on" in (out / "robot.log").read_text()
+    assert not (out / "result.json").exists()
+
+
+def test_a_port_in_use_is_exit_code_3(surefoot: Surefoot) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        done = surefoot("robot", "standing", "--listen", locator)
+    assert done.returncode == 3
+    assert "in use" in done.stderr
+    assert locator in done.stderr
+
+
+def test_no_robot_is_exit_code_4(surefoot: Surefoot) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    words = ["--controller", "hold", "--connect", locator, "--wait", 0.5]
+    done = surefoot("stabilizer", *words)
+    assert done.returncode == 4
+    assert locator in done.stderr
+    assert "0.5 s" in done.stderr

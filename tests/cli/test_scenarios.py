@@ -1,0 +1,24 @@
+from __future__ import annotations
+
+import json
+
+from schemas.scenario import load_scenario
+from sim_robot.catalogue import find_scenario, list_scenarios
+from tests.cli.conftest import Surefoot
+
+
+def test_every_shipped_scenario_is_listed(surefoot: Surefoot) -> None:
+    done = surefoot("scenarios")
+    assert done.returncode == 0
+    assert done.stderr == ""
+    for name in list_scenarios():
+        duration = load_scenario(find_scenario(name)).duration_s
+        (line,) = (row for row in done.stdout.splitlines() if row.startswith(name))
+        assert f"{duration:g} s" in line
+
+
+def test_the_list_is_json_on_request(surefoot: Surefoot) -> None:
+    done = surefoot("scenarios", "--json")
+    rows = json.loads(done.stdout)
+    assert [row["name"] for row in rows] == list_scenarios()
+    assert all(row["description"] for row in rows)

@@ -1,0 +1,102 @@
+"""However a run is ended, nothing of it stays behind."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import TIMEOUT_S, environment
+from tests.support import wait_until
+
+_PROCESS = re.compile(r"process (\d+)")
+
+
+@pytest.fixture
+def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
+    """A run of an hour, and the folder it keeps its logs in."""
+    scenario = tmp_path / "hour.toml"
+    scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
+    folder = tmp_path / "out"
+    with subprocess.Popen(
+        [
+            *(sys.executable, "-m", "cli", "run", str(scenario)),
+            *("--controller", "hold", "--out", str(folder / "run")),
+        ],
+        env=environment(),
+        cwd=tmp_path,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    ) as process:
+        yield process, folder
+        process.kill()
+
+
+def children(folder: Path) -> tuple[int, int]:
+    """Process ids of robot and stabilizer, once both have started."""
+
+    def active_ids() -> tuple[int, int] | None:
+        ids = []
+        for name in ("robot", "stabilizer"):
+            text = "".join(path.read_text() for path in folder.glob(f".*/{name}.log"))
+            found = _PROCESS.search(text)
+            if found is None:
+                return None
+            ids.append(int(found.group(1)))
+        return ids[0], ids[1]
+
+    return wait_until(active_ids, what="robot and stabilizer to start", deadline_s=60.0)
+
+
+def is_gone(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_interrupting_a_run_stops_both_and_leaves_nothing(
+    endless_run: tuple[subprocess.Popen[str], Path], sent: signal.Signals
+) -> None:
+    process, folder = endless_run
+    ids = children(folder)
+    process.send_signal(sent)
+    stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 130
+    assert stdout == ""
+    assert "Traceback" not in stderr
+    assert all(map(is_gone, ids))
+    assert list(folder.iterdir()) == []
+
+
+def test_children_end_when_their_parent_is_killed(
+    endless_run: tuple[subprocess.Popen[str], Path],
+) -> None:
+    process, folder = endless_run
+    ids = children(folder)
+    process.kill()
+    wait_until(lambda: all(map(is_gone, ids)), what="both children to end")
+
+
+@pytest.mark.parametrize(("victim", "name"), [(0, "robot"), (1, "stabilizer")])
+def test_a_killed_child_ends_the_run_and_is_named(
+    endless_run: tuple[subprocess.Popen[str], Path], victim: int, name: str
+) -> None:
+    process, folder = endless_run
+    ids = children(folder)
+    os.kill(ids[victim], signal.SIGKILL)
+    stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 1
+    assert stdout == ""
+    assert f"{name}: was ended by signal 9" in stderr
+    assert all(map(is_gone, ids))
