@@ -132,7 +132,7 @@ def _answer_ticks(robot_path: str, endpoints: Endpoints, controller_us: float) -
     with RobotClient(
         robot, endpoints=endpoints, identity="bench", in_order=True, stop=StopRequest()
     ) as client:
-        client.wait_for_robot(timeout_s=START_TIMEOUT_S)
+        client.connect(timeout_s=START_TIMEOUT_S)
         client.take_lease()
         client.enable()
         with quiet_interpreter():

@@ -11,7 +11,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from robot_io.channel import Channel
-from robot_io.session import Role, open_session
+from robot_io.session import CONNECT_TIMEOUT_S, Role, open_session
 from robot_io.waker import Waker
 from schemas.endpoints import Endpoints
 
@@ -32,15 +32,24 @@ class Bus:
     session: zenoh.Session
     waker: Waker
 
-    def __init__(self, endpoints: Endpoints, role: Role, *, namespace: str) -> None:
+    def __init__(
+        self,
+        endpoints: Endpoints,
+        role: Role,
+        *,
+        namespace: str,
+        timeout_s: float = CONNECT_TIMEOUT_S,
+    ) -> None:
         """Prepares; entering the context opens the session.
 
         Args:
             endpoints: both sides of the bus.
-            role: robot or peer.
+            role: robot or client.
             namespace: the robot's.
+            timeout_s: how long a client dials before it gives up [s].
         """
         self._endpoints, self._role, self._namespace = endpoints, role, namespace
+        self._timeout_s = timeout_s
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -48,10 +57,16 @@ class Bus:
 
         Raises:
             EndpointError: cannot listen there, or a locator is malformed.
+            RobotUnreachableError: nobody answers where a client dials.
         """
         with ExitStack() as stack:
             self.session = stack.enter_context(
-                open_session(self._endpoints, self._role, namespace=self._namespace)
+                open_session(
+                    self._endpoints,
+                    self._role,
+                    namespace=self._namespace,
+                    timeout_s=self._timeout_s,
+                )
             )
             self.waker = Waker(self.session, granularity_s=GRANULARITY_S)
             stack.enter_context(self.waker.running())

@@ -104,7 +104,7 @@ class RobotClient:
     ) -> None:
         """Gives the lease back and closes the bus."""
         try:
-            if self._has_lease and self.robot_is_here:
+            if self._commands_still():
                 with contextlib.suppress(RobotIoError):  # it may end this very moment
                     self.release()
         finally:
@@ -284,7 +284,10 @@ class RobotClient:
         self._command = bus.publisher(keys["joint_command"], urgent=True)
         self._own_status = bus.publisher(keys["stabilizer"], urgent=False)
         self._services = ServiceCaller(
-            bus.session, joint_count=n_a, timeout_s=REQUEST_TIMEOUT_S
+            bus.session,
+            joint_count=n_a,
+            timeout_s=REQUEST_TIMEOUT_S,
+            robot_is_here=self._robot_is_here.is_set,
         )
         self._token = bus.announce(f"{ALIVE_STABILIZER}/{self.identity}")
         bus.watch_presence(ALIVE_ROBOT, self._on_presence)

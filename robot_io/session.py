@@ -1,25 +1,31 @@
 """Opens the Zenoh session of a process.
 
-The robot listens, everyone else dials: with two dialers a session can split for
-good. The settings below were measured; docs/decisions.md says what each one costs
-when it is left out.
+The robot is a peer that listens; everyone else is its client and dials. So the robot
+passes on what its clients say to each other, a planner's reference or the
+stabilizer's status, which it would not do between peers; and no two sides ever dial
+each other, by which a session can split for good.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 
 import zenoh
 
-from robot_io.errors import EndpointError
+from robot_io.errors import EndpointError, RobotUnreachableError
 from schemas.arrays import JsonObject
 from schemas.codec import MAX_MESSAGE_BYTES
 from schemas.endpoints import DEFAULT_LOCATOR, Endpoints
 
+PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
+LOCATOR = re.compile(r"(?:(?:tcp|tls|quic|udp|ws)/\S+:\d+|unixsock-stream/\S+)")
+CONNECT_TIMEOUT_S = 5.0
+MS_PER_S = 1e3
 QUERY_TIMEOUT_MS = 1000
 MAX_SESSIONS = 16
 HANDSHAKE_MS = 1000
@@ -38,52 +44,62 @@ class Role(StrEnum):
 
     ROBOT = "robot"
     """Listens."""
-    PEER = "peer"
-    """Dials the robot: stabilizer, tools."""
+    CLIENT = "client"
+    """Dials the robot: stabilizer, planner, tools."""
 
 
 @contextmanager
 def open_session(
-    endpoints: Endpoints, role: Role, *, namespace: str
+    endpoints: Endpoints,
+    role: Role,
+    *,
+    namespace: str,
+    timeout_s: float = CONNECT_TIMEOUT_S,
 ) -> Iterator[zenoh.Session]:
     """Opens a session and closes it whatever happens.
 
-    Without the close, the interpreter can hang at its exit. A peer's session is
-    there at once and dials in the background, again and again.
+    Without the close, the interpreter can hang at its exit. Once connected, a client
+    dials again by itself whenever the robot has gone.
 
     Args:
         endpoints: both sides of the bus; the role picks its own.
-        role: robot or peer.
+        role: robot or client.
         namespace: put before every key on the wire, such as ``walker``.
+        timeout_s: how long a client dials before it gives up [s].
 
     Raises:
         EndpointError: the robot cannot listen there, or a locator is malformed.
+        RobotUnreachableError: nobody answers where a client dials.
     """
-    config = session_config(endpoints, role, namespace=namespace)
+    _check_locators(endpoints, role)
+    config = session_config(endpoints, role, namespace=namespace, timeout_s=timeout_s)
     try:
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
-        raise _endpoint_error(endpoints, role, error) from error
+        raise _open_error(endpoints, role, error, timeout_s) from error
     try:
         yield session
     finally:
         _close(session)
 
 
-def session_config(endpoints: Endpoints, role: Role, *, namespace: str) -> JsonObject:
+def session_config(
+    endpoints: Endpoints, role: Role, *, namespace: str, timeout_s: float
+) -> JsonObject:
     """Zenoh's configuration for a process.
 
     Args:
         endpoints: both sides of the bus.
-        role: robot or peer.
+        role: robot or client.
         namespace: put before every key on the wire.
+        timeout_s: how long a client dials before it gives up [s].
 
     Returns:
         What Zenoh's JSON5 file would hold.
     """
     listens = role is Role.ROBOT
     return {
-        "mode": "peer",
+        "mode": "peer" if listens else "client",
         "namespace": namespace,
         "metadata": {"name": namespace, "role": role.value},
         "listen": {
@@ -92,8 +108,8 @@ def session_config(endpoints: Endpoints, role: Role, *, namespace: str) -> JsonO
         },
         "connect": {
             "endpoints": [] if listens else endpoints.connect,
-            "timeout_ms": -1,
-            "exit_on_failure": False,
+            "timeout_ms": round(timeout_s * MS_PER_S),
+            "exit_on_failure": True,
             "retry": {
                 "period_init_ms": endpoints.retry_ms,
                 "period_max_ms": RETRY_MAX_FACTOR * endpoints.retry_ms,
@@ -149,18 +165,35 @@ def _cause(error: zenoh.ZError) -> str:
     return str(error).split(" at /")[0]
 
 
-def _endpoint_error(
-    endpoints: Endpoints, role: Role, error: zenoh.ZError
-) -> EndpointError:
-    verb, locators = (
-        ("listen on", endpoints.listen)
-        if role is Role.ROBOT
-        else ("dial", endpoints.connect)
-    )
-    if "in use" in str(error):
+def _check_locators(endpoints: Endpoints, role: Role) -> None:
+    """Zenoh would go on dialing a malformed one until the time is up."""
+    locators = endpoints.listen if role is Role.ROBOT else endpoints.connect
+    bad = [locator for locator in locators if not LOCATOR.match(locator)]
+    if bad or not locators:
+        raise EndpointError(
+            f"cannot {_verb(role)} {', '.join(bad) or 'nowhere'}; expected "
+            f"protocol/address with one of {', '.join(PROTOCOLS)}, such as "
+            f"{DEFAULT_LOCATOR}",
+            locators=locators,
+        )
+
+
+def _verb(role: Role) -> str:
+    return "listen on" if role is Role.ROBOT else "dial"
+
+
+def _open_error(
+    endpoints: Endpoints, role: Role, error: zenoh.ZError, timeout_s: float
+) -> EndpointError | RobotUnreachableError:
+    if role is Role.CLIENT:
+        return RobotUnreachableError(
+            f"nobody answers at {', '.join(endpoints.connect)} within {timeout_s:g} s; "
+            "is the robot running (surefoot robot), and does it listen there?"
+        )
+    why = _cause(error)
+    if "in use" in why:
         why = "the address is in use; stop who listens there, or choose another port"
-    else:
-        why = f"{_cause(error)}; expected locators such as {DEFAULT_LOCATOR}"
     return EndpointError(
-        f"cannot {verb} {', '.join(locators)}: {why}", locators=locators
+        f"cannot listen on {', '.join(endpoints.listen)}: {why}",
+        locators=endpoints.listen,
     )

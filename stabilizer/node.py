@@ -71,7 +71,7 @@ def run_stabilizer(
             stop=stop,
         ) as client,
     ):
-        if not client.wait_for_robot(timeout_s=connect_timeout_s):
+        if not client.connect(timeout_s=connect_timeout_s):
             return telemetry.result(f"stopped: {stop.cause}")
         client.take_lease()
         q_held = client.enable()
