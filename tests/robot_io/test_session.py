@@ -6,20 +6,20 @@ import pytest
 import zenoh
 from zenoh.handlers import RingChannel
 
-from robot_io.errors import EndpointError
+from robot_io.errors import EndpointError, RobotUnreachableError
 from robot_io.session import Role, open_session
 from schemas.endpoints import Endpoints
 from tests.support import wait_until
 
 
-def test_a_peer_hears_the_robot(endpoints: Endpoints) -> None:
+def test_a_client_hears_the_robot(endpoints: Endpoints) -> None:
     with (
         open_session(endpoints, Role.ROBOT, namespace="walker") as robot,
-        open_session(endpoints, Role.PEER, namespace="walker") as peer,
+        open_session(endpoints, Role.CLIENT, namespace="walker") as client,
     ):
-        subscriber = peer.declare_subscriber("state/x", RingChannel(4))
+        subscriber = client.declare_subscriber("state/x", RingChannel(4))
         publisher = robot.declare_publisher("state/x")
-        wait_until(lambda: publisher.matching_status.matching, what="the peer")
+        wait_until(lambda: publisher.matching_status.matching, what="the client")
         publisher.put(b"hello")
         assert subscriber.handler.recv().payload.to_bytes() == b"hello"
 
@@ -27,13 +27,13 @@ def test_a_peer_hears_the_robot(endpoints: Endpoints) -> None:
 def test_namespaces_do_not_hear_each_other(endpoints: Endpoints) -> None:
     with (
         open_session(endpoints, Role.ROBOT, namespace="walker") as robot,
-        open_session(endpoints, Role.PEER, namespace="other") as other,
-        open_session(endpoints, Role.PEER, namespace="walker") as peer,
+        open_session(endpoints, Role.CLIENT, namespace="other") as other,
+        open_session(endpoints, Role.CLIENT, namespace="walker") as client,
     ):
         strange = other.declare_subscriber("state/x", RingChannel(4))
-        subscriber = peer.declare_subscriber("state/x", RingChannel(4))
+        subscriber = client.declare_subscriber("state/x", RingChannel(4))
         publisher = robot.declare_publisher("state/x")
-        wait_until(lambda: publisher.matching_status.matching, what="the peer")
+        wait_until(lambda: publisher.matching_status.matching, what="the client")
         publisher.put(b"hello")
         assert subscriber.handler.recv().payload.to_bytes() == b"hello"
         assert strange.handler.try_recv() is None
@@ -54,13 +54,47 @@ def test_port_in_use_names_the_endpoint() -> None:
 
 
 @pytest.mark.parametrize("role", Role)
-def test_unknown_protocol_is_refused_on_both_ends(role: Role) -> None:
-    endpoints = Endpoints(listen=["pigeon/1"], connect=["pigeon/1"])
+@pytest.mark.parametrize("locator", ["pigeon/1", "tcp/127.0.0.1", "127.0.0.1:7447"])
+def test_a_malformed_locator_is_refused_on_both_ends(role: Role, locator: str) -> None:
+    endpoints = Endpoints(listen=[locator], connect=[locator])
     with (
-        pytest.raises(EndpointError, match=r"pigeon.*expected locators such as tcp/"),
+        pytest.raises(EndpointError, match=r"expected protocol/address.*such as tcp/"),
         open_session(endpoints, role, namespace="walker"),
     ):
         pass
+
+
+def test_a_name_that_does_not_resolve_cannot_be_listened_on() -> None:
+    endpoints = Endpoints(listen=["tcp/nowhere.invalid:7447"])
+    with (
+        pytest.raises(EndpointError, match=r"nowhere.invalid:7447: failed to lookup"),
+        open_session(endpoints, Role.ROBOT, namespace="walker"),
+    ):
+        pass
+
+
+def test_nobody_there_is_an_error_that_names_endpoint_and_limit(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        pytest.raises(RobotUnreachableError, match=r"within 0.1 s.*is the robot") as e,
+        open_session(endpoints, Role.CLIENT, namespace="walker", timeout_s=0.1),
+    ):
+        pass
+    assert endpoints.connect[0] in str(e.value)
+
+
+def test_clients_hear_each_other_through_the_robot(endpoints: Endpoints) -> None:
+    with (
+        open_session(endpoints, Role.ROBOT, namespace="walker"),
+        open_session(endpoints, Role.CLIENT, namespace="walker") as planner,
+        open_session(endpoints, Role.CLIENT, namespace="walker") as stabilizer,
+    ):
+        subscriber = stabilizer.declare_subscriber("ref", RingChannel(4))
+        publisher = planner.declare_publisher("ref")
+        wait_until(lambda: publisher.matching_status.matching, what="the stabilizer")
+        publisher.put(b"hello")
+        assert subscriber.handler.recv().payload.to_bytes() == b"hello"
 
 
 def test_the_port_is_free_again_after_an_error_inside(endpoints: Endpoints) -> None:
@@ -73,12 +107,18 @@ def test_the_port_is_free_again_after_an_error_inside(endpoints: Endpoints) -> N
         assert isinstance(session, zenoh.Session)
 
 
-def test_a_host_that_never_speaks_does_not_hang_the_close() -> None:
+def test_a_host_that_never_speaks_is_no_robot() -> None:
     with socket.socket() as mute:
         mute.bind(("127.0.0.1", 0))
         mute.listen()
         locator = f"tcp/127.0.0.1:{mute.getsockname()[1]}"
-        with open_session(
-            Endpoints(connect=[locator]), Role.PEER, namespace="walker"
-        ) as session:
-            assert list(session.info.peers_zid()) == []
+        with (
+            pytest.raises(RobotUnreachableError, match="nobody answers"),
+            open_session(
+                Endpoints(connect=[locator]),
+                Role.CLIENT,
+                namespace="walker",
+                timeout_s=0.1,
+            ),
+        ):
+            pass

@@ -1,0 +1,88 @@
+"""A robot without a body: server and gate in a thread, in step with its commander."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from typing import TypeVar
+
+from robot_io.gate import CommandGate
+from robot_io.robot import Robot
+from robot_io.server import RobotServer
+from robot_io.stop_request import StopRequest
+from schemas.endpoints import Endpoints
+from tests.robot_io.sensor_messages import snapshot_at
+
+T = TypeVar("T")
+POLL_S = 0.002
+
+
+class ServedRobot:
+    """What a test may ask of the robot while it runs in its own thread."""
+
+    def __init__(self, server: RobotServer, gate: CommandGate) -> None:
+        self.server = server
+        self._gate = gate
+        self._orders: list[tuple[Callable[[], object], Future]] = []
+        self.tick = 0
+
+    def do(self, order: Callable[[RobotServer, CommandGate], T]) -> T:
+        """Has the robot's own thread do something; returns what came of it."""
+        done: Future = Future()
+        self._orders.append((lambda: order(self.server, self._gate), done))
+        return done.result(timeout=20.0)
+
+    def loop(self, stop: StopRequest) -> None:
+        """Serves requests and orders; takes commands between orders."""
+        pause = threading.Event()
+        while not stop.is_set:
+            now_s = self.tick * 1e-3
+            self.server.serve_requests(now_s=now_s)
+            self.server.take_newest(now_s=now_s)
+            self.server.publish_status(now_s=now_s)
+            while self._orders:
+                order, done = self._orders.pop(0)
+                try:
+                    done.set_result(order())
+                except Exception as error:
+                    done.set_exception(error)
+            pause.wait(POLL_S)
+
+    def publish_tick(self) -> int:
+        """Sends the sensors of the next tick; returns the tick."""
+        tick = self.tick
+
+        def order(server: RobotServer, gate: CommandGate) -> None:
+            gate.begin_tick(now_s=tick * 1e-3)
+            server.publish_sensors(snapshot_at(tick), stamp_ns=1)
+
+        self.do(order)
+        self.tick += 1
+        return tick
+
+
+@contextmanager
+def serving(robot: Robot, endpoints: Endpoints) -> Iterator[ServedRobot]:
+    """Runs a robot until the context is left."""
+    gate = CommandGate(robot, robot.nominal)
+    stop = StopRequest()
+    up: Future[ServedRobot] = Future()
+
+    def run() -> None:
+        try:
+            with RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server:
+                served = ServedRobot(server, gate)
+                up.set_result(served)
+                served.loop(stop)
+        except Exception as error:
+            up.set_exception(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield up.result(timeout=20.0)
+    finally:
+        stop.set()
+        thread.join()
