@@ -1,0 +1,100 @@
+"""Robot and stabilizer as real processes, for tests."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterator
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from typing import Any
+
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from schemas.endpoints import Endpoints
+from schemas.scenario import scenario_from_table
+from sim_robot.node import RobotRun, run_robot
+from stabilizer.hold import HoldController
+from stabilizer.node import run_stabilizer
+from tests.support import DEADLINE_S
+
+SPAWN = multiprocessing.get_context("spawn")
+SEED = 3
+
+
+class ProcessError(Exception):
+    """What a process raised: name of the error's class, and its message."""
+
+
+class Running:
+    """A process that sends back what it returned or raised."""
+
+    def __init__(self, target: Any, *args: Any) -> None:
+        self._results, sender = SPAWN.Pipe(duplex=False)
+        self.process = SPAWN.Process(target=_report, args=(sender, target, *args))
+        self.process.start()
+        sender.close()
+
+    def result(self) -> Any:
+        """What it returned; fails when it did not in time, or ended without a word."""
+        assert self._results.poll(2 * DEADLINE_S), "the process did not end"
+        kind, value = self._results.recv()
+        self.process.join(DEADLINE_S)
+        if kind == "error":
+            raise ProcessError(value)
+        return value
+
+    def signal(self, number: int) -> None:
+        self.process._popen._send_signal(number)
+
+    def kill(self) -> None:
+        """Ends it without a chance to say goodbye."""
+        self.process.kill()
+        self.process.join(DEADLINE_S)
+
+    def exit_code(self) -> int | None:
+        self.process.join(DEADLINE_S)
+        return self.process.exitcode
+
+
+@contextmanager
+def running(target: Any, *args: Any) -> Iterator[Running]:
+    """Starts a process and makes sure that it is gone afterwards."""
+    started = Running(target, *args)
+    try:
+        yield started
+    finally:
+        if started.process.is_alive():
+            started.kill()
+
+
+def robot(endpoints: Endpoints, table: dict[str, Any], pace: Pace) -> RobotRun:
+    """The simulated Walker in a scenario."""
+    scenario = scenario_from_table({"name": "test", **table}, source="test")
+    return run_robot(
+        load_robot("walker"),
+        scenario,
+        seed=SEED,
+        endpoints=endpoints,
+        pace=pace,
+        wait_s=DEADLINE_S,
+    )
+
+
+def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
+    """A controller that keeps the posture."""
+    walker = load_robot("walker")
+    return run_stabilizer(
+        HoldController(walker.n_a),
+        walker,
+        endpoints=endpoints,
+        pace=pace,
+        identity=identity,
+        connect_timeout_s=DEADLINE_S,
+    )
+
+
+def _report(results: Connection, target: Any, *args: Any) -> None:
+    try:
+        results.send(("result", target(*args)))
+    except Exception as error:
+        results.send(("error", f"{type(error).__name__}: {error}"))

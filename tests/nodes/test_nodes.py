@@ -1,0 +1,257 @@
+"""Robot and stabilizer as two processes over loopback TCP."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from robot_io.bus import Bus
+from robot_io.errors import RobotUnreachableError
+from robot_io.gate import CommandGate
+from robot_io.latest import Latest
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from robot_io.session import Role
+from schemas.endpoints import Endpoints
+from schemas.messages import (
+    SCHEMA_VERSION,
+    JointCommand,
+    RobotMode,
+    RobotStatus,
+    StabilizerStatus,
+    Truth,
+)
+from schemas.scenario import scenario_from_table
+from schemas.topics import topic
+from sim_robot.simulated_robot import SimulatedRobot
+from stabilizer.hold import HoldController
+from stabilizer.node import run_stabilizer
+from tests.nodes.processes import SEED, ProcessError, robot, running, stabilizer
+from tests.support import wait_until
+
+NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
+SHORT = {"duration_s": 0.5, "sensors": NOISE}
+LONG = {"duration_s": 600.0}
+
+
+@contextmanager
+def observer(endpoints: Endpoints) -> Iterator[Callable[..., RobotStatus]]:
+    """Waits for a status that fulfils a condition."""
+    with Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus:
+        latest = Latest(bus.channel(topic("status").key, depth=1), RobotStatus)
+
+        def when(condition: Callable[[RobotStatus], bool], *, what: str) -> RobotStatus:
+            def look() -> RobotStatus | None:
+                status = latest.poll()
+                return status if status and condition(status) else None
+
+            status = wait_until(look, what=what)
+            assert status is not None
+            return status
+
+        yield when
+
+
+def is_running(status: RobotStatus) -> bool:
+    return status.mode is RobotMode.ACTIVE and status.tick > 20
+
+
+def in_one_process(table: dict) -> str:
+    """Hash of the same run without a bus."""
+    walker = load_robot("walker")
+    scenario = scenario_from_table({"name": "test", **table}, source="test")
+    simulated = SimulatedRobot(walker, scenario, seed=SEED)
+    gate = CommandGate(walker, simulated.held_posture)
+    gate.request("take", "ann", now_s=0.0)
+    gate.request("enable", "ann", now_s=0.0)
+    controller = HoldController(walker.n_a)
+    controller.start(simulated.sense(), simulated.held_posture)
+    answers = {}
+    while not simulated.finished:
+        tick = simulated.tick
+        gate.begin_tick(now_s=simulated.time_s)
+        answers[tick] = controller.step(simulated.sense()).q_command.copy()
+        due = simulated.commands_needed(tick)
+        if due is not None:
+            command = JointCommand(
+                schema=SCHEMA_VERSION,
+                tick=due,
+                stamp_ns=0,
+                q=answers.pop(due).tolist(),
+                commander="ann",
+                sequence=due,
+            )
+            assert gate.check(command, tick=due, now_s=simulated.time_s).accepted
+            simulated.apply(gate.posture, tick=due)
+        simulated.step()
+    return simulated._digest.hexdigest()
+
+
+@pytest.mark.parametrize("delay_ms", [0.0, 1.0, 3.0])
+def test_lockstep_is_the_same_run_every_time_and_without_a_bus(
+    endpoints: Endpoints, delay_ms: float
+) -> None:
+    table = {**SHORT, "delay": {"command_ms": delay_ms}}
+    hashes = set()
+    for _ in range(2):
+        with (
+            running(robot, endpoints, table, Pace.LOCKSTEP) as plant,
+            running(stabilizer, endpoints, Pace.LOCKSTEP) as controller,
+        ):
+            run, answered = plant.result(), controller.result()
+        assert run.result.ticks == 500
+        assert run.result.deadline_misses == 0
+        assert run.result.refused == {}
+        assert run.result.clipped == {}
+        assert not run.result.fell
+        assert not run.was_stopped
+        assert answered.ticks == 500
+        assert answered.stale_snapshots == 0
+        assert answered.reason == run.reason == "run over: 0.5 s"
+        hashes.add(run.result.log_sha256)
+    assert hashes == {in_one_process(table)}
+
+
+def test_real_time_goes_by_the_clock_and_measures_itself(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, SHORT, Pace.REALTIME) as plant,
+        running(stabilizer, endpoints, Pace.REALTIME) as controller,
+    ):
+        run, answered = plant.result(), controller.result()
+    assert run.result.ticks == 500
+    assert not run.result.fell
+    assert 0.0 < run.result.real_time_factor < 1.05
+    assert run.result.round_trip_ms.median > 0.0
+    assert run.result.period_jitter_ms.max > 0.0
+    assert 0 < answered.ticks <= 500
+
+
+def test_killed_stabilizer_leaves_the_robot_holding_and_another_takes_over(
+    endpoints: Endpoints,
+) -> None:
+    with running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant:
+        with (
+            running(stabilizer, endpoints, Pace.LOCKSTEP, "ann") as doomed,
+            observer(endpoints) as when,
+        ):
+            when(is_running, what="ann in command")
+            doomed.kill()
+            held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
+            assert held.reason == "ann is gone"
+            assert held.commander == ""
+            with running(stabilizer, endpoints, Pace.LOCKSTEP, "bob") as heir:
+                taken = when(
+                    lambda s: s.commander == "bob" and s.mode is RobotMode.ACTIVE,
+                    what="bob in command",
+                )
+                assert taken.q_command == held.q_command
+                heir.signal(signal.SIGTERM)
+                assert heir.result().reason == "stopped: SIGTERM"
+            when(lambda s: s.mode is RobotMode.HOLD and "bob" in s.reason, what="HOLD")
+        plant.signal(signal.SIGINT)
+        run = plant.result()
+        assert run.was_stopped
+        assert run.reason == "stopped: SIGINT"
+        assert plant.exit_code() == 0
+
+
+def test_the_stabilizer_says_that_a_killed_robot_is_gone(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant,
+        observer(endpoints) as when,
+        running(stabilizer, endpoints, Pace.LOCKSTEP) as controller,
+    ):
+        when(is_running, what="the run")
+        plant.kill()
+        assert controller.result().reason == "the robot is gone"
+        assert controller.exit_code() == 0
+
+
+def test_a_stopped_robot_says_so_to_its_stabilizer(endpoints: Endpoints) -> None:
+    with running(robot, endpoints, LONG, Pace.REALTIME) as plant:
+        with (
+            running(stabilizer, endpoints, Pace.REALTIME) as controller,
+            observer(endpoints) as when,
+        ):
+            when(is_running, what="the run")
+            plant.signal(signal.SIGTERM)
+            assert controller.result().reason == "stopped: SIGTERM"
+        assert plant.result().reason == "stopped: SIGTERM"
+
+
+def test_a_hung_stabilizer_is_given_up_and_finds_out(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.REALTIME),
+        running(stabilizer, endpoints, Pace.REALTIME) as controller,
+        observer(endpoints) as when,
+    ):
+        when(is_running, what="the run")
+        controller.signal(signal.SIGSTOP)
+        when(lambda s: s.mode is not RobotMode.ACTIVE, what="HOLD or FAULT")
+        when(lambda s: s.commander == "", what="the lease to be free")
+        controller.signal(signal.SIGCONT)
+        reason = controller.result().reason
+        assert "lost command" in reason or "in fault" in reason
+
+
+def test_a_second_stabilizer_is_refused_by_the_name_of_the_first(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.LOCKSTEP),
+        running(stabilizer, endpoints, Pace.LOCKSTEP, "ann"),
+        observer(endpoints) as when,
+    ):
+        before = when(is_running, what="ann in command")
+        with (
+            running(stabilizer, endpoints, Pace.LOCKSTEP, "bob") as second,
+            pytest.raises(
+                ProcessError, match=r"RequestRefusedError: .*ann holds the lease"
+            ),
+        ):
+            second.result()
+        after = when(lambda s: s.tick > before.tick + 50, what="ann to go on")
+        assert after.commander == "ann"
+        assert after.mode is RobotMode.ACTIVE
+
+
+def test_observers_see_truth_and_the_stabilizers_status(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.LOCKSTEP),
+        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus,
+        running(stabilizer, endpoints, Pace.LOCKSTEP),
+    ):
+        truths = Latest(bus.channel(topic("truth").key, depth=1), Truth)
+        told = Latest(bus.channel(topic("stabilizer").key, depth=1), StabilizerStatus)
+        truth = wait_until(truths.poll, what="truth")
+        status = wait_until(told.poll, what="the stabilizer's status")
+    assert truth is not None
+    assert status is not None
+    assert sum(truth.normal_force) > 0.0
+    assert status.controller == "hold"
+    assert status.state == "active"
+    assert status.qp_status == "ok"
+
+
+def test_a_port_in_use_is_an_error_of_the_robot(endpoints: Endpoints) -> None:
+    with (
+        Bus(endpoints, Role.ROBOT, namespace="walker"),
+        running(robot, endpoints, SHORT, Pace.LOCKSTEP) as plant,
+        pytest.raises(ProcessError, match=r"EndpointError: .*in use"),
+    ):
+        plant.result()
+
+
+def test_no_robot_is_an_error_of_the_stabilizer(endpoints: Endpoints) -> None:
+    walker = load_robot("walker")
+    with pytest.raises(RobotUnreachableError, match=r"within 0.2 s"):
+        run_stabilizer(
+            HoldController(walker.n_a),
+            walker,
+            endpoints=endpoints,
+            pace=Pace.LOCKSTEP,
+            connect_timeout_s=0.2,
+        )
