@@ -112,9 +112,9 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     """Low-pass of the estimated twist."""
     lead_s: NonNegative = 0.015
     """Lead that makes up for the low-pass and the damping of the drives [s]."""
-    firm_force_n: Positive = 150.0
+    firm_force_n: Positive = 100.0
     """Feed-forward is whole above this normal force, and in proportion below [N]."""
-    recovery_s: Positive = 0.3
+    recovery_s: Positive = 0.2
     """Time it takes to return after a foot was unloaded [s]."""
 
 
@@ -134,11 +134,11 @@ class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     """Pull of the height to the legs' kinematics while the ground moves [rad/s]:
     below it the ground is taken to be level on average, above it the accelerometer
     decides."""
-    height_damping: Positive = 0.35
+    height_damping: Positive = 0.25
     """Damping ratio of that pull; less damping lets less of the ground through."""
-    still_height_bandwidth: Positive = 2.0
-    """The same pull while the ground stands still [rad/s]."""
-    still_speed_m_s: Positive = 0.015
+    still_height_bandwidth: Positive = 2.5
+    """The same pull while the ground stands still [rad/s]; its damping is 0.7."""
+    still_speed_m_s: Positive = 0.01
     """Vertical ground speed that tells still from moving."""
     anchor_cutoff_hz: Positive = 5.0
     """Low-pass of the load share that places the anchor between the feet."""

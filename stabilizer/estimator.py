@@ -25,6 +25,8 @@ MIN_TOTAL_FORCE_N = 50.0
 """Below it the load share keeps its last value [N]."""
 GROUND_SPEED_MEMORY_S = 3.0
 """How long ground that moved is taken to move still."""
+STILL_DAMPING = 0.7
+"""Damping ratio of the pull of the height on still ground."""
 HEIGHT_RANGE_M = 0.25
 """Farthest the ground may be thought from level [m]."""
 
@@ -194,24 +196,30 @@ class Estimator:
         )
         force = float(self._attitude.R_world_imu[2] @ snapshot.linear_acceleration)
         acceleration = force - centripetal - GRAVITY
-        bandwidth = self._height_bandwidth()
+        bandwidth, damping = self._height_pull()
         error = -float(self._anchor[2]) - self.height
         error = min(max(error, -HEIGHT_RANGE_M), HEIGHT_RANGE_M)
-        gain = 2.0 * self._settings.height_damping * bandwidth
+        gain = 2.0 * damping * bandwidth
         dt = self._dt
         self.height += dt * (self.height_rate + gain * error)
         self.height_rate += dt * (acceleration + bandwidth * bandwidth * error)
         self.ground_height = self.height + float(self._anchor[2])
 
-    def _height_bandwidth(self) -> float:
-        """Legs are trusted while the ground stands still, little while it moves."""
+    def _height_pull(self) -> tuple[float, float]:
+        """Bandwidth [rad/s] and damping ratio of the pull to the legs' kinematics.
+
+        Legs are trusted while the ground stands still, little while it moves.
+        """
         settings = self._settings
-        speed = abs(self.height_rate - float(self._leg_velocity[2]))
+        speed = abs(self.height_rate - self._leg_velocity.item(2))
         self._ground_speed = max(speed, self._ground_speed * self._forget)
         ratio = self._ground_speed / settings.still_speed_m_s
         stillness = 1.0 / (1.0 + ratio**4)
-        moving, still = settings.height_bandwidth, settings.still_height_bandwidth
-        return moving + stillness * (still - moving)
+        bandwidth, damping = settings.height_bandwidth, settings.height_damping
+        return (
+            bandwidth + stillness * (settings.still_height_bandwidth - bandwidth),
+            damping + stillness * (STILL_DAMPING - damping),
+        )
 
     def _pull_yaw(self) -> None:
         """Keeps the mean yaw of the soles at the stance's, since yaw is free."""
