@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 
-_PROGRESS_PERIOD_S = 0.1
+_PROGRESS_PERIOD_S = 0.25
 
 
 def begin_as_child() -> None:
@@ -24,7 +24,7 @@ def begin_as_child() -> None:
 
 
 def progress_reporter() -> Callable[[int], None]:
-    """Makes a function that writes the tick to stdout, ten times a second at most."""
+    """Makes a function that writes the tick to stdout, four times a second at most."""
     due = 0.0
 
     def report(tick: int) -> None:

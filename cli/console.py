@@ -10,6 +10,9 @@ import msgspec
 from rich.console import Console, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+REFRESH_HZ = 4.0
+"""Slow enough not to take a processor from the two that compute."""
+
 _stdout = Console()
 _stderr = Console(stderr=True)
 
@@ -56,6 +59,7 @@ def progress_bar(
         TextColumn("{task.fields[simulated]}"),
         TimeRemainingColumn(),
         console=_stderr,
+        refresh_per_second=REFRESH_HZ,
         disable=not _stderr.is_terminal,
         transient=True,
     )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import os
 
+_LOG = logging.getLogger("surefoot")
+
 
 def set_up_logging(name: str) -> None:
     """Sends our own notes, warnings and errors to stderr.
@@ -17,4 +19,9 @@ def set_up_logging(name: str) -> None:
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
         datefmt="%H:%M:%S",
     )
-    logging.getLogger(name).info("process %d", os.getpid())
+    log_note(f"{name}, process {os.getpid()}")
+
+
+def log_note(text: str) -> None:
+    """Says something in passing."""
+    _LOG.info(text)

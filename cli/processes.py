@@ -14,6 +14,9 @@ from cli.supervise import supervise
 from schemas.endpoints import Endpoints
 from schemas.result import ControllerResult, PlantResult
 
+_START_S = 60.0
+"""A robot that is still there may take so long to come up, on a busy machine [s]."""
+
 
 class Sides(NamedTuple):
     """What the two sides of a run measured."""
@@ -86,7 +89,7 @@ def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
 
 def _stabilizer_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
     return [
-        *("stabilizer", "--controller", plan.controller),
+        *("stabilizer", "--controller", plan.controller, "--wait", str(_START_S)),
         *_shared_words(plan, endpoints),
         *(word for locator in endpoints.connect for word in ("--connect", locator)),
     ]

@@ -35,20 +35,28 @@ def robot(
     """
     from cli.child_mode import begin_as_child, progress_reporter
     from cli.endpoints import choose_endpoints
-    from cli.logs import set_up_logging
+    from cli.logs import log_note, set_up_logging
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
     from sim_robot.catalogue import open_scenario
-    from sim_robot.node import run_robot
 
     set_up_logging("robot")
     if child:
         begin_as_child()
+    model = load_robot(robot, servo_profile=servo_profile)
+    world = open_scenario(scenario)
+    meeting = choose_endpoints(endpoints, listen=listen or [], connect=[])
+    log_note(
+        f"{model.file.name} in {scenario!r} waits for a stabilizer at "
+        f"{', '.join(meeting.listen)}"
+    )
+    from sim_robot.node import run_robot  # heavy: a wrong file is told first
+
     done = run_robot(
-        load_robot(robot, servo_profile=servo_profile),
-        open_scenario(scenario),
+        model,
+        world,
         seed=seed,
-        endpoints=choose_endpoints(endpoints, listen=listen or [], connect=[]),
+        endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         record=record_file is not None,
         on_tick=progress_reporter() if child else None,

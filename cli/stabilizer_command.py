@@ -36,26 +36,33 @@ def stabilizer(
     from cli.child_mode import begin_as_child
     from cli.console import print_json, print_table
     from cli.endpoints import choose_endpoints
-    from cli.logs import set_up_logging
+    from cli.logs import log_note, set_up_logging
     from cli.run_files import write_struct
     from cli.run_plan import load_settings
     from cli.summary import controller_table
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
     from robot_io.stop_request import StopRequest
-    from stabilizer.factory import make_controller
-    from stabilizer.node import run_stabilizer
 
     set_up_logging("stabilizer")
     if child:
         begin_as_child()
     model = load_robot(robot, servo_profile=servo_profile)
-    stop = StopRequest()
     resolved = load_settings(settings, overrides=overrides or [])
+    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    log_note(
+        f"{controller} for {model.file.name} dials {', '.join(meeting.connect)} for "
+        f"{wait_s:g} s at most"
+    )
+    # Heavy: a wrong file is told first.
+    from stabilizer.factory import make_controller
+    from stabilizer.node import run_stabilizer
+
+    stop = StopRequest()
     result = run_stabilizer(
         make_controller(controller, model, resolved),
         model,
-        endpoints=choose_endpoints(endpoints, listen=[], connect=connect or []),
+        endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         connect_timeout_s=wait_s,
         stop=stop,

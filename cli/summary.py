@@ -32,6 +32,9 @@ def run_table(result: RunResult) -> Table:
     table.add_row("controller tick", _times(result.tick_ms))
     _add_gate(table, result)
     table.add_row("QP failures", str(result.qp_failures))
+    if result.out is not None:
+        table.add_section()
+        table.add_row("kept in", result.out)
     return table
 
 
@@ -69,7 +72,7 @@ def scenario_table(rows: Iterable[ScenarioRow]) -> Table:
 
 
 def _figures(title: str) -> Table:
-    table = Table(title=title, title_justify="left", show_header=False, pad_edge=False)
+    table = Table(title=title, title_justify="left", show_header=False)
     table.add_column(no_wrap=True)
     table.add_column(justify="right", no_wrap=True)
     return table

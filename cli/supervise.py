@@ -13,7 +13,7 @@ from cli.exit_codes import ExitCode
 _PARTNER_S = 10.0
 """Once one process has ended well, the other may take so long [s]."""
 _CAUSE_S = 2.0
-"""Once one process has failed, the other's own failure counts for so long [s]."""
+"""Once the stabilizer has failed, the robot's own failure counts for so long [s]."""
 _WELL = (ExitCode.OK, ExitCode.FELL)
 
 
@@ -48,6 +48,8 @@ def supervise(
             on_tick(event.tick)
             continue
         codes[event.child.name] = event.code
+        if event.child is robot and event.code not in _WELL:
+            break
         expected = (*_WELL, ExitCode.UNREACHABLE)
         patience_s = _PARTNER_S if event.code in expected else _CAUSE_S
         until = time.monotonic() + patience_s

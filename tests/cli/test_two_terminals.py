@@ -1,0 +1,93 @@
+"""Robot and stabilizer started apart, as on two hosts."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from schemas.result import ControllerResult, PlantResult
+from tests.cli.conftest import TIMEOUT_S, environment
+from tests.support import free_port, wait_until
+
+Started = subprocess.Popen[str]
+Start = Callable[..., Started]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Starts commands that talk to each other; their stderr goes to a file."""
+    processes: list[Started] = []
+
+    def start_one(name: str, *arguments: object) -> Started:
+        with (tmp_path / f"{name}.log").open("w") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "cli", name, *map(str, arguments)],
+                env=environment(),
+                text=True,
+                stdout=subprocess.PIPE,
+                stderr=log,
+            )
+        processes.append(process)
+        return process
+
+    yield start_one
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("pace", ["--lockstep", "--realtime"])
+def test_both_sides_tell_their_part(
+    start: Start, short_scenario: Path, pace: str
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    words = [pace, "--json"]
+    robot = start("robot", short_scenario, "--listen", locator, *words)
+    stabilizer = start(
+        "stabilizer", "--controller", "hold", "--connect", locator, *words
+    )
+    plant = msgspec.json.decode(
+        robot.communicate(timeout=TIMEOUT_S)[0], type=PlantResult
+    )
+    controller = msgspec.json.decode(
+        stabilizer.communicate(timeout=TIMEOUT_S)[0], type=ControllerResult
+    )
+    assert (robot.returncode, stabilizer.returncode) == (0, 0)
+    assert plant.ticks == 300
+    assert not plant.fell
+    assert controller.reason.startswith("run over")
+    if pace == "--lockstep":
+        assert controller.ticks == plant.ticks
+
+
+def test_endpoints_come_from_a_file(
+    start: Start, short_scenario: Path, tmp_path: Path
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    endpoints = tmp_path / "endpoints.toml"
+    endpoints.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
+    robot = start("robot", short_scenario, "--endpoints", endpoints)
+    stabilizer = start("stabilizer", "--controller", "hold", "--endpoints", endpoints)
+    assert "stood 0.3 s" in robot.communicate(timeout=TIMEOUT_S)[0]
+    assert "run over" in stabilizer.communicate(timeout=TIMEOUT_S)[0]
+    assert (robot.returncode, stabilizer.returncode) == (0, 0)
+
+
+def test_a_robot_nobody_came_for_ends_on_ctrl_c(start: Start, tmp_path: Path) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    robot = start("robot", "standing", "--listen", locator)
+    log = tmp_path / "robot.log"
+    wait_until(
+        lambda: f"waits for a stabilizer at {locator}" in log.read_text(),
+        what="the robot to wait",
+    )
+    robot.send_signal(signal.SIGINT)
+    robot.communicate(timeout=TIMEOUT_S)
+    assert robot.returncode == 130
+    assert "Traceback" not in log.read_text()
