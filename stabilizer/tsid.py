@@ -64,10 +64,16 @@ def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> 
     )
 
 
+FEET_OF = {(True, True): (0, 1), (True, False): (0,), (False, True): (1,)}
+"""Standing feet by (left, right) contact."""
+
+
 class _FeetProblem:
     """Workspace for one set of standing feet: both, left or right."""
 
-    def __init__(self, n_a: int, feet: tuple[int, ...], cones: list[Mat]) -> None:
+    def __init__(
+        self, n_a: int, feet: tuple[int, ...], *, cones: list[Mat], roots: Array
+    ) -> None:
         self.feet = feet
         self.rows = slice(6 * feet[0], 6 * feet[-1] + 6)
         n_c = 6 * len(feet)
@@ -81,10 +87,13 @@ class _FeetProblem:
         self.known: Mat = np.zeros((n_c, n_a + 1))
         self.Gamma_c: Mat = np.zeros((n_c, n_a))
         self.h_c: Array = np.zeros(n_c)
-        # Stacked task rows: com 3, base 3, posture n_a, wrench n_c.
-        self.T: Mat = np.zeros((6 + n_a + n_c, n_a))
-        self.t: Array = np.zeros(6 + n_a + n_c)
-        self.F_even: Array = np.zeros(n_c)
+        # Stacked tasks roots * (J tau + bias - y): com 3, base 3, joints, wrenches.
+        rows = N_BASE_V + n_a + n_c
+        self.T: Mat = np.zeros((rows, n_a))
+        self.t: Array = np.zeros(rows)
+        self.y: Array = np.zeros(rows)
+        self.bias: Array = np.zeros(rows)
+        self.roots: Array = roots[:rows]
 
 
 class Tsid:
@@ -105,10 +114,10 @@ class Tsid:
             cone_rows(settings, foot.half_length_m, foot.half_width_m)
             for foot in model.robot.file.foot
         ]
+        roots = np.sqrt(_task_weights(model, settings))
         self._problems = {
-            (True, True): _FeetProblem(n_a, (0, 1), cones),
-            (True, False): _FeetProblem(n_a, (0,), cones),
-            (False, True): _FeetProblem(n_a, (1,), cones),
+            standing: _FeetProblem(n_a, feet, cones=cones, roots=roots)
+            for standing, feet in FEET_OF.items()
         }
         for problem in self._problems.values():
             problem.qp.x_l[:] = -model.torque_limit
@@ -116,15 +125,6 @@ class Tsid:
         self._com_kp = np.array(settings.com_kp)
         self._com_kd = np.array(settings.com_kd)
         self._weight = model.mass * GRAVITY
-        self._com_root = settings.com_weight**0.5
-        self._base_root = settings.base_weight**0.5
-        self._posture_roots = np.sqrt(
-            np.where(
-                model.is_leg, settings.leg_posture_weight, settings.posture_weight
-            )
-        )
-        wrench_weight = [settings.force_weight] * 3 + [settings.moment_weight] * 3
-        self._wrench_weight = np.sqrt(np.array(wrench_weight * 2))
         self.A: Mat = np.zeros((model.n_v, n_a))
         self.b: Array = np.zeros(model.n_v)
         self.F_id: Array = np.zeros(12)
@@ -207,48 +207,37 @@ class Tsid:
     def _stack_tasks(
         self, dynamics: Dynamics, stance: Stance, problem: _FeetProblem
     ) -> None:
-        """Weighted task rows T tau = t."""
-        settings, T, t = self._settings, problem.T, problem.t
-        n_a = self._model.n_a
-        posture = slice(6, 6 + n_a)
-        wrench = slice(6 + n_a, 6 + n_a + problem.n_c)
-        root = self._com_root
-        com_acceleration = (
+        """Weighted task rows T tau = t.
+
+        Rows: centre of mass, then base rotation and joints as they stand in qdd,
+        then the wrenches.
+        """
+        settings, T, y, bias = self._settings, problem.T, problem.y, problem.bias
+        roots, n_v = problem.roots, self._model.n_v
+        y[COM] = (
             stance.com_acceleration
             + self._com_kp * (stance.com - dynamics.p_com)
             + self._com_kd * (stance.com_velocity - dynamics.v_com)
         )
-        J_com = root * dynamics.J_com
-        np.dot(J_com, self.A, out=T[COM])
-        t[COM] = root * (com_acceleration - dynamics.Jdot_v_com) - J_com @ self.b
-        root = self._base_root
-        np.multiply(self.A[BASE], root, out=T[BASE])
-        t[BASE] = root * (self._base_acceleration(dynamics, stance) - self.b[BASE])
-        roots = self._posture_roots
-        np.multiply(self.A[N_BASE_V:], roots[:, None], out=T[posture])
-        posture_acceleration = (
-            settings.posture_kp * (stance.posture - dynamics.q[7:])
-            - settings.posture_kd * dynamics.v[N_BASE_V:]
-        )
-        t[posture] = roots * (posture_acceleration - self.b[N_BASE_V:])
-        self._even_load(dynamics, problem)
-        roots = self._wrench_weight[: problem.n_c]
-        np.multiply(problem.Gamma_c, roots[:, None], out=T[wrench])
-        t[wrench] = roots * (problem.F_even - problem.h_c)
-
-    def _base_acceleration(self, dynamics: Dynamics, stance: Stance) -> Array:
-        """(3,) wanted angular acceleration of the base, base axes [rad/s^2]."""
-        error = stance.base_error
-        wanted: Array = (
-            self._settings.base_kp * error - self._settings.base_kd * dynamics.v[BASE]
-        )
-        return wanted
-
-    def _even_load(self, dynamics: Dynamics, problem: _FeetProblem) -> None:
-        """Each standing foot carries its part of the weight, straight up."""
+        y[BASE] = settings.base_kp * stance.base_error
+        y[BASE] -= settings.base_kd * dynamics.v[BASE]
+        y[N_BASE_V:n_v] = settings.posture_kp * (stance.posture - dynamics.q[7:])
+        y[N_BASE_V:n_v] -= settings.posture_kd * dynamics.v[N_BASE_V:]
         share = self._weight / len(problem.feet)
         for i, foot in enumerate(problem.feet):
-            problem.F_even[6 * i : 6 * i + 3] = share * dynamics.R_world_sole[foot][2]
+            # An even load, straight up.
+            start = n_v + 6 * i
+            y[start : start + 3] = share * dynamics.R_world_sole[foot][2]
+        np.dot(dynamics.J_com, self.A, out=T[COM])
+        T[3:n_v] = self.A[3:]
+        T[n_v:] = problem.Gamma_c
+        np.multiply(T, roots[:, None], out=T)
+        np.dot(dynamics.J_com, self.b, out=bias[COM])
+        bias[COM] += dynamics.Jdot_v_com
+        bias[3:n_v] = self.b[3:]
+        bias[n_v:] = problem.h_c
+        np.subtract(y, bias, out=problem.t)
+        problem.t *= roots
 
     def _set_limits(self, problem: _FeetProblem, allowed: Array) -> None:
         least = self._settings.normal_force_min_n
@@ -262,3 +251,21 @@ class Tsid:
         np.dot(problem.C, problem.Gamma_c, out=problem.qp.G)
         np.dot(problem.C, problem.h_c, out=problem.qp.h_u)
         np.subtract(problem.d, problem.qp.h_u, out=problem.qp.h_u)
+
+
+def _task_weights(model: RobotModel, settings: TsidSettings) -> Array:
+    """(6 + n_a + 12,) weights of the stacked task rows, for both feet."""
+    posture = np.where(
+        model.is_leg, settings.leg_posture_weight, settings.posture_weight
+    )
+    wrench = [settings.force_weight] * 3 + [settings.moment_weight] * 3
+    weights: Array = np.concatenate(
+        (
+            [settings.com_weight] * 3,
+            [settings.base_weight] * 3,
+            posture,
+            wrench,
+            wrench,
+        )
+    )
+    return weights

@@ -32,24 +32,30 @@ class WrenchCompensation:
     """Removes the weight below each sensor and shifts to the soles.
 
     The sensor reports the wrench from below on the ankle. Newton for the plate,
-    its acceleration neglected: F_ground = F_sensor - plate weight.
+    its acceleration neglected: F_ground = F_sensor - plate weight. Both the shift and
+    the weight's wrench, as a function of where up is, are constant matrices.
     """
 
     def __init__(self, model: RobotModel) -> None:
         """Precomputes the constant maps."""
-        self._shift = [
-            wrench_shift(T.rotation, T.translation) for T in model.T_sensor_sole
-        ]
-        self._weight = [plate.mass * GRAVITY for plate in model.plates]
-        self._lever = [plate.mass * GRAVITY * plate.com for plate in model.plates]
-        self._R_sole_sensor = [T.rotation.T.copy() for T in model.T_sensor_sole]
-        self._corrected = np.zeros(6)
+        self._shift = np.zeros((12, 12))
+        self._weight = np.zeros((12, 6))
+        for side, (T, plate) in enumerate(
+            zip(model.T_sensor_sole, model.plates, strict=True)
+        ):
+            rows = slice(6 * side, 6 * side + 6)
+            shift = wrench_shift(T.rotation, T.translation)
+            self._shift[rows, rows] = shift
+            # Wrench against gravity, sensor frame: [m g up; com x m g up].
+            lift = plate.mass * GRAVITY * np.vstack((np.eye(3), skew(plate.com)))
+            self._weight[rows, 3 * side : 3 * side + 3] = shift @ lift @ T.rotation
+        self._reported = np.zeros(12)
+        self._up = np.zeros(6)
+        self._lift = np.zeros(12)
         self.F_meas: Array = np.zeros(12)
         """(12,) measured wrenches of the ground on left and right sole."""
 
-    def update(
-        self, ft_left: Vec6, ft_right: Vec6, R_world_sole: list[Mat]
-    ) -> Array:
+    def update(self, ft_left: Vec6, ft_right: Vec6, R_world_sole: list[Mat]) -> Array:
         """Computes the sole wrenches.
 
         Args:
@@ -60,17 +66,13 @@ class WrenchCompensation:
         Returns:
             (12,) ground on robot at the soles, in the sole frames; reused.
         """
-        corrected = self._corrected
-        for side, reported in enumerate((ft_left, ft_right)):
-            # World's up axis in the sensor frame.
-            up = R_world_sole[side][2] @ self._R_sole_sensor[side]
-            lever = self._lever[side]
-            corrected[:] = reported
-            corrected[:3] += self._weight[side] * up
-            corrected[3] += lever[1] * up[2] - lever[2] * up[1]
-            corrected[4] += lever[2] * up[0] - lever[0] * up[2]
-            corrected[5] += lever[0] * up[1] - lever[1] * up[0]
-            np.dot(
-                self._shift[side], corrected, out=self.F_meas[6 * side : 6 * side + 6]
-            )
+        reported, up = self._reported, self._up
+        reported[:6] = ft_left
+        reported[6:] = ft_right
+        # World's up axis in the sole frames.
+        up[:3] = R_world_sole[0][2]
+        up[3:] = R_world_sole[1][2]
+        np.dot(self._shift, reported, out=self.F_meas)
+        np.dot(self._weight, up, out=self._lift)
+        self.F_meas += self._lift
         return self.F_meas

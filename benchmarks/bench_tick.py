@@ -1,0 +1,139 @@
+"""Where a controller tick goes: estimator, dynamics, both QPs, codec.
+
+    python -m benchmarks.bench_tick [SCENARIO] [--ticks N]
+
+Plant and controller run in one process, as in ``surefoot run --inline``; each stage
+of the controller is timed where it is called, so caches are as cold as in a run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import numpy as np
+
+from robot_io.robot import load_robot
+from schemas import codec, messages
+from schemas.settings import ControllerSettings
+from sim_robot.catalogue import open_scenario
+from sim_robot.simulated_robot import SimulatedRobot
+from stabilizer.whole_body import WholeBodyController
+
+WARM_UP_TICKS = 500
+US_PER_NS = 1e-3
+
+
+class Stopwatch:
+    """Collects durations of calls by name."""
+
+    def __init__(self) -> None:
+        """Starts with nothing measured."""
+        self.durations_ns: dict[str, list[int]] = {}
+
+    def wrap(self, owner: object, method: str, name: str) -> None:
+        """Replaces a method of one object by a timed one."""
+        original = getattr(owner, method)
+        setattr(owner, method, self.timed(original, name))
+
+    def timed(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
+        """The function, its calls timed under a name."""
+        durations = self.durations_ns.setdefault(name, [])
+        clock = time.perf_counter_ns
+
+        def call(*args: Any, **kwargs: Any) -> Any:
+            start = clock()
+            result = function(*args, **kwargs)
+            durations.append(clock() - start)
+            return result
+
+        return call
+
+    def table(self) -> str:
+        """Median, 99th percentile and maximum by name [us]."""
+        lines = [f"{'stage':<26}{'median':>9}{'p99':>9}{'max':>9}   [us]"]
+        for name, values in self.durations_ns.items():
+            times = np.array(values[WARM_UP_TICKS:]) * US_PER_NS
+            low, high = np.percentile(times, (50, 99))
+            lines.append(f"{name:<26}{low:9.1f}{high:9.1f}{times.max():9.1f}")
+        return "\n".join(lines)
+
+
+def run(scenario_name: str, *, ticks: int) -> str:
+    """Runs a scenario and reports the stages."""
+    robot = load_robot("walker")
+    simulated = SimulatedRobot(robot, open_scenario(scenario_name), seed=0)
+    controller = WholeBodyController(robot, ControllerSettings())
+    watch = Stopwatch()
+    step = watch.timed(controller.step, "controller tick")
+    watch.wrap(controller.estimator, "update", "  estimator")
+    watch.wrap(controller.dynamics, "update", "  dynamics")
+    watch.wrap(controller.wrenches, "update", "  wrench compensation")
+    watch.wrap(controller.tsid, "solve", "  TSID")
+    watch.wrap(controller.law, "update", "  wrench law")
+    watch.wrap(controller.dik, "solve", "  DIK")
+    sense = watch.timed(simulated.sense, "plant: sense")
+    advance = watch.timed(simulated.step, "plant: step")
+    encode = watch.timed(_encode_snapshot, "codec: encode 4 sensors")
+    decode = watch.timed(_decode_snapshot, "codec: decode 4 sensors")
+    controller.start(simulated.sense(), simulated.held_posture)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    for tick in range(ticks):
+        snapshot = sense()
+        decode(encode(snapshot))
+        output = step(snapshot)
+        simulated.apply(output.q_command, tick=tick)
+        advance()
+        if simulated.finished:
+            break
+    return watch.table()
+
+
+def _encode_snapshot(snapshot: Any) -> list[tuple[bytes, type[messages.Message]]]:
+    head = {"schema": messages.SCHEMA_VERSION, "tick": snapshot.tick, "stamp_ns": 0}
+    joints = messages.JointState(
+        **head,
+        q=snapshot.q.tolist(),
+        dq=snapshot.dq.tolist(),
+        effort=snapshot.effort.tolist(),
+    )
+    imu = messages.ImuState(
+        **head,
+        quat_xyzw=snapshot.quat_xyzw.tolist(),
+        angular_velocity=snapshot.angular_velocity.tolist(),
+        linear_acceleration=snapshot.linear_acceleration.tolist(),
+    )
+    parts: list[messages.Message] = [joints, imu]
+    for wrench in (snapshot.ft_left, snapshot.ft_right):
+        values = wrench.tolist()
+        parts.append(
+            messages.ForceTorque(**head, force=values[:3], moment=values[3:])
+        )
+    return [(codec.encode(part), type(part)) for part in parts]
+
+
+def _decode_snapshot(parts: list[tuple[bytes, type[messages.Message]]]) -> None:
+    for data, kind in parts:
+        codec.decode(data, kind)
+
+
+def main() -> None:
+    """Reads the command line and prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenario", nargs="?", default="moving-platform-slow")
+    parser.add_argument("--ticks", type=int, default=8000)
+    arguments = parser.parse_args()
+    print(run(arguments.scenario, ticks=arguments.ticks))
+
+
+if __name__ == "__main__":
+    main()
