@@ -1,0 +1,95 @@
+"""Runs the estimator along a motion and keeps truth and estimate side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from robot_io.snapshot import Snapshot
+from schemas.arrays import Array
+from schemas.settings import EstimatorSettings
+from stabilizer.estimator import Estimator
+from stabilizer.model import GRAVITY, RobotModel
+from tests.stabilizer.kinematic_robot import UNBIASED, Biases, KinematicRobot, Motion
+
+
+@dataclass(frozen=True)
+class EstimatorRun:
+    """One row per tick.
+
+    Attributes:
+        time_s: (n,).
+        q_true: (n, 7 + n_a).
+        q: (n, 7 + n_a) estimate.
+        v_true: (n, n_v).
+        v: (n, n_v) estimate.
+        tilt_error: (n,) angle between true and estimated vertical [rad].
+        ground_height: (n,) estimate [m].
+    """
+
+    time_s: Array
+    q_true: Array
+    q: Array
+    v_true: Array
+    v: Array
+    tilt_error: Array
+    ground_height: Array
+
+
+def track(
+    model: RobotModel, motion: Motion, *, duration_s: float, period_s: float
+) -> EstimatorRun:
+    """Calibrates at time 0, then follows the motion, both feet loaded alike."""
+    robot = KinematicRobot(model, motion)
+    estimator = Estimator(model, EstimatorSettings(), period_s=period_s)
+    estimator.calibrate(robot.snapshot(0.0))
+    times = period_s * np.arange(1, round(duration_s / period_s) + 1)
+    rows: dict[str, list[Array | float]] = {
+        name: [] for name in EstimatorRun.__dataclass_fields__ if name != "time_s"
+    }
+    for time_s in times:
+        step(estimator, robot.snapshot(time_s))
+        q_true = motion(time_s)
+        rows["q_true"].append(q_true)
+        rows["q"].append(estimator.q.copy())
+        rows["v_true"].append(robot.velocity(time_s))
+        rows["v"].append(estimator.v.copy())
+        rows["tilt_error"].append(tilt_between(q_true, estimator.q))
+        rows["ground_height"].append(estimator.ground_height)
+    return EstimatorRun(
+        time_s=times, **{name: np.array(values) for name, values in rows.items()}
+    )
+
+
+def resting(
+    model: RobotModel,
+    q: Array,
+    *,
+    settings: EstimatorSettings,
+    duration_s: float,
+    period_s: float,
+    calibrated_with: Biases = UNBIASED,
+    biases: Biases = UNBIASED,
+) -> Estimator:
+    """The estimator after it has watched a robot at rest; biases may have changed."""
+    robot = KinematicRobot(model, lambda _: q)
+    estimator = Estimator(model, settings, period_s=period_s)
+    estimator.calibrate(robot.snapshot(0.0, calibrated_with))
+    snapshot = robot.snapshot(0.0, biases)
+    for _ in range(round(duration_s / period_s)):
+        step(estimator, snapshot)
+    return estimator
+
+
+def step(estimator: Estimator, snapshot: Snapshot) -> None:
+    """One tick, both feet loaded alike."""
+    half = 35.0 * GRAVITY
+    estimator.update(snapshot, normal_left=half, normal_right=half)
+
+
+def tilt_between(q_a: Array, q_b: Array) -> float:
+    """Angle between the verticals of two base attitudes [rad]."""
+    up_a, up_b = (pin.Quaternion(q[3:7]).toRotationMatrix()[2] for q in (q_a, q_b))
+    return float(np.arcsin(min(1.0, float(np.linalg.norm(np.cross(up_a, up_b))))))

@@ -1,0 +1,89 @@
+"""The second QP as the paper writes it, with Delta among the unknowns.
+
+Written from the paper and the settings' words, apart from the controller's code.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import piqp
+
+from schemas.arrays import Array, Mat
+from stabilizer.model import N_BASE_V
+from tests.stabilizer.rig import Rig
+
+TOLERANCE = 1e-11
+MAX_ITERATIONS = 200
+
+
+def solve_explicit(rig: Rig, r: Array, *, q_command: Array) -> Array:
+    """Solves it at the rig's present state; (n_v,) velocity.
+
+    Unknowns (v, Delta), with J_c v = r + Delta as an equality.
+    """
+    n_v, settings = rig.model.n_v, rig.settings.dik
+    P, c = np.zeros((n_v + 12,) * 2), np.zeros(n_v + 12)
+    for J, wanted, weight in _tasks(rig, q_command):
+        W = np.diag(np.broadcast_to(weight, len(wanted)))
+        P[:n_v, :n_v] += J.T @ W @ J
+        c[:n_v] -= J.T @ W @ wanted
+    P[n_v:, n_v:] = np.diag(settings.contact_weight * 2)
+    lower, upper = velocity_range(rig, q_command)
+    free = np.full(N_BASE_V, np.inf)
+    no_limit = np.full(12, np.inf)
+    solver = piqp.DenseSolver()
+    solver.settings.eps_abs = TOLERANCE
+    solver.settings.eps_rel = 0.0
+    solver.settings.eps_duality_gap_abs = TOLERANCE
+    solver.settings.eps_duality_gap_rel = 0.0
+    solver.settings.max_iter = MAX_ITERATIONS
+    solver.setup(
+        P=P,
+        c=c,
+        A=np.hstack((rig.dynamics.J_contact, -np.eye(12))),
+        b=r,
+        x_l=np.concatenate((-free, lower, -no_limit)),
+        x_u=np.concatenate((free, upper, no_limit)),
+    )
+    status = solver.solve()
+    assert status == piqp.Status.PIQP_SOLVED, status
+    v: Array = solver.result.x[:n_v]
+    return v
+
+
+def velocity_range(rig: Rig, q_command: Array) -> tuple[Array, Array]:
+    """(n_a,) slowest and fastest joint velocity allowed [rad/s].
+
+    Within the drive's limit, and no faster than to be at the end of the joint
+    range, less a margin, after the damper's time.
+    """
+    settings, model = rig.settings.dik, rig.model
+    fastest = np.minimum(model.velocity_limit, settings.velocity_limit_rad_s)
+    margin, time = settings.limit_margin_rad, settings.limit_time_s
+    lower = np.clip((model.lower + margin - q_command) / time, -fastest, fastest)
+    upper = np.clip((model.upper - margin - q_command) / time, -fastest, fastest)
+    return lower, upper
+
+
+def _tasks(rig: Rig, q_command: Array) -> list[tuple[Mat, Array, Array | float]]:
+    """Jacobian, wanted velocity and weight of every task but the wrench law's."""
+    settings, dynamics, stance = rig.settings.dik, rig.dynamics, rig.stance
+    of_v = np.eye(rig.model.n_v)
+    com_error = stance.com - dynamics.p_com
+    posture_weight = np.where(
+        rig.model.is_leg, settings.leg_posture_weight, settings.posture_weight
+    )
+    return [
+        (
+            dynamics.J_com,
+            stance.com_velocity + np.array(settings.com_gain) * com_error,
+            np.array(settings.com_weight),
+        ),
+        (of_v[3:6], settings.base_gain * stance.base_error, settings.base_weight),
+        (
+            of_v[N_BASE_V:],
+            settings.posture_gain * (stance.posture - q_command),
+            posture_weight,
+        ),
+        (of_v, np.zeros(len(of_v)), settings.regularisation),
+    ]

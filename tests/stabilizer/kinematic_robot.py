@@ -1,0 +1,110 @@
+"""A robot that moves as told: what its sensors read, without any dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from robot_io.snapshot import Snapshot
+from schemas.arrays import Array, Vec3
+from stabilizer.model import GRAVITY, RobotModel
+
+STEP_S = 1e-4
+"""Of the differences that give velocity and acceleration."""
+Motion = Callable[[float], Array]
+"""Time [s] to configuration (7 + n_a,), model order."""
+
+
+@dataclass(frozen=True)
+class Biases:
+    """What the inertial unit reads too much, in its own frame."""
+
+    gyro: Vec3
+    accel: Vec3
+
+
+UNBIASED = Biases(gyro=np.zeros(3), accel=np.zeros(3))
+
+
+class KinematicRobot:
+    """Sensor readings along a motion.
+
+    Attributes:
+        motion: where the robot truly is.
+    """
+
+    def __init__(self, model: RobotModel, motion: Motion) -> None:
+        self._model = model
+        self.motion = motion
+        self._data = model.pin_model.createData()
+        self._imu = model.pin_model.getFrameId(model.robot.file.imu.frame)
+
+    def velocity(self, time_s: float) -> Array:
+        """(n_v,) true velocity, base twist in base."""
+        behind, ahead = self.motion(time_s - STEP_S), self.motion(time_s + STEP_S)
+        step: Array = pin.difference(self._model.pin_model, behind, ahead)
+        return step / (2.0 * STEP_S)
+
+    def snapshot(self, time_s: float, biases: Biases = UNBIASED) -> Snapshot:
+        """What all sensors read; force-torque sensors read nothing."""
+        model, data = self._model, self._data
+        q, v = self.motion(time_s), self.velocity(time_s)
+        change = self.velocity(time_s + STEP_S) - self.velocity(time_s - STEP_S)
+        pin.forwardKinematics(model.pin_model, data, q, v, change / (2.0 * STEP_S))
+        placement = pin.updateFramePlacement(model.pin_model, data, self._imu)
+        arguments = (model.pin_model, data, self._imu, pin.LOCAL)
+        rate = pin.getFrameVelocity(*arguments).angular
+        acceleration = pin.getFrameClassicalAcceleration(*arguments).linear
+        up = placement.rotation.T @ np.array([0.0, 0.0, GRAVITY])
+        return Snapshot(
+            tick=0,
+            stamp_ns=0,
+            q=q[7:][model.to_bus],
+            dq=v[6:][model.to_bus],
+            effort=np.zeros(model.n_a),
+            quat_xyzw=pin.Quaternion(placement.rotation).coeffs().copy(),
+            angular_velocity=rate + biases.gyro,
+            linear_acceleration=acceleration + up + biases.accel,
+            ft_left=np.zeros(6),
+            ft_right=np.zeros(6),
+        )
+
+
+class StandingOnSoles:
+    """Places the base so that the left sole is where it belongs."""
+
+    def __init__(self, model: RobotModel) -> None:
+        self._model = model.pin_model
+        self._data = self._model.createData()
+        self._sole = model.sole_ids[0]
+        self._q = model.nominal_configuration()
+        pin.framesForwardKinematics(self._model, self._data, self._q)
+        self._T_world_sole = self._data.oMf[self._sole].copy()
+        self._T_world_base = pin.XYZQUATToSE3(self._q[:7])
+
+    def __call__(self, joints: Array) -> Array:
+        """(7 + n_a,) configuration with these joints (n_a,), model order."""
+        q = self._q.copy()
+        q[7:] = joints
+        pin.framesForwardKinematics(self._model, self._data, q)
+        T_sole_base = self._data.oMf[self._sole].actInv(self._T_world_base)
+        q[:7] = pin.SE3ToXYZQUAT(self._T_world_sole * T_sole_base)
+        return q
+
+
+def joint_offsets(model: RobotModel, **by_kind: float) -> Array:
+    """(n_a,) the same offset on the joints of that kind of both legs [rad].
+
+    Args:
+        model: gives the order.
+        **by_kind: such as ``ankle_pitch=0.1``.
+    """
+    offsets = np.zeros(model.n_a)
+    names = list(model.pin_model.names)[2:]
+    for kind, value in by_kind.items():
+        for side in ("left", "right"):
+            offsets[names.index(f"{side}_{kind}")] = value
+    return offsets

@@ -1,0 +1,74 @@
+"""The second QP is solved, and it is the paper's problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from schemas.arrays import Array
+from stabilizer.model import N_BASE_V
+from stabilizer.qp import QpSolution
+from tests.stabilizer.explicit_dik import solve_explicit
+from tests.stabilizer.kkt import kkt_residuals
+from tests.stabilizer.rig import Rig
+from tests.stabilizer.states import states_near_stance
+
+STATES = 25
+SPREAD, SPEED = 0.1, 0.5
+KKT_TOLERANCE = 1e-6
+SAME_VELOCITY = 1e-4
+"""[m/s, rad/s]"""
+SLOW, FAST = 0.05, 1.0
+"""Spread of the wanted sole twists: within and beyond what the joints can do."""
+TWISTS = pytest.mark.parametrize("twist", [SLOW, FAST], ids=["slow", "fast"])
+
+
+def solutions(rig: Rig, twist: float) -> Iterator[tuple[QpSolution, Array, Array]]:
+    """Solution, wanted twists and command on random states.
+
+    Beside fast twists, every third joint's command stands at an end of its range.
+    """
+    rng = np.random.default_rng(13)
+    model, settings = rig.model, rig.settings.dik
+    ends = np.array([model.lower, model.upper])
+    inside = settings.limit_margin_rad * np.array([1.0, -1.0])
+    for state in states_near_stance(
+        model, count=STATES, seed=14, spread=SPREAD, speed=SPEED
+    ):
+        rig.go(state)
+        r = twist * rng.normal(size=12)
+        q_command = state.q[7:].copy()
+        if twist == FAST:
+            end = rng.integers(2, size=model.n_a)
+            limits = ends[end, np.arange(model.n_a)] + inside[end]
+            q_command[::3] = limits[::3]
+        solution = rig.solve_dik(r, q_command=q_command)
+        assert solution.ok, solution.status
+        yield solution, r, q_command
+
+
+@TWISTS
+def test_kkt_conditions_hold(rig: Rig, twist: float) -> None:
+    for solution, _, _ in solutions(rig, twist):
+        residuals = kkt_residuals(rig.dik.qp, solution)
+        assert residuals.worst < KKT_TOLERANCE, residuals
+
+
+def test_states_cover_both_ways_to_solve(rig: Rig) -> None:
+    slow = [s.constrained for s, _, _ in solutions(rig, SLOW)]
+    assert sum(slow) < STATES // 2
+    assert all(s.constrained for s, _, _ in solutions(rig, FAST))
+
+
+@TWISTS
+def test_eliminating_delta_changes_nothing(rig: Rig, twist: float) -> None:
+    for solution, r, q_command in solutions(rig, twist):
+        v = solve_explicit(rig, r, q_command=q_command)
+        np.testing.assert_allclose(solution.x, v, rtol=0.0, atol=SAME_VELOCITY)
+
+
+def test_base_is_never_limited(rig: Rig) -> None:
+    for solution, _, _ in solutions(rig, FAST):
+        np.testing.assert_array_equal(solution.z_box[:N_BASE_V], 0.0)

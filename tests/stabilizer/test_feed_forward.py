@@ -1,0 +1,96 @@
+"""The ground's own motion, fed forward where a foot stands on it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from schemas.arrays import Array
+from stabilizer.dynamics import SOLE_ROWS
+from stabilizer.model import RobotModel
+from tests.stabilizer.rig import BOTH, LEFT, RIGHT, Rig
+from tests.stabilizer.states import State, nominal_state
+from tests.stabilizer.test_wrench_law import make_law, settings_with
+
+GAIN = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+SETTINGS = settings_with(ground={"gain": GAIN}, dik={"stance_leak": 0.0})
+LONG = 2000
+"""Ticks after which the low-pass has settled."""
+SETTLED = 1e-6
+FIRM = SETTINGS.ground.firm_force_n
+
+
+@pytest.fixture
+def moving(model: RobotModel) -> Rig:
+    """Both soles move steadily; the joints do not."""
+    rig = Rig(model, SETTINGS)
+    state = nominal_state(model)
+    state.v[:6] = 0.1, -0.05, 0.08, 0.2, -0.1, 0.3
+    rig.go(State(q=state.q, v=state.v))
+    return rig
+
+
+def settled(rig: Rig, *, normals: tuple[float, float], in_contact: list[bool]) -> Array:
+    """Wanted twists (12,) after the estimate of the ground's twist has settled.
+
+    No wrench error, so that nothing but the feed-forward is in it.
+    """
+    law = make_law(SETTINGS)
+    F = np.zeros(12)
+    F[[2, 8]] = normals
+    for _ in range(LONG):
+        r = law.update(
+            rig.dynamics, rig.stance, F_meas=F, F_id=F, in_contact=in_contact
+        )
+    return r
+
+
+def test_standing_foot_moves_with_its_ground(moving: Rig) -> None:
+    r = settled(moving, normals=(FIRM, 2.0 * FIRM), in_contact=BOTH)
+    expected = np.array(GAIN * 2) * moving.dynamics.v_sole
+    np.testing.assert_allclose(r, expected, atol=SETTLED)
+
+
+def test_foot_moves_the_more_with_its_ground_the_firmer_it_stands(
+    moving: Rig,
+) -> None:
+    full = np.array(GAIN) * moving.dynamics.v_sole[:6]
+    shares = []
+    for load in np.linspace(0.0, 1.5 * FIRM, 7):
+        r = settled(moving, normals=(load, FIRM), in_contact=BOTH)
+        shares.append(float(r[:6] @ full / (full @ full)))
+        np.testing.assert_allclose(r[:6], shares[-1] * full, atol=SETTLED)
+    assert shares[0] == 0.0
+    assert shares[-1] == pytest.approx(1.0, abs=SETTLED)
+    assert (np.diff(shares) >= -SETTLED).all()
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_lifted_foot_has_no_ground_to_move_with(moving: Rig, side: int) -> None:
+    """It comes down as if nothing moved, however loaded the other is."""
+    in_contact = RIGHT if side == 0 else LEFT
+    normals = (0.0, FIRM) if side == 0 else (FIRM, 0.0)
+    with_motion = settled(moving, normals=normals, in_contact=in_contact)[
+        SOLE_ROWS[side]
+    ].copy()
+    moving.go(nominal_state(moving.model))
+    at_rest = settled(moving, normals=normals, in_contact=in_contact)
+    np.testing.assert_array_equal(with_motion, at_rest[SOLE_ROWS[side]])
+
+
+def test_ground_at_rest_adds_nothing(moving: Rig) -> None:
+    moving.go(nominal_state(moving.model))
+    r = settled(moving, normals=(FIRM, FIRM), in_contact=BOTH)
+    np.testing.assert_array_equal(r, 0.0)
+
+
+def test_lead_answers_a_change_before_the_low_pass_does(moving: Rig) -> None:
+    """One tick after the ground sets off, more than the low-passed twist is there."""
+    law = make_law(SETTINGS)
+    F = np.zeros(12)
+    law.update(moving.dynamics, moving.stance, F_meas=F, F_id=F, in_contact=BOTH)
+    first = law.ground_twist.copy()
+    blend = -np.expm1(-2.0 * np.pi * SETTINGS.ground.cutoff_hz * 0.001)
+    low_passed = blend * moving.dynamics.v_sole
+    assert (np.abs(first) >= np.abs(low_passed)).all()
+    assert (np.sign(first) == np.sign(moving.dynamics.v_sole)).all()

@@ -1,0 +1,131 @@
+"""Inertia, its inverse and what the feet see of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from robot_io.robot import Robot
+from stabilizer.dynamics import SOLE_ROWS, Dynamics
+from stabilizer.model import N_BASE_V, RobotModel
+from tests.stabilizer.states import State, states_anywhere
+
+STATES = 20
+RELATIVE = 1e-9
+"""Against the largest entry: what inverting a 34 x 34 matrix costs in digits."""
+
+
+@pytest.fixture
+def dynamics(model: RobotModel) -> Dynamics:
+    return Dynamics(model)
+
+
+@pytest.fixture
+def visited(model: RobotModel, dynamics: Dynamics) -> Iterator[State]:
+    """Random states, each one already in ``dynamics`` when it is handed out."""
+    states = states_anywhere(model, count=STATES, seed=2)
+    return (enter(dynamics, state) for state in states)
+
+
+def enter(dynamics: Dynamics, state: State) -> State:
+    dynamics.update(state.q, state.v)
+    return state
+
+
+def assert_close(actual: np.ndarray, expected: np.ndarray) -> None:
+    scale = float(np.abs(expected).max())
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=RELATIVE * scale)
+
+
+def test_inertia_is_that_of_the_links_plus_that_of_the_drives(
+    walker: Robot, dynamics: Dynamics, visited: Iterator[State]
+) -> None:
+    links = pin.buildModelFromUrdf(str(walker.urdf_path), pin.JointModelFreeFlyer())
+    drives = np.zeros(links.nv)
+    for name, armature in zip(walker.joint_names, walker.armature, strict=True):
+        drives[links.joints[links.getJointId(name)].idx_v] = armature
+    assert drives.max() > 0.0
+    for state in visited:
+        upper = np.triu(pin.crba(links, links.createData(), state.q))
+        expected = upper + np.triu(upper, 1).T + np.diag(drives)
+        assert_close(dynamics.inertia_matrix(), expected)
+
+
+def test_inverse_is_symmetric(dynamics: Dynamics, visited: Iterator[State]) -> None:
+    for _ in visited:
+        np.testing.assert_array_equal(dynamics.H_inv, dynamics.H_inv.T)
+
+
+def test_inverse_times_inertia_is_identity(
+    dynamics: Dynamics, visited: Iterator[State]
+) -> None:
+    for _ in visited:
+        product = dynamics.H_inv @ dynamics.inertia_matrix()
+        np.testing.assert_allclose(product, np.eye(len(product)), atol=RELATIVE)
+
+
+def test_contact_inertia_is_what_the_feet_feel(
+    dynamics: Dynamics, visited: Iterator[State]
+) -> None:
+    for _ in visited:
+        J_contact, H = dynamics.J_contact, dynamics.inertia_matrix()
+        X = np.linalg.solve(H, J_contact.T)
+        assert_close(dynamics.X, X)
+        assert_close(dynamics.Lambda_c_inv, J_contact @ X)
+        np.testing.assert_allclose(
+            dynamics.Lambda_c_inv, dynamics.Lambda_c_inv.T, atol=RELATIVE
+        )
+
+
+def test_bias_forces_keep_the_robot_from_accelerating(
+    model: RobotModel, dynamics: Dynamics, visited: Iterator[State]
+) -> None:
+    data = model.pin_model.createData()
+    for state in visited:
+        inverse_dynamics = pin.rnea(
+            model.pin_model, data, state.q, state.v, np.zeros(model.n_v)
+        )
+        assert_close(dynamics.c, inverse_dynamics)
+
+
+def test_wrenches_do_the_same_work_in_the_world_and_at_the_joints(
+    model: RobotModel, dynamics: Dynamics, visited: Iterator[State]
+) -> None:
+    """v.(J^T F) is force times velocity plus moment times rate, in world axes."""
+    rng = np.random.default_rng(3)
+    data = model.pin_model.createData()
+    for state in visited:
+        F = rng.normal(size=12)
+        pin.forwardKinematics(model.pin_model, data, state.q, state.v)
+        in_world = 0.0
+        for frame, rows, R in zip(
+            model.sole_ids, SOLE_ROWS, dynamics.R_world_sole, strict=True
+        ):
+            twist = pin.getFrameVelocity(
+                model.pin_model, data, frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            force, moment = F[rows].reshape(2, 3)
+            in_world += (R @ force) @ twist.linear + (R @ moment) @ twist.angular
+        at_joints = state.v @ (dynamics.J_contact.T @ F)
+        assert at_joints == pytest.approx(in_world, rel=RELATIVE, abs=RELATIVE)
+
+
+def test_armature_makes_the_ankle_several_times_stiffer_to_turn(
+    walker: Robot, model: RobotModel
+) -> None:
+    """Left out, the gain of the wrench law would be several times wrong."""
+    light = RobotModel(walker)
+    light.pin_model.armature = np.zeros(light.n_v)
+    turning = []
+    for candidate in (model, light):
+        dynamics = Dynamics(candidate)
+        dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+        turning.append(np.diag(dynamics.Lambda_c_inv)[3:5])
+    assert (turning[1] > 2.0 * turning[0]).all()
+
+
+def test_the_base_has_no_armature(model: RobotModel) -> None:
+    assert not model.pin_model.armature[:N_BASE_V].any()

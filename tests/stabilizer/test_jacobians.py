@@ -1,0 +1,150 @@
+"""Jacobians and their drift against central differences of what they derive."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from schemas.arrays import Array
+from stabilizer.dynamics import SOLE_ROWS, Dynamics
+from stabilizer.model import RobotModel
+from tests.stabilizer.states import State, states_anywhere, stepped, unit
+
+STATES = 10
+STEP = 1e-5
+"""Of the differences: truncation and rounding are both near 1e-10 here."""
+TOLERANCE = 1e-7
+
+
+@pytest.fixture
+def states(model: RobotModel) -> Iterator[State]:
+    return states_anywhere(model, count=STATES, seed=1)
+
+
+@pytest.fixture
+def dynamics(model: RobotModel) -> Dynamics:
+    return Dynamics(model)
+
+
+def placement(model: RobotModel, q: Array, *, side: int) -> pin.SE3:
+    data = model.pin_model.createData()
+    pin.framesForwardKinematics(model.pin_model, data, q)
+    return data.oMf[model.sole_ids[side]]
+
+
+def centre_of_mass(model: RobotModel, q: Array) -> Array:
+    com: Array = pin.centerOfMass(model.pin_model, model.pin_model.createData(), q)
+    return com
+
+
+def sole_twist(model: RobotModel, state: State, *, side: int) -> Array:
+    """(6,) [linear; angular] in the sole frame."""
+    data = model.pin_model.createData()
+    pin.forwardKinematics(model.pin_model, data, state.q, state.v)
+    twist: Array = pin.getFrameVelocity(
+        model.pin_model, data, model.sole_ids[side], pin.LOCAL
+    ).vector
+    return twist
+
+
+def com_velocity(model: RobotModel, state: State) -> Array:
+    data = model.pin_model.createData()
+    pin.centerOfMass(model.pin_model, data, state.q, state.v)
+    velocity: Array = data.vcom[0].copy()
+    return velocity
+
+
+def drift(model: RobotModel, state: State, of: Callable[[State], Array]) -> Array:
+    """Rate of a velocity while the robot coasts: all of v stays as it is."""
+    ahead = State(stepped(model, state.q, along=STEP * state.v), state.v)
+    behind = State(stepped(model, state.q, along=-STEP * state.v), state.v)
+    rate: Array = (of(ahead) - of(behind)) / (2.0 * STEP)
+    return rate
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_sole_jacobian_is_the_derivative_of_the_placement(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State], side: int
+) -> None:
+    for state in states:
+        dynamics.update(state.q, state.v)
+        here = placement(model, state.q, side=side)
+        for column in range(model.n_v):
+            step = STEP * unit(model, column)
+            ahead = placement(model, stepped(model, state.q, along=step), side=side)
+            behind = placement(model, stepped(model, state.q, along=-step), side=side)
+            # In the sole's own axes: log of T_here_moved.
+            moved = pin.log6(here.actInv(ahead)) - pin.log6(here.actInv(behind))
+            np.testing.assert_allclose(
+                dynamics.J_contact[SOLE_ROWS[side], column],
+                moved.vector / (2.0 * STEP),
+                atol=TOLERANCE,
+            )
+
+
+def test_com_jacobian_is_the_derivative_of_the_centre_of_mass(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State]
+) -> None:
+    for state in states:
+        dynamics.update(state.q, state.v)
+        for column in range(model.n_v):
+            step = STEP * unit(model, column)
+            ahead = centre_of_mass(model, stepped(model, state.q, along=step))
+            behind = centre_of_mass(model, stepped(model, state.q, along=-step))
+            np.testing.assert_allclose(
+                dynamics.J_com[:, column],
+                (ahead - behind) / (2.0 * STEP),
+                atol=TOLERANCE,
+            )
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_sole_drift_is_the_twists_rate_while_coasting(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State], side: int
+) -> None:
+    for state in states:
+        dynamics.update(state.q, state.v)
+        rate = drift(model, state, lambda s: sole_twist(model, s, side=side))
+        actual = dynamics.Jdot_v_contact[SOLE_ROWS[side]]
+        np.testing.assert_allclose(actual, rate, atol=TOLERANCE)
+
+
+def test_com_drift_is_the_velocitys_rate_while_coasting(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State]
+) -> None:
+    for state in states:
+        dynamics.update(state.q, state.v)
+        rate = drift(model, state, lambda s: com_velocity(model, s))
+        np.testing.assert_allclose(dynamics.Jdot_v_com, rate, atol=TOLERANCE)
+
+
+def test_velocities_are_jacobians_times_v(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State]
+) -> None:
+    for state in states:
+        dynamics.update(state.q, state.v)
+        np.testing.assert_allclose(
+            dynamics.v_com, dynamics.J_com @ state.v, atol=TOLERANCE
+        )
+        for side, rows in enumerate(SOLE_ROWS):
+            np.testing.assert_allclose(
+                dynamics.v_sole[rows],
+                sole_twist(model, state, side=side),
+                atol=TOLERANCE,
+            )
+
+
+def test_positions_are_those_of_forward_kinematics(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State]
+) -> None:
+    for state in states:
+        dynamics.update(state.q, state.v)
+        com = centre_of_mass(model, state.q)
+        np.testing.assert_allclose(dynamics.p_com, com, atol=TOLERANCE)
+        for side in (0, 1):
+            sole = placement(model, state.q, side=side)
+            np.testing.assert_allclose(dynamics.p_sole[side], sole.translation)
+            np.testing.assert_allclose(dynamics.R_world_sole[side], sole.rotation)

@@ -1,0 +1,128 @@
+"""The first QP is solved, and it is the paper's problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from schemas.arrays import Array
+from stabilizer.model import N_BASE_V
+from stabilizer.qp import QpSolution
+from tests.stabilizer.kkt import kkt_residuals
+from tests.stabilizer.rig import CONTACT_NAMES, CONTACT_SETS, Rig
+from tests.stabilizer.states import states_near_stance
+from tests.stabilizer.uncondensed_tsid import solve_uncondensed
+
+STATES = 25
+KKT_TOLERANCE = 1e-6
+SAME_FORCE_N = 1e-4
+SAME_TORQUE_NM = 1e-4
+BALANCE = 1e-7
+"""Of the equations of motion [N, N m] and of the feet at rest [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far random states are from the stance [m, rad], and how fast."""
+
+    position: float
+    speed: float
+
+
+CALM = Spread(position=0.005, speed=0.01)
+"""No limit is active: the unconstrained path."""
+LIVELY = Spread(position=0.05, speed=0.2)
+WILD = Spread(position=0.15, speed=0.5)
+"""Cones and torque limits are active nearly everywhere."""
+SPREADS = pytest.mark.parametrize(
+    "spread", [CALM, LIVELY, WILD], ids=["calm", "lively", "wild"]
+)
+FEET = pytest.mark.parametrize("in_contact", CONTACT_SETS, ids=CONTACT_NAMES)
+
+
+def solutions(rig: Rig, spread: Spread, in_contact: list[bool]) -> Iterator[QpSolution]:
+    """Solves at random states; the rig stays at each while it is looked at."""
+    for state in states_near_stance(
+        rig.model, count=STATES, seed=9, spread=spread.position, speed=spread.speed
+    ):
+        rig.go(state)
+        solution = rig.solve_tsid(in_contact)
+        assert solution.ok, solution.status
+        yield solution
+
+
+def standing_rows(in_contact: list[bool]) -> list[int]:
+    """Rows of the standing feet in stacked contact quantities."""
+    return [row for row in range(12) if in_contact[row // 6]]
+
+
+def acceleration(rig: Rig, solution: QpSolution) -> Array:
+    qdd: Array = rig.tsid.A @ solution.x + rig.tsid.b
+    return qdd
+
+
+@FEET
+@SPREADS
+def test_kkt_conditions_hold(rig: Rig, spread: Spread, in_contact: list[bool]) -> None:
+    for solution in solutions(rig, spread, in_contact):
+        residuals = kkt_residuals(rig.tsid.problem(in_contact), solution)
+        assert residuals.worst < KKT_TOLERANCE, residuals
+
+
+@FEET
+def test_states_cover_both_ways_to_solve(rig: Rig, in_contact: list[bool]) -> None:
+    assert not any(s.constrained for s in solutions(rig, CALM, in_contact))
+    wild = [s.constrained for s in solutions(rig, WILD, in_contact)]
+    assert sum(wild) > STATES // 2
+
+
+def test_torque_limits_and_cones_are_among_the_active_ones(rig: Rig) -> None:
+    """So that the conditions above are tested with both kinds of multipliers."""
+    pressed = list(solutions(rig, WILD, CONTACT_SETS[0]))
+    assert max(np.abs(s.z_box).max() for s in pressed) > KKT_TOLERANCE
+    assert max(s.z.max() for s in pressed) > KKT_TOLERANCE
+
+
+@FEET
+@SPREADS
+def test_condensed_answer_is_that_of_the_papers_problem(
+    rig: Rig, spread: Spread, in_contact: list[bool]
+) -> None:
+    """(qdd, tau, F) with the dynamics and the feet at rest as equalities."""
+    rows = standing_rows(in_contact)
+    for solution in solutions(rig, spread, in_contact):
+        paper = solve_uncondensed(rig, in_contact)
+        F_id = rig.tsid.F_id[rows]
+        np.testing.assert_allclose(F_id, paper.F, rtol=0.0, atol=SAME_FORCE_N)
+        tau = solution.x
+        np.testing.assert_allclose(tau, paper.tau, rtol=0.0, atol=SAME_TORQUE_NM)
+        np.testing.assert_array_equal(rig.tsid.tau, tau)
+
+
+@FEET
+@SPREADS
+def test_torques_wrenches_and_accelerations_obey_the_dynamics(
+    rig: Rig, spread: Spread, in_contact: list[bool]
+) -> None:
+    dynamics = rig.dynamics
+    S = np.eye(rig.model.n_v)[N_BASE_V:]
+    for solution in solutions(rig, spread, in_contact):
+        qdd = acceleration(rig, solution)
+        moved = dynamics.inertia_matrix() @ qdd + dynamics.c
+        pushed = S.T @ solution.x + dynamics.J_contact.T @ rig.tsid.F_id
+        np.testing.assert_allclose(moved, pushed, atol=BALANCE)
+
+
+@FEET
+@SPREADS
+def test_standing_feet_do_not_accelerate(
+    rig: Rig, spread: Spread, in_contact: list[bool]
+) -> None:
+    rows = standing_rows(in_contact)
+    for solution in solutions(rig, spread, in_contact):
+        qdd = acceleration(rig, solution)
+        at_soles = rig.dynamics.J_contact @ qdd + rig.dynamics.Jdot_v_contact
+        np.testing.assert_allclose(at_soles[rows], 0.0, atol=BALANCE)

@@ -1,0 +1,201 @@
+"""How the soles should move, given what they feel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from schemas.arrays import Array
+from schemas.settings import ControllerSettings
+from stabilizer.dynamics import SOLE_ROWS
+from stabilizer.model import RobotModel
+from stabilizer.wrench_law import WrenchLaw
+from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, LEFT, RIGHT, Rig
+from tests.stabilizer.states import nominal_state, states_near_stance
+
+PERIOD_S = 0.001
+STATES = 20
+SPREAD, SPEED = 0.1, 0.3
+ERROR = np.array([10.0, 10.0, 20.0, 2.0, 2.0, 1.0] * 2)
+"""Spread of the wrench error [N, N m]: the soles yield below their limits."""
+TOLERANCE = 1e-12
+SIX = (0.0,) * 6
+NORMAL_ROWS = (2, 8)
+FEET = pytest.mark.parametrize("in_contact", CONTACT_SETS, ids=CONTACT_NAMES)
+LIFTED = pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
+
+
+def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
+    """Defaults with some values replaced."""
+    settings = ControllerSettings()
+    for name, values in sections.items():
+        section = msgspec.structs.replace(getattr(settings, name), **values)
+        settings = msgspec.structs.replace(settings, **{name: section})
+    return settings
+
+
+def make_law(settings: ControllerSettings) -> WrenchLaw:
+    return WrenchLaw(settings.dik, settings.ground, settings.contact, period_s=PERIOD_S)
+
+
+def paper_law(rig: Rig, e_F: Array) -> Array:
+    """(12,) -Lambda_c^-1 K^-1 e_F, every part written out."""
+    J_contact = rig.dynamics.J_contact
+    H = rig.dynamics.inertia_matrix()
+    Lambda_c_inv = J_contact @ np.linalg.solve(H, J_contact.T)
+    K = np.diag(rig.settings.dik.k_force * 2)
+    r: Array = -Lambda_c_inv @ np.linalg.solve(K, e_F)
+    return r
+
+
+PAPER = settings_with(ground={"gain": SIX}, dik={"stance_leak": 0.0})
+"""Nothing beside the paper's own law."""
+
+
+def test_without_extras_it_is_the_papers_law(model: RobotModel) -> None:
+    rig, law = Rig(model, PAPER), make_law(PAPER)
+    rng = np.random.default_rng(19)
+    for state in states_near_stance(
+        model, count=STATES, seed=20, spread=SPREAD, speed=SPEED
+    ):
+        rig.go(state)
+        F_id, e_F = 100.0 * rng.normal(size=12), ERROR * rng.normal(size=12)
+        r = law.update(
+            rig.dynamics, rig.stance, F_meas=F_id + e_F, F_id=F_id, in_contact=BOTH
+        )
+        np.testing.assert_allclose(r, paper_law(rig, e_F), rtol=1e-9, atol=TOLERANCE)
+
+
+def test_each_axis_has_its_own_gain(model: RobotModel) -> None:
+    k_force = (-10.0, -20.0, -30.0, -40.0, -50.0, -60.0)
+    settings = settings_with(
+        ground={"gain": SIX}, dik={"stance_leak": 0.0, "k_force": k_force}
+    )
+    rig, law = Rig(model, settings), make_law(settings)
+    rig.go(nominal_state(model))
+    for axis in range(12):
+        e_F = np.zeros(12)
+        e_F[axis] = ERROR[axis]
+        r = law.update(
+            rig.dynamics, rig.stance, F_meas=e_F, F_id=np.zeros(12), in_contact=BOTH
+        )
+        expected = (
+            -rig.dynamics.Lambda_c_inv[:, axis] * ERROR[axis] / (k_force * 2)[axis]
+        )
+        np.testing.assert_allclose(r, expected, atol=TOLERANCE)
+
+
+def test_yielding_is_no_faster_than_its_limits(model: RobotModel) -> None:
+    rig, law = Rig(model, PAPER), make_law(PAPER)
+    rng = np.random.default_rng(21)
+    dik = PAPER.dik
+    limit = np.array(([dik.yield_limit_m_s] * 3 + [dik.yield_limit_rad_s] * 3) * 2)
+    rig.go(nominal_state(model))
+    for _ in range(STATES):
+        e_F = 1e5 * rng.normal(size=12)
+        r = law.update(
+            rig.dynamics, rig.stance, F_meas=e_F, F_id=np.zeros(12), in_contact=BOTH
+        )
+        assert (np.abs(r) <= limit + TOLERANCE).all()
+        np.testing.assert_array_equal(np.sign(r), np.sign(paper_law(rig, e_F)))
+
+
+@FEET
+def test_leak_pulls_every_foot_back_to_its_stance(
+    model: RobotModel, in_contact: list[bool]
+) -> None:
+    """Along the sole and about the vertical, whether the foot stands or not."""
+    settings = settings_with(ground={"gain": SIX})
+    rig, law, without = Rig(model, settings), make_law(settings), make_law(PAPER)
+    for state in states_near_stance(
+        model, count=STATES, seed=22, spread=SPREAD, speed=0.0
+    ):
+        dynamics = rig.go(state)
+        inputs: dict[str, Any] = {
+            "F_meas": np.zeros(12),
+            "F_id": np.zeros(12),
+            "in_contact": in_contact,
+        }
+        pull = law.update(dynamics, rig.stance, **inputs)
+        pull = pull - without.update(dynamics, rig.stance, **inputs)
+        for side, rows in enumerate(SOLE_ROWS):
+            R = dynamics.R_world_sole[side]
+            yaw = np.arctan2(R[1, 0], R[0, 0])
+            offset = rig.stance.p_sole[side] - dynamics.p_sole[side]
+            offset[2] = 0.0
+            leak = settings.dik.stance_leak
+            expected = np.zeros(6)
+            expected[:2] = leak * (R.T @ offset)[:2]
+            expected[5] = -leak * (yaw - rig.stance.yaw_sole[side])
+            np.testing.assert_allclose(pull[rows], expected, atol=TOLERANCE)
+
+
+@LIFTED
+def test_lifted_foot_comes_down_along_the_vertical_of_the_world(
+    model: RobotModel, side: int
+) -> None:
+    rig, law = Rig(model, PAPER), make_law(PAPER)
+    rows = SOLE_ROWS[side]
+    in_contact = RIGHT if side == 0 else LEFT
+    rng = np.random.default_rng(23)
+    for state in states_near_stance(
+        model, count=STATES, seed=24, spread=SPREAD, speed=SPEED
+    ):
+        dynamics = rig.go(state)
+        r = law.update(
+            dynamics,
+            rig.stance,
+            F_meas=ERROR * rng.normal(size=12),
+            F_id=np.zeros(12),
+            in_contact=in_contact,
+        )
+        down = dynamics.R_world_sole[side] @ r[rows][:3]
+        np.testing.assert_allclose(down[:2], 0.0, atol=TOLERANCE)
+        assert -PAPER.contact.descent_limit_m_s - TOLERANCE <= down[2] < 0.0
+        np.testing.assert_array_equal(r[rows][3:], 0.0)
+
+
+@LIFTED
+def test_descent_slows_as_the_ground_is_felt(model: RobotModel, side: int) -> None:
+    rig, law = Rig(model, PAPER), make_law(PAPER)
+    rig.go(nominal_state(model))
+    wanted = PAPER.contact.search_force_n
+    speeds = []
+    for force in np.linspace(0.0, 1.5 * wanted, 16):
+        F_meas = np.zeros(12)
+        F_meas[NORMAL_ROWS[side]] = force
+        r = law.update(
+            rig.dynamics,
+            rig.stance,
+            F_meas=F_meas,
+            F_id=np.zeros(12),
+            in_contact=RIGHT if side == 0 else LEFT,
+        )
+        speeds.append(-r[NORMAL_ROWS[side]])
+        assert (speeds[-1] > 0.0) == (force < wanted)
+    assert (np.diff(speeds) <= 0.0).all()
+
+
+@LIFTED
+def test_what_a_lifted_foot_feels_does_not_move_the_other(
+    model: RobotModel, side: int
+) -> None:
+    rig, law = Rig(model, PAPER), make_law(PAPER)
+    rig.go(nominal_state(model))
+    lifted, standing = SOLE_ROWS[side], SOLE_ROWS[1 - side]
+    rng = np.random.default_rng(25)
+    F_meas, answers = ERROR * rng.normal(size=12), []
+    for _ in range(2):
+        F_meas[lifted] = ERROR[lifted] * rng.normal(size=6)
+        r = law.update(
+            rig.dynamics,
+            rig.stance,
+            F_meas=F_meas,
+            F_id=np.zeros(12),
+            in_contact=RIGHT if side == 0 else LEFT,
+        )
+        answers.append(r[standing].copy())
+    np.testing.assert_array_equal(answers[0], answers[1])
