@@ -71,6 +71,13 @@ def _check_file(file: RobotFile, path: Path) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise FileFormatError(f"{path}: joint: listed twice: {twice}", field="joint")
+    lowest, highest = file.com_travel_m
+    if not lowest <= 0.0 <= highest:
+        raise FileFormatError(
+            f"{path}: com_travel_m: got [{lowest}, {highest}], expected how far the "
+            "CoM may sink (negative) and rise (positive)",
+            field="com_travel_m",
+        )
     namespace = file.namespace
     if (
         not namespace.strip("/")
@@ -161,7 +168,19 @@ def _joint_range(
             f"{path}: joint {joint.name!r}: nominal_rad {joint.nominal_rad} is "
             f"outside [{lower}, {upper}] of {urdf_path.name}"
         )
+    _check_soft_range(joint, path, lower=lower, upper=upper)
     return lower, upper
+
+
+def _check_soft_range(joint: Joint, path: Path, *, lower: float, upper: float) -> None:
+    soft_lower = lower if joint.soft_lower_rad is None else joint.soft_lower_rad
+    soft_upper = upper if joint.soft_upper_rad is None else joint.soft_upper_rad
+    if not lower <= soft_lower <= joint.nominal_rad <= soft_upper <= upper:
+        raise RobotFileError(
+            f"{path}: joint {joint.name!r}: soft range [{soft_lower}, {soft_upper}] "
+            f"must lie inside the joint range [{lower}, {upper}] and hold nominal_rad "
+            f"{joint.nominal_rad}"
+        )
 
 
 def _numbers(

@@ -70,7 +70,7 @@ def test_the_nominal_posture_is_inside_the_ranges_and_symmetric() -> None:
 
 def test_a_loaded_robot_is_frozen() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
-        load_robot("walker").path = Path()  # type: ignore[misc]
+        load_robot("walker").path = Path()
 
 
 def test_servo_profiles_are_chosen_by_name() -> None:
@@ -117,7 +117,10 @@ def test_wrong_key_overrides_name_the_file(files: Path) -> None:
         ('sole_frame = "left_sole"', 'sole_frame = "l"', "foot[0].sole_frame"),
         ('frame = "imu"', 'frame = "gyro"', "imu.frame"),
         ("torque_limit_nm = 3.5", "torque_limit_nm = 4.5", "but effort 3.5"),
-        ("nominal_rad = 0.7", "nominal_rad = 2.9", "outside [-0.2622, 2.2672]"),
+        ("nominal_rad = 1.3", "nominal_rad = 2.9", "outside [-0.2622, 2.2672]"),
+        ("soft_lower_rad = 0.2", "soft_lower_rad = 1.4", "soft range [1.4, 2.2672]"),
+        ("soft_lower_rad = 0.2", "soft_upper_rad = 3.0", "soft range [-0.2622, 3.0]"),
+        ("com_travel_m = [-0.15", "com_travel_m = [0.15", "com_travel_m: got [0.15"),
         ("half_length_m = 0.1357", "half_length_m = 0.2", "make them equal"),
     ],
 )
