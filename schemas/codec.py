@@ -6,9 +6,9 @@ message that does not fit is refused with an error that names the field.
 
 from __future__ import annotations
 
-from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
+import msgpack
 import msgspec
 
 from schemas.errors import MessageError, SchemaVersionError
@@ -18,16 +18,8 @@ from schemas.validation import explain
 
 MAX_MESSAGE_BYTES = 65536
 _T = TypeVar("_T", bound=msgspec.Struct)
-_ENCODER = msgspec.msgpack.Encoder()
-
-
-class _Versioned(msgspec.Struct):
-    """The one field every message has; the rest is skipped."""
-
-    schema: int
-
-
-_VERSION_DECODER = msgspec.msgpack.Decoder(_Versioned)
+_UNREADABLE = (ValueError, TypeError, RecursionError, msgpack.UnpackException)
+"""What msgpack raises on bytes that are not MessagePack."""
 
 
 def encode(message: msgspec.Struct) -> bytes:
@@ -39,7 +31,8 @@ def encode(message: msgspec.Struct) -> bytes:
     Returns:
         MessagePack bytes.
     """
-    return _ENCODER.encode(message)
+    packed: bytes = msgpack.packb(msgspec.to_builtins(message))
+    return packed
 
 
 def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T:
@@ -64,11 +57,14 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
             f"{MAX_MESSAGE_BYTES}"
         )
     try:
-        message: _T = _decoder(kind).decode(data)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        _check_version(_version_of(data), kind)
+        raw = msgpack.unpackb(data)
+    except _UNREADABLE as error:
         raise _refusal(kind, error) from error
-    _check_version(getattr(message, "schema", SCHEMA_VERSION), kind)
+    _check_version(raw, kind)
+    try:
+        message = msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        raise _refusal(kind, error) from error
     bad = find_non_finite(message)
     if bad is not None:
         raise MessageError(
@@ -80,21 +76,10 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
     return message
 
 
-@cache
-def _decoder(kind: type[_T]) -> msgspec.msgpack.Decoder[_T]:
-    return msgspec.msgpack.Decoder(kind)
-
-
-def _version_of(data: bytes) -> int:
-    """Version of a message whose other fields do not fit; ours if it has none."""
-    try:
-        return _VERSION_DECODER.decode(data).schema
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return SCHEMA_VERSION
-
-
-def _check_version(version: int, kind: type[msgspec.Struct]) -> None:
-    if version != SCHEMA_VERSION:
+def _check_version(raw: Any, kind: type[msgspec.Struct]) -> None:
+    version = raw.get("schema") if isinstance(raw, dict) else None
+    # Anything but a whole number is left to the type check.
+    if type(version) is int and version != SCHEMA_VERSION:
         raise SchemaVersionError(
             f"{kind.__name__}.schema: got version {version}, expected "
             f"{SCHEMA_VERSION}; install the same release on both sides",
