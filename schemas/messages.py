@@ -17,7 +17,8 @@ import msgspec
 from schemas.arrays import Floats, Floats3, Floats4, Floats6, Pair
 
 SCHEMA_VERSION = 1
-Count = Annotated[int, msgspec.Meta(ge=0)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
+"""What a signed 64-bit integer holds, in any language."""
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -165,6 +165,7 @@ def test_non_finite_numbers_in_nested_structs_are_named() -> None:
         ({"tick": 1.0}, "tick"),
         ({"tick": "1"}, "tick"),
         ({"tick": -1}, "tick"),
+        ({"tick": 2**63}, "tick"),
         ({"tick": None}, "tick"),
         ({"schema": True}, "schema"),
         ({"q": 1.0}, "q"),
