@@ -3,20 +3,17 @@
     python -m benchmarks.bench_tick [SCENARIO] [--ticks N]
 
 Plant and controller run in one process, as in ``surefoot run --inline``; each stage
-of the controller is timed where it is called, so caches are as cold as in a run.
+of the controller is timed where it is called, so caches are as cold as in a run. Set
+OPENBLAS_NUM_THREADS=1, as ``surefoot`` does for itself.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
-import os
 import time
 from collections.abc import Callable
 from typing import Any
-
-for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
 
 import numpy as np
 
@@ -115,9 +112,7 @@ def _encode_snapshot(snapshot: Any) -> list[tuple[bytes, type[messages.Message]]
     parts: list[messages.Message] = [joints, imu]
     for wrench in (snapshot.ft_left, snapshot.ft_right):
         values = wrench.tolist()
-        parts.append(
-            messages.ForceTorque(**head, force=values[:3], moment=values[3:])
-        )
+        parts.append(messages.ForceTorque(**head, force=values[:3], moment=values[3:]))
     return [(codec.encode(part), type(part)) for part in parts]
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from cli.processes import Sides
-from cli.run_files import TICKS, write_arrays
+from cli.run_files import QP_FAILURE, TICKS, write_arrays
 from cli.run_plan import RunPlan
 from robot_io.gate import CommandGate
 from robot_io.quiet import quiet_interpreter
@@ -15,6 +15,7 @@ from schemas.messages import SCHEMA_VERSION, JointCommand
 from schemas.result import ControllerResult, Distribution, PlantResult
 from sim_robot.simulated_robot import SimulatedRobot
 from stabilizer.factory import make_controller
+from stabilizer.failure_dump import save_failure
 from stabilizer.telemetry import ControllerTelemetry
 
 COMMANDER = "inline"
@@ -45,6 +46,8 @@ def run_inline(
     elapsed_s = time.monotonic() - began_s
     if record:
         write_arrays(folder / TICKS, loop.simulated.recording())
+    if loop.controller.failure is not None:
+        save_failure(loop.controller.failure, folder / QP_FAILURE)
     controller = loop.telemetry.result("run over")
     return Sides(loop.plant_result(controller, elapsed_s=elapsed_s), controller)
 
@@ -59,12 +62,12 @@ class _InlineLoop:
             robot, plan.scenario, seed=plan.seed, record=record
         )
         self.telemetry = ControllerTelemetry(plan.controller, period_s=robot.period_s)
-        self._controller = make_controller(plan.controller, robot, plan.settings)
+        self.controller = make_controller(plan.controller, robot, plan.settings)
         self._gate = CommandGate(robot, self.simulated.held_posture)
         self._commands: dict[int, JointCommand] = {}
         for action in ("take", "enable"):
             self._gate.request(action, COMMANDER, now_s=0.0)
-        self._controller.start(self.simulated.sense(), self._gate.posture.copy())
+        self.controller.start(self.simulated.sense(), self._gate.posture.copy())
 
     def tick(self) -> None:
         """One tick of plant and controller."""
@@ -93,7 +96,7 @@ class _InlineLoop:
 
     def _answer(self, tick: int) -> JointCommand:
         began_ns = time.perf_counter_ns()
-        output = self._controller.step(self.simulated.sense())
+        output = self.controller.step(self.simulated.sense())
         self.telemetry.add(
             output, duration_ns=time.perf_counter_ns() - began_ns, is_stale=False
         )

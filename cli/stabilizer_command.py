@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -37,7 +38,7 @@ def stabilizer(
     from cli.console import print_json, print_table
     from cli.endpoints import choose_endpoints
     from cli.logs import log_note, set_up_logging
-    from cli.run_files import write_struct
+    from cli.run_files import QP_FAILURE, write_struct
     from cli.run_plan import load_settings
     from cli.summary import controller_table
     from robot_io.pace import Pace
@@ -58,6 +59,7 @@ def stabilizer(
     from stabilizer.factory import make_controller
     from stabilizer.node import run_stabilizer
 
+    folder = result_file.parent if result_file is not None else Path.cwd()
     stop = StopRequest()
     result = run_stabilizer(
         make_controller(controller, model, resolved),
@@ -65,6 +67,7 @@ def stabilizer(
         endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         connect_timeout_s=wait_s,
+        failure_file=folder / QP_FAILURE,
         stop=stop,
     )
     if result_file is not None:

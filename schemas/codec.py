@@ -31,7 +31,9 @@ def encode(message: msgspec.Struct) -> bytes:
     Returns:
         MessagePack bytes.
     """
-    packed: bytes = msgpack.packb(msgspec.to_builtins(message))
+    packed: bytes = msgpack.packb(
+        msgspec.structs.asdict(message), default=msgspec.to_builtins
+    )
     return packed
 
 

@@ -92,7 +92,7 @@ class AttitudeFilter:
                 ago, world [m/s].
         """
         dt = self._dt
-        row_x, row_y, row_z = self._rows
+        row_x, row_y, _ = self._rows
         a_x, a_y, a_z = accel.tolist()
         y_x = leg_velocity.item(0) - self._v_x
         y_y = leg_velocity.item(1) - self._v_y

@@ -8,6 +8,7 @@ from typing import Protocol
 from robot_io.snapshot import Snapshot
 from schemas.arrays import Array, Vec3
 from schemas.messages import Reference
+from stabilizer.qp import QpData
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +38,8 @@ class Controller(Protocol):
     """Pure control law: no clock, no I/O, deterministic."""
 
     name: str
+    failure: QpData | None
+    """The first QP that could not be solved, if any."""
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begins on a robot that stands still.

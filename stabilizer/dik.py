@@ -46,9 +46,7 @@ class Dik:
             model.is_leg, settings.leg_posture_weight, settings.posture_weight
         )
         self._diagonal[N_BASE_V:] += self._posture
-        self._velocity = np.minimum(
-            model.velocity_limit, settings.velocity_limit_rad_s
-        )
+        self._velocity = np.minimum(model.velocity_limit, settings.velocity_limit_rad_s)
         self._lower = model.lower + settings.limit_margin_rad
         self._upper = model.upper - settings.limit_margin_rad
 

@@ -97,5 +97,6 @@ class Dynamics:
 
     def inertia_matrix(self) -> Mat:
         """(n_v, n_v) inertia matrix of the last update, for tests and tools."""
-        upper = np.triu(self._data.M)
-        return upper + np.triu(upper, 1).T
+        upper: Mat = np.triu(self._data.M)
+        full: Mat = upper + np.triu(upper, 1).T
+        return full

@@ -8,6 +8,7 @@ from robot_io.snapshot import Snapshot
 from schemas.arrays import Array
 from schemas.messages import Reference
 from stabilizer.controller import ControllerOutput
+from stabilizer.qp import QpData
 
 
 class HoldController:
@@ -22,6 +23,7 @@ class HoldController:
             joint_count: n_a.
         """
         self._output = _holding(np.zeros(joint_count))
+        self.failure: QpData | None = None
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begins on a robot that stands still.

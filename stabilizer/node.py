@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 import time
+from pathlib import Path
 
 from robot_io.assembler import SnapshotReading
 from robot_io.client import RobotClient
@@ -17,7 +19,10 @@ from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.result import ControllerResult
 from stabilizer.controller import Controller, ControllerOutput
-from stabilizer.telemetry import ControllerTelemetry
+from stabilizer.failure_dump import save_failure
+from stabilizer.telemetry import GOOD, ControllerTelemetry
+
+_LOG = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S = 10.0
 SILENCE_POLL_S = 0.1
@@ -34,6 +39,7 @@ def run_stabilizer(
     pace: Pace,
     identity: str | None = None,
     connect_timeout_s: float = CONNECT_TIMEOUT_S,
+    failure_file: Path | None = None,
     stop: StopRequest | None = None,
 ) -> ControllerResult:
     """Waits for the robot, takes command of it and answers its ticks.
@@ -49,6 +55,7 @@ def run_stabilizer(
         pace: the robot's.
         identity: one word, unique on the bus; made up when None.
         connect_timeout_s: how long the robot may take to appear [s].
+        failure_file: where the first QP that cannot be solved is kept (.npz).
         stop: ends the run from outside, besides signals.
 
     Returns:
@@ -76,9 +83,9 @@ def run_stabilizer(
         client.take_lease()
         q_held = client.enable()
         with quiet_interpreter():
-            reason = _Loop(controller, client, telemetry, robot.period_s).run(
-                q_held, stop
-            )
+            loop = _Loop(controller, client, telemetry, robot.period_s)
+            loop.failure_file = failure_file
+            reason = loop.run(q_held, stop)
     return telemetry.result(reason)
 
 
@@ -103,6 +110,7 @@ class _Loop:
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
         self._is_started = False
         self._answered = 0
+        self.failure_file: Path | None = None
 
     def run(self, q_held: Array, stop: StopRequest) -> str:
         """Answers until the end; returns its reason."""
@@ -132,7 +140,21 @@ class _Loop:
             is_stale=bool(reading.stale),
         )
         self._answered += 1
+        if output.qp_status != GOOD and self.failure_file is not None:
+            self._keep_failure(self.failure_file)
         return output
+
+    def _keep_failure(self, path: Path) -> None:
+        """Writes the failed QP, once; the command has left already."""
+        self.failure_file = None
+        if self._controller.failure is None:
+            return
+        try:
+            save_failure(self._controller.failure, path)
+        except OSError as error:
+            _LOG.warning("a QP failed and could not be kept: %s", error)
+        else:
+            _LOG.warning("a QP failed, the posture is held; it is kept in %s", path)
 
     def _tell(self, reading: SnapshotReading, output: ControllerOutput) -> None:
         status = self._telemetry.status(

@@ -70,19 +70,18 @@ class Stance:
                 np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
             )
 
-
     def limit_height(self, ground: float, *, travel: tuple[float, float]) -> None:
-        """Keeps the height reference within reach of legs that are neither straight
-        nor folded.
+        """Keeps the height reference within reach of the legs.
+
+        A leg that is straight, or folded, cannot follow its ground.
 
         Args:
             ground: present height of the soles against nominal [m].
             travel: lowest and highest reference over the soles, from nominal [m].
         """
         lowest, highest = travel
-        wanted = min(max(self.com_height, self.com_nominal + ground + lowest),
-                     self.com_nominal + ground + highest)  # fmt: skip
-        self.com[2] = wanted
+        level = self.com_nominal + ground
+        self.com[2] = min(max(self.com_height, level + lowest), level + highest)
 
 
 def standing(model: RobotModel) -> Stance:

@@ -88,12 +88,12 @@ class _FeetProblem:
         self.Gamma_c: Mat = np.zeros((n_c, n_a))
         self.h_c: Array = np.zeros(n_c)
         # Stacked tasks roots * (J tau + bias - y): com 3, base 3, joints, wrenches.
-        rows = N_BASE_V + n_a + n_c
-        self.T: Mat = np.zeros((rows, n_a))
-        self.t: Array = np.zeros(rows)
-        self.y: Array = np.zeros(rows)
-        self.bias: Array = np.zeros(rows)
-        self.roots: Array = roots[:rows]
+        n_rows = N_BASE_V + n_a + n_c
+        self.T: Mat = np.zeros((n_rows, n_a))
+        self.t: Array = np.zeros(n_rows)
+        self.y: Array = np.zeros(n_rows)
+        self.bias: Array = np.zeros(n_rows)
+        self.roots: Array = roots[:n_rows]
 
 
 class Tsid:
