@@ -19,20 +19,21 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 
 from robot_io.client import RobotClient
 from robot_io.gate import CommandGate
 from robot_io.quiet import quiet_interpreter
 from robot_io.robot import Robot, load_robot
+from robot_io.sensor_messages import sensor_messages
 from robot_io.server import RobotServer
 from robot_io.snapshot import Snapshot
 from robot_io.stop_request import StopRequest
 from robot_io.timing import TimingLog
-from schemas.arrays import Array
 from schemas.codec import decode, encode
 from schemas.endpoints import Endpoints
-from schemas.messages import SCHEMA_VERSION, JointCommand, JointState
+from schemas.messages import SCHEMA_VERSION, JointCommand
 from schemas.result import Distribution
 
 NS_PER_US = 1e3
@@ -96,15 +97,16 @@ def _run_robot(
 ) -> Distribution:
     gate = CommandGate(robot, robot.nominal)
     times = TimingLog(ticks)
+    snapshots = [_snapshot(robot, tick) for tick in range(WARM_UP_TICKS + ticks)]
     with RobotServer(robot, gate, endpoints=endpoints, stop=StopRequest()) as server:
         if not server.wait_until_active(now_s=0.0, timeout_s=START_TIMEOUT_S):
             raise SystemExit("the answering process did not come up")
         with quiet_interpreter():
-            for tick in range(-WARM_UP_TICKS, ticks):
+            for snapshot in snapshots:
                 begin = time.perf_counter_ns()
-                _one_tick(server, gate, _snapshot(robot, tick + WARM_UP_TICKS), delay)
+                _one_tick(server, gate, snapshot, delay)
                 _compute(load.plant_us)
-                if tick >= 0:
+                if snapshot.tick >= WARM_UP_TICKS:
                     times.add(time.perf_counter_ns() - begin)
         gate.authority.finish("measured")
         server.publish_status(now_s=0.0, at_once=True)
@@ -170,22 +172,24 @@ def _snapshot(robot: Robot, tick: int) -> Snapshot:
 
 
 def _measure_codec(robot: Robot, ticks: int) -> Distribution:
-    """Encoding and decoding of all five messages of a tick, in one process."""
-    q = robot.nominal
-    state = JointState(
-        schema=SCHEMA_VERSION, tick=0, stamp_ns=0, q=q.tolist(), dq=q.tolist(),
-        effort=q.tolist(),
-    )  # fmt: skip
-    return _time(ticks, lambda: _codec_round(state, q, robot.n_a))
+    """All five messages of a tick packed and unpacked, in one process."""
+    sent: list[msgspec.Struct] = [
+        *sensor_messages(_snapshot(robot, 1), stamp_ns=time.monotonic_ns()),
+        JointCommand(
+            schema=SCHEMA_VERSION,
+            tick=1,
+            stamp_ns=time.monotonic_ns(),
+            q=robot.nominal.tolist(),
+            commander="bench",
+            sequence=1,
+        ),
+    ]
 
+    def pack_and_unpack() -> None:
+        for message in sent:
+            decode(encode(message), type(message), joint_count=robot.n_a)
 
-def _codec_round(state: JointState, q: Array, n_a: int) -> None:
-    decode(encode(state), JointState, joint_count=n_a)
-    command = JointCommand(
-        schema=SCHEMA_VERSION, tick=0, stamp_ns=0, q=q.tolist(), commander="bench",
-        sequence=0,
-    )  # fmt: skip
-    decode(encode(command), JointCommand, joint_count=n_a)
+    return _time(ticks, pack_and_unpack)
 
 
 def _time(count: int, run: Callable[[], None]) -> Distribution:

@@ -82,19 +82,28 @@ class Bus:
         """Closes the session."""
         self._stack.close()
 
-    def publisher(self, key: str, *, urgent: bool) -> zenoh.Publisher:
+    def publisher(
+        self, key: str, *, urgent: bool, flush: bool = False
+    ) -> zenoh.Publisher:
         """Declares a publisher that drops rather than blocks on a slow subscriber.
+
+        Zenoh gathers messages into batches; one that meets the sender at work on the
+        batch waits a millisecond for the next. Flushing hands the batch over at once,
+        but takes one out of the queue each time: a publisher that always did would
+        lose messages whenever the machine is busy. Once per tick it loses none that
+        matters, and spares 2 to 4 ticks in a hundred that millisecond.
 
         Args:
             key: relative to the namespace.
             urgent: part of the control loop, sent before everything else.
+            flush: send at once, with what urgent messages wait before it.
         """
         priority = zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA
         return self.session.declare_publisher(
             key,
             priority=priority,
             congestion_control=zenoh.CongestionControl.DROP,
-            express=False,  # with it, dropping starts under load and goes on after it
+            express=flush,
         )
 
     def channel(self, key: str, *, depth: int) -> Channel:

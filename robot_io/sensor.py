@@ -50,6 +50,22 @@ class Sensor(Generic[M]):
             tick: the tick wanted.
             patience_s: how long to wait [s].
         """
+        head = self.inbox.peek()
+        if head is not None and head.tick == tick:  # nearly always
+            self.latest = head
+            self.inbox.drop()
+            self.is_lost = False
+        else:
+            self._catch_up(tick, patience_s)
+
+    def restart(self) -> None:
+        """The robot has begun anew."""
+        self.inbox.restart()
+        self.latest = None
+        self.is_lost = False
+
+    def _catch_up(self, tick: int, patience_s: float) -> None:
+        """Takes late messages, and waits for the one of the tick."""
         while self.tick < tick:
             head = self.inbox.peek()
             if head is None and not self.is_lost:
@@ -61,10 +77,4 @@ class Sensor(Generic[M]):
             if head.tick > tick:  # the one wanted never came, but the sensor lives
                 break
             self.take()
-        self.is_lost = False
-
-    def restart(self) -> None:
-        """The robot has begun anew."""
-        self.inbox.restart()
-        self.latest = None
         self.is_lost = False

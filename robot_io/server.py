@@ -3,31 +3,22 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
-
-import msgspec
-import zenoh
 
 from robot_io.bus import Bus
 from robot_io.command_inbox import CommandInbox, Judged
 from robot_io.gate import CommandGate
 from robot_io.robot import Robot
+from robot_io.sensor_messages import sensor_messages
 from robot_io.services import RobotServices
 from robot_io.session import Role
 from robot_io.snapshot import Snapshot
 from robot_io.stop_request import StopRequest
 from schemas.codec import encode
 from schemas.endpoints import Endpoints
-from schemas.messages import (
-    SCHEMA_VERSION,
-    ForceTorque,
-    ImuState,
-    JointCommand,
-    JointState,
-    RobotMode,
-    Truth,
-)
+from schemas.messages import JointCommand, RobotMode, Truth
 from schemas.topics import ALIVE_ROBOT, TICK_SENSORS
 
 COMMANDS_KEPT = 256
@@ -68,6 +59,7 @@ class RobotServer:
         self._gate = gate
         self._stop = stop
         self._bus = Bus(endpoints, Role.ROBOT, namespace=robot.file.namespace)
+        self._stack = ExitStack()
         self._tick = 0
         self._status_due_s = 0.0
         self._told: tuple[RobotMode, str, str] | None = None
@@ -79,21 +71,11 @@ class RobotServer:
         Raises:
             EndpointError: cannot listen there.
         """
-        self._bus.__enter__()
+        with ExitStack() as stack:
+            stack.enter_context(self._bus)
+            self._declare()
+            self._stack = stack.pop_all()
         self._stop.waking(self._bus.waker.nudge)
-        keys = self._robot.keys
-        self._sensors = tuple(
-            self._bus.publisher(keys[name], urgent=True) for name in TICK_SENSORS
-        )
-        self._status = self._bus.publisher(keys["status"], urgent=False)
-        self._truth = self._bus.publisher(keys["truth"], urgent=False)
-        self._commands = CommandInbox(
-            self._bus.channel(keys["joint_command"], depth=COMMANDS_KEPT),
-            self._gate,
-            joint_count=self._robot.n_a,
-        )
-        self._services = RobotServices(self._bus, self._robot, self._gate)
-        self._token: zenoh.LivelinessToken = self._bus.announce(ALIVE_ROBOT)
         return self
 
     def __exit__(
@@ -103,7 +85,7 @@ class RobotServer:
         traceback: TracebackType | None,
     ) -> None:
         """Closes the bus."""
-        self._bus.__exit__(kind, error, traceback)
+        self._stack.close()
 
     def wait_until_active(self, *, now_s: float, timeout_s: float | None) -> bool:
         """Serves requests until a commander has enabled the robot.
@@ -143,9 +125,10 @@ class RobotServer:
             stamp_ns: the robot's monotonic clock when they were taken [ns].
         """
         self._tick = snapshot.tick
-        # Encoded first, then sent in one go: a message that meets Zenoh's sender at
-        # work on the one before waits a millisecond for the next batch.
-        encoded = [encode(message) for message in _messages(snapshot, stamp_ns)]
+        # Encoded first, so that all four are likely to leave in one batch.
+        encoded = [
+            encode(message) for message in sensor_messages(snapshot, stamp_ns=stamp_ns)
+        ]
         for publisher, data in zip(self._sensors, encoded, strict=True):
             publisher.put(data)
 
@@ -218,40 +201,19 @@ class RobotServer:
         """Sends what only a simulator knows."""
         self._truth.put(encode(truth))
 
-
-def _messages(snapshot: Snapshot, stamp_ns: int) -> tuple[msgspec.Struct, ...]:
-    """Messages of a tick, in the order of ``TICK_SENSORS``."""
-    tick = snapshot.tick
-    left, right = snapshot.ft_left.tolist(), snapshot.ft_right.tolist()
-    return (
-        JointState(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            q=snapshot.q.tolist(),
-            dq=snapshot.dq.tolist(),
-            effort=snapshot.effort.tolist(),
-        ),
-        ImuState(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            quat_xyzw=snapshot.quat_xyzw.tolist(),
-            angular_velocity=snapshot.angular_velocity.tolist(),
-            linear_acceleration=snapshot.linear_acceleration.tolist(),
-        ),
-        ForceTorque(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            force=left[:3],
-            moment=left[3:],
-        ),
-        ForceTorque(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            force=right[:3],
-            moment=right[3:],
-        ),
-    )
+    def _declare(self) -> None:
+        """Declares everything; the liveliness token last."""
+        keys = self._robot.keys
+        self._sensors = tuple(
+            self._bus.publisher(keys[name], urgent=True, flush=name == TICK_SENSORS[-1])
+            for name in TICK_SENSORS
+        )
+        self._status = self._bus.publisher(keys["status"], urgent=False)
+        self._truth = self._bus.publisher(keys["truth"], urgent=False)
+        self._commands = CommandInbox(
+            self._bus.channel(keys["joint_command"], depth=COMMANDS_KEPT),
+            self._gate,
+            joint_count=self._robot.n_a,
+        )
+        self._services = RobotServices(self._bus, self._robot, self._gate)
+        self._token = self._bus.announce(ALIVE_ROBOT)
