@@ -40,7 +40,7 @@ class WrenchLaw:
         period_s: float,
     ) -> None:
         """Precomputes gains."""
-        self._K_inv = 1.0 / np.array(dik.k_force * 2)
+        self._minus_K_inv = -1.0 / np.array(dik.k_force * 2)
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
         self._leak = dik.stance_leak
@@ -83,9 +83,8 @@ class WrenchLaw:
         for side, rows in enumerate(SOLE_ROWS):
             if not in_contact[side]:
                 e_F[rows] = 0.0
-        np.multiply(e_F, self._K_inv, out=self._scaled)
+        np.multiply(e_F, self._minus_K_inv, out=self._scaled)
         np.dot(dynamics.Lambda_c_inv, self._scaled, out=self.r)
-        np.negative(self.r, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
         np.maximum(self.r, -self._yield_limit, out=self.r)
         change = self._blend * (dynamics.v_sole - self._low_passed)
@@ -120,7 +119,7 @@ class WrenchLaw:
         speed = (
             dynamics.Lambda_c_inv[index, index]
             * (self._contact.search_force_n - normal)
-            * -self._K_inv[index]
+            * self._minus_K_inv[index]
         )
         speed = min(max(speed, 0.0), self._contact.descent_limit_m_s)
         self.r[rows] = 0.0
