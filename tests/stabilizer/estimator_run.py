@@ -45,7 +45,7 @@ def track(
     robot = KinematicRobot(model, motion)
     estimator = Estimator(model, EstimatorSettings(), period_s=period_s)
     estimator.calibrate(robot.snapshot(0.0))
-    times = period_s * np.arange(1, round(duration_s / period_s) + 1)
+    times = np.asarray(period_s * np.arange(1, round(duration_s / period_s) + 1), float)
     rows: dict[str, list[Array | float]] = {
         name: [] for name in EstimatorRun.__dataclass_fields__ if name != "time_s"
     }

@@ -19,7 +19,7 @@ from tests.stabilizer.kinematic_robot import (
     joint_offsets,
 )
 
-PERIOD_S = 0.002
+PERIOD_S = 0.004
 AMPLITUDE_M = 0.06
 BASE_Z = 2
 LEAN_RAD, BEND_RAD = 0.05, 0.15

@@ -8,9 +8,9 @@ import pytest
 from schemas.arrays import Array
 from stabilizer.dynamics import SOLE_ROWS
 from stabilizer.model import RobotModel
+from tests.stabilizer.laws import make_law, settings_with
 from tests.stabilizer.rig import BOTH, LEFT, RIGHT, Rig
 from tests.stabilizer.states import State, nominal_state
-from tests.stabilizer.test_wrench_law import make_law, settings_with
 
 GAIN = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
 SETTINGS = settings_with(ground={"gain": GAIN}, dik={"stance_leak": 0.0})

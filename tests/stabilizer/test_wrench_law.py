@@ -4,41 +4,24 @@ from __future__ import annotations
 
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
 from schemas.arrays import Array
-from schemas.settings import ControllerSettings
 from stabilizer.dynamics import SOLE_ROWS
 from stabilizer.model import RobotModel
-from stabilizer.wrench_law import WrenchLaw
+from tests.stabilizer.laws import NO_GAIN, PAPER, make_law, settings_with
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, LEFT, RIGHT, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance
 
-PERIOD_S = 0.001
 STATES = 20
 SPREAD, SPEED = 0.1, 0.3
 ERROR = np.array([10.0, 10.0, 20.0, 2.0, 2.0, 1.0] * 2)
 """Spread of the wrench error [N, N m]: the soles yield below their limits."""
 TOLERANCE = 1e-12
-SIX = (0.0,) * 6
 NORMAL_ROWS = (2, 8)
 FEET = pytest.mark.parametrize("in_contact", CONTACT_SETS, ids=CONTACT_NAMES)
 LIFTED = pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])
-
-
-def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
-    """Defaults with some values replaced."""
-    settings = ControllerSettings()
-    for name, values in sections.items():
-        section = msgspec.structs.replace(getattr(settings, name), **values)
-        settings = msgspec.structs.replace(settings, **{name: section})
-    return settings
-
-
-def make_law(settings: ControllerSettings) -> WrenchLaw:
-    return WrenchLaw(settings.dik, settings.ground, settings.contact, period_s=PERIOD_S)
 
 
 def paper_law(rig: Rig, e_F: Array) -> Array:
@@ -49,10 +32,6 @@ def paper_law(rig: Rig, e_F: Array) -> Array:
     K = np.diag(rig.settings.dik.k_force * 2)
     r: Array = -Lambda_c_inv @ np.linalg.solve(K, e_F)
     return r
-
-
-PAPER = settings_with(ground={"gain": SIX}, dik={"stance_leak": 0.0})
-"""Nothing beside the paper's own law."""
 
 
 def test_without_extras_it_is_the_papers_law(model: RobotModel) -> None:
@@ -72,7 +51,7 @@ def test_without_extras_it_is_the_papers_law(model: RobotModel) -> None:
 def test_each_axis_has_its_own_gain(model: RobotModel) -> None:
     k_force = (-10.0, -20.0, -30.0, -40.0, -50.0, -60.0)
     settings = settings_with(
-        ground={"gain": SIX}, dik={"stance_leak": 0.0, "k_force": k_force}
+        ground={"gain": NO_GAIN}, dik={"stance_leak": 0.0, "k_force": k_force}
     )
     rig, law = Rig(model, settings), make_law(settings)
     rig.go(nominal_state(model))
@@ -108,7 +87,7 @@ def test_leak_pulls_every_foot_back_to_its_stance(
     model: RobotModel, in_contact: list[bool]
 ) -> None:
     """Along the sole and about the vertical, whether the foot stands or not."""
-    settings = settings_with(ground={"gain": SIX})
+    settings = settings_with(ground={"gain": NO_GAIN})
     rig, law, without = Rig(model, settings), make_law(settings), make_law(PAPER)
     for state in states_near_stance(
         model, count=STATES, seed=22, spread=SPREAD, speed=0.0

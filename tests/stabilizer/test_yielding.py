@@ -8,10 +8,10 @@ import pytest
 from schemas.arrays import Array
 from stabilizer.dynamics import SOLE_ROWS
 from stabilizer.model import RobotModel
+from tests.stabilizer.laws import make_law
 from tests.stabilizer.mirror import Mirror
 from tests.stabilizer.rig import BOTH, Rig
 from tests.stabilizer.states import nominal_state
-from tests.stabilizer.test_wrench_law import make_law
 
 EXTRA_N, EXTRA_NM = 50.0, 5.0
 NORMAL, ROLL, PITCH = 2, 3, 4

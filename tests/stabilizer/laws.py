@@ -1,0 +1,30 @@
+"""Wrench laws with settings of the test's choosing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from schemas.settings import ControllerSettings
+from stabilizer.wrench_law import WrenchLaw
+
+PERIOD_S = 0.001
+NO_GAIN = (0.0,) * 6
+
+
+def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
+    """Defaults with some values replaced."""
+    settings = ControllerSettings()
+    for name, values in sections.items():
+        section = msgspec.structs.replace(getattr(settings, name), **values)
+        settings = msgspec.structs.replace(settings, **{name: section})
+    return settings
+
+
+def make_law(settings: ControllerSettings) -> WrenchLaw:
+    return WrenchLaw(settings.dik, settings.ground, settings.contact, period_s=PERIOD_S)
+
+
+PAPER = settings_with(ground={"gain": NO_GAIN}, dik={"stance_leak": 0.0})
+"""Nothing beside the paper's own law."""

@@ -1,0 +1,172 @@
+"""A tick that cannot be solved: said, survived, kept for replay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from robot_io.snapshot import Snapshot
+from schemas.arrays import Array
+from schemas.settings import build_settings
+from stabilizer.controller import ControllerOutput
+from stabilizer.model import RobotModel
+from stabilizer.qp import DenseQp
+from stabilizer.whole_body import WholeBodyController
+from tests.stabilizer.standing_snapshot import (
+    airborne_snapshot,
+    standing_reference,
+    standing_snapshot,
+)
+
+WARM_TICKS, BAD_TICKS, GOOD_TICKS = 80, 5, 30
+PERIOD_S = 0.001
+SETTINGS = build_settings(
+    {}, overrides=["estimator.calibration_s=0.02", "dik.ramp_in_s=0.02"]
+)
+"""Soon calibrated and faded in."""
+FASTEST_STEP_RAD = SETTINGS.dik.velocity_limit_rad_s * PERIOD_S
+OK = "ok"
+MAD = 1e300
+"""Finite, so that every check of messages lets it pass; its square is not."""
+
+SENSORS = pytest.mark.parametrize(
+    "sensor",
+    ["q", "dq", "angular_velocity", "linear_acceleration", "ft_left", "ft_right"],
+)
+
+
+@pytest.fixture
+def snapshot(model: RobotModel) -> Snapshot:
+    return standing_snapshot(model)
+
+
+@pytest.fixture
+def controller(walker: Robot, snapshot: Snapshot) -> WholeBodyController:
+    """Past its calibration, and moving."""
+    controller = WholeBodyController(walker, SETTINGS)
+    controller.start(snapshot, walker.nominal)
+    assert statuses(controller, [snapshot] * WARM_TICKS) == {OK}
+    return controller
+
+
+def statuses(controller: WholeBodyController, snapshots: list[Snapshot]) -> set[str]:
+    return {controller.step(snapshot).qp_status for snapshot in snapshots}
+
+
+def commands(outputs: list[ControllerOutput]) -> Array:
+    return np.array([output.q_command for output in outputs])
+
+
+def without_numbers(snapshot: Snapshot, sensor: str) -> Snapshot:
+    blank = np.full_like(getattr(snapshot, sensor), np.nan)
+    return replace(snapshot, **{sensor: blank})
+
+
+def assert_no_jump(before: Array, after: Array) -> None:
+    """From tick to tick, no joint's command moves faster than it may."""
+    moved = np.diff(np.vstack((before, after)), axis=0)
+    assert np.isfinite(moved).all()
+    assert np.abs(moved).max() <= FASTEST_STEP_RAD * (1.0 + 1e-9)
+
+
+def test_good_ticks_keep_no_failure(controller: WholeBodyController) -> None:
+    assert controller.failure is None
+
+
+@SENSORS
+def test_sensor_without_numbers_is_a_status_and_the_posture_is_held(
+    controller: WholeBodyController, snapshot: Snapshot, sensor: str
+) -> None:
+    before = controller.step(snapshot).q_command
+    blank = without_numbers(snapshot, sensor)
+    outputs = [controller.step(blank) for _ in range(BAD_TICKS)]
+    assert OK not in {output.qp_status for output in outputs}
+    np.testing.assert_array_equal(
+        commands(outputs), np.broadcast_to(before, (BAD_TICKS, before.size))
+    )
+
+
+def test_reference_without_bounds_is_a_status_and_the_posture_is_held(
+    controller: WholeBodyController, snapshot: Snapshot, model: RobotModel
+) -> None:
+    before = controller.step(snapshot).q_command
+    mad = standing_reference(model, com_acceleration=MAD)
+    outputs = [controller.step(snapshot, mad) for _ in range(BAD_TICKS)]
+    assert all(output.qp_status.startswith("tsid") for output in outputs)
+    np.testing.assert_array_equal(
+        commands(outputs), np.broadcast_to(before, (BAD_TICKS, before.size))
+    )
+
+
+@SENSORS
+def test_it_goes_on_when_the_sensor_is_back(
+    controller: WholeBodyController, snapshot: Snapshot, sensor: str
+) -> None:
+    before = controller.step(snapshot).q_command
+    for _ in range(BAD_TICKS):
+        controller.step(without_numbers(snapshot, sensor))
+    outputs = [controller.step(snapshot) for _ in range(GOOD_TICKS)]
+    assert {output.qp_status for output in outputs} == {OK}
+    assert_no_jump(before, commands(outputs))
+
+
+def test_it_goes_on_when_the_reference_is_sane_again(
+    controller: WholeBodyController, snapshot: Snapshot, model: RobotModel
+) -> None:
+    before = controller.step(snapshot).q_command
+    mad = standing_reference(model, com_acceleration=MAD)
+    assert controller.step(snapshot, mad).qp_status != OK
+    sane = standing_reference(model)
+    outputs = [controller.step(snapshot, sane) for _ in range(GOOD_TICKS)]
+    assert {output.qp_status for output in outputs} == {OK}
+    assert_no_jump(before, commands(outputs))
+
+
+def test_first_failure_is_kept_and_fails_again_on_replay(
+    controller: WholeBodyController, snapshot: Snapshot, model: RobotModel
+) -> None:
+    mad = standing_reference(model, com_acceleration=MAD)
+    status = controller.step(snapshot, mad).qp_status
+    first = controller.failure
+    assert first is not None
+    assert status == f"{first.name} {first.status}"
+    controller.step(without_numbers(snapshot, "ft_left"))
+    assert controller.failure is first
+    m, n = first.G.shape
+    replay = DenseQp(first.name, n=n, m=m)
+    for name in ("P", "q_lin", "G", "h_u", "x_l", "x_u"):
+        getattr(replay, name)[:] = getattr(first, name)
+    assert replay.solve().status == first.status
+
+
+def test_limits_that_contradict_each_other_are_a_status(
+    walker: Robot, snapshot: Snapshot
+) -> None:
+    """Every foot is to carry more than all that the drives can."""
+    heavy = build_settings({}, overrides=["tsid.normal_force_min_n=1e5"])
+    controller = WholeBodyController(walker, heavy)
+    controller.start(snapshot, walker.nominal)
+    outputs = [controller.step(snapshot) for _ in range(WARM_TICKS)]
+    assert all(output.qp_status.startswith("tsid") for output in outputs)
+    assert controller.failure is not None
+    np.testing.assert_array_equal(
+        commands(outputs), np.broadcast_to(walker.nominal, (WARM_TICKS, walker.n_a))
+    )
+
+
+def test_in_the_air_it_goes_on_and_reaches_for_the_ground(
+    controller: WholeBodyController, snapshot: Snapshot, model: RobotModel
+) -> None:
+    """No foot on the ground is no failure: both feet come down."""
+    airborne = airborne_snapshot(model)
+    before = controller.step(snapshot).q_command
+    for _ in range(GOOD_TICKS):
+        output = controller.step(airborne)
+    assert output.qp_status == OK
+    assert output.in_contact == (False, False)
+    knees = [i for i, name in enumerate(model.robot.joint_names) if "knee" in name]
+    assert (output.q_command[knees] < before[knees]).all()
+    assert controller.failure is None

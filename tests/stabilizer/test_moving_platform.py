@@ -1,0 +1,104 @@
+"""The real controller on a platform that heaves, rolls and pitches fast."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from schemas.arrays import Array
+from schemas.settings import ControllerSettings
+from stabilizer.model import RobotModel
+from stabilizer.whole_body import WholeBodyController
+from tests.stabilizer.closed_loop import Run, run_closed_loop
+from tests.stabilizer.mirror import Mirror
+
+DURATION_S = 2.5
+SHORT_S = 0.8
+COUNTED_FROM_S = 1.0
+RMS_M, MAX_M = 10e-3, 25e-3
+"""Horizontal bounds of the fast platform."""
+TRAVEL_M = 0.05
+SYMMETRY_RAD = 1e-8
+"""Rounding, and what it grows to through integration over the run."""
+START_S = 0.4
+MOTION = [
+    {
+        "axis": "z",
+        "kind": "sine",
+        "amplitude_m": 0.06,
+        "frequency_hz": 0.96,
+        "start_s": START_S,
+    },
+    {
+        "axis": "roll",
+        "kind": "sine",
+        "amplitude_deg": 8.6,
+        "frequency_hz": 0.7,
+        "start_s": START_S,
+    },
+    {
+        "axis": "pitch",
+        "kind": "sine",
+        "amplitude_deg": 8.6,
+        "frequency_hz": 0.508,
+        "start_s": START_S,
+    },
+]
+PLATFORM = [{"foot": "both", "motion": MOTION}]
+
+
+@pytest.fixture(scope="module")
+def run(walker: Robot) -> Run:
+    return run_closed_loop(walker, duration_s=DURATION_S, platform=PLATFORM)
+
+
+@pytest.fixture(scope="module")
+def short_run(walker: Robot) -> Run:
+    return run_closed_loop(walker, seed=5, duration_s=SHORT_S, platform=PLATFORM)
+
+
+def test_robot_stays_up_while_the_ground_moves(run: Run) -> None:
+    assert not run.fell
+    assert run.statuses == {"ok"}
+    assert np.ptp(run.soles_true[:, :, 2]) > TRAVEL_M
+
+
+def test_centre_of_mass_stays_over_the_feet(run: Run) -> None:
+    over = (run.com_true - run.soles_true.mean(axis=1))[:, :2]
+    error = (over - over[0])[run.time_s >= COUNTED_FROM_S]
+    assert np.sqrt(np.mean(error**2, axis=0)).max() < RMS_M
+    assert np.abs(error).max() < MAX_M
+
+
+def test_same_seed_gives_the_same_commands_to_the_bit(
+    walker: Robot, short_run: Run
+) -> None:
+    again = run_closed_loop(walker, seed=5, duration_s=SHORT_S, platform=PLATFORM)
+    np.testing.assert_array_equal(short_run.commands, again.commands)
+
+
+def test_other_noise_gives_other_commands(walker: Robot, short_run: Run) -> None:
+    other = run_closed_loop(walker, seed=6, duration_s=SHORT_S, platform=PLATFORM)
+    assert not np.array_equal(short_run.commands, other.commands)
+
+
+def test_mirrored_sensors_give_mirrored_commands(
+    walker: Robot, model: RobotModel, short_run: Run
+) -> None:
+    """The robot is symmetric, so nothing may tell left from right."""
+    mirror = Mirror(model)
+    controller = WholeBodyController(walker, ControllerSettings())
+    controller.start(mirror.snapshot(short_run.snapshots[0]), walker.nominal)
+    commands: list[Array] = []
+    for snapshot in short_run.snapshots:
+        commands.append(controller.step(mirror.snapshot(snapshot)).q_command.copy())
+    expected = [mirror.joints(command) for command in short_run.commands]
+    np.testing.assert_allclose(commands, expected, rtol=0.0, atol=SYMMETRY_RAD)
+
+
+def test_run_is_not_its_own_mirror_image(model: RobotModel, short_run: Run) -> None:
+    """Or the test above would hold for a controller that stands still."""
+    mirror = Mirror(model)
+    mirrored = np.array([mirror.joints(command) for command in short_run.commands])
+    assert np.abs(mirrored - short_run.commands).max() > 1e3 * SYMMETRY_RAD
