@@ -69,6 +69,8 @@ class Estimator:
         ]
         self._leg_velocity = np.zeros(3)
         self._velocity = np.zeros(3)
+        self._other = np.zeros(3)
+        self._sole_yaw = 0.0
         self._anchor = np.zeros(3)
         self.q: Array = nominal.copy()
         self.v: Array = np.zeros(model.n_v)
@@ -122,8 +124,8 @@ class Estimator:
         model, data, attitude = self._model, self._data, self._attitude
         pin_model = model.pin_model
         q, v = self.q, self.v
-        np.take(snapshot.q, model.to_model, out=q[7:])
-        np.take(snapshot.dq, model.to_model, out=v[6:])
+        q[7:] = snapshot.q[model.to_model]
+        v[6:] = snapshot.dq[model.to_model]
         np.dot(attitude.R_world_imu, self._R_imu_base, out=self.R_world_base)
         q[:3] = 0.0
         q[3:7] = pin.Quaternion(self.R_world_base).coeffs()
@@ -132,14 +134,25 @@ class Estimator:
         pin.forwardKinematics(pin_model, data, q, v)
         left, right = model.sole_ids
         world = pin.LOCAL_WORLD_ALIGNED
-        p_left = pin.updateFramePlacement(pin_model, data, left).translation
-        p_right = pin.updateFramePlacement(pin_model, data, right).translation
+        T_left = pin.updateFramePlacement(pin_model, data, left)
+        T_right = pin.updateFramePlacement(pin_model, data, right)
         # Twists of the soles as if the base stood still but for its rotation.
         v_left = pin.getFrameVelocity(pin_model, data, left, world).linear
         v_right = pin.getFrameVelocity(pin_model, data, right, world).linear
         share = self._left_share
-        self._anchor[:] = share * p_left + (1.0 - share) * p_right
-        self._leg_velocity[:] = (-share) * v_left - (1.0 - share) * v_right
+        mixed, other = self._anchor, self._other
+        np.multiply(T_left.translation, share, out=mixed)
+        np.multiply(T_right.translation, 1.0 - share, out=other)
+        mixed += other
+        mixed = self._leg_velocity
+        np.multiply(v_left, -share, out=mixed)
+        np.multiply(v_right, share - 1.0, out=other)
+        mixed += other
+        R_left, R_right = T_left.rotation, T_right.rotation
+        self._sole_yaw = 0.5 * (
+            math.atan2(R_left[1, 0], R_left[0, 0])
+            + math.atan2(R_right[1, 0], R_right[0, 0])
+        )
 
     def _leg_rate(self) -> Vec3:
         """(3,) angular velocity that the legs see, IMU frame [rad/s]."""
@@ -223,8 +236,5 @@ class Estimator:
 
     def _pull_yaw(self) -> None:
         """Keeps the mean yaw of the soles at the stance's, since yaw is free."""
-        yaw = 0.0
-        for frame in self._model.sole_ids:
-            R = self._data.oMf[frame].rotation
-            yaw += 0.5 * math.atan2(R[1, 0], R[0, 0])
-        self._attitude.pull_yaw(-self._settings.yaw_gain * self._dt * yaw)
+        turn = -self._settings.yaw_gain * self._dt * self._sole_yaw
+        self._attitude.pull_yaw(turn)
