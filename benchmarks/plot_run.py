@@ -1,0 +1,96 @@
+"""Draws a recorded run: ground, CoM error and normal forces over time.
+
+    surefoot run moving-platform-slow --inline --out out/slow
+    python -m benchmarks.plot_run out/slow out/slow.png
+
+Needs matplotlib (pip install matplotlib).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from robot_io.robot import load_robot
+from sim_robot.catalogue import open_scenario
+from sim_robot.plant import Plant
+
+MM = 1e3
+NO_MATPLOTLIB = "plot_run needs matplotlib; get it with: pip install matplotlib"
+SIDES = ("left", "right")
+COLOURS = {"x": "#c0392b", "y": "#27ae60", "z": "#1f5fa8"}
+
+
+def tilt_angles(quat_xyzw: Any) -> tuple[Any, Any]:
+    """Roll and pitch of R = Rz Ry Rx [deg].
+
+    Args:
+        quat_xyzw: (ticks, 4).
+    """
+    x, y, z, w = quat_xyzw.T
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    return np.degrees(roll), np.degrees(pitch)
+
+
+def draw(run: Path, picture: Path) -> None:
+    """Draws the run in a folder that ``surefoot run --out`` filled."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    ticks = np.load(run / "ticks.npz")
+    scenario = open_scenario(str(run / "scenario.toml"))
+    reference = Plant(load_robot("walker"), scenario, seed=0).com_reference
+    time_s = ticks["time_s"]
+    soles = 0.5 * (ticks["sole_left"] + ticks["sole_right"])
+    error = MM * (ticks["com"] - reference)
+    error[:, :2] -= MM * soles[:, :2]
+    figure, (ground, com, force) = plt.subplots(
+        3, 1, figsize=(9.0, 7.0), sharex=True, layout="constrained"
+    )
+    quats = ticks["platform_quat_xyzw"].reshape(len(time_s), -1, 4)[:, 0]
+    heights = ticks["platform_position"].reshape(len(time_s), -1, 3)[:, 0, 2]
+    roll, pitch = tilt_angles(quats)
+    ground.plot(time_s, MM * heights, color=COLOURS["z"], label="height [mm]")
+    ground.plot(time_s, 10 * roll, color=COLOURS["x"], label="roll [0.1 deg]")
+    ground.plot(time_s, 10 * pitch, color=COLOURS["y"], label="pitch [0.1 deg]")
+    ground.set_ylabel("platform")
+    for axis, name in enumerate("xyz"):
+        com.plot(time_s, error[:, axis], color=COLOURS[name], label=name)
+    com.set_ylabel("CoM error [mm]")
+    force.plot(time_s, ticks["F_left"][:, 2], lw=0.8, color="#8e44ad", label="left")
+    force.plot(time_s, ticks["F_right"][:, 2], lw=0.8, color="#e67e22", label="right")
+    force.set_ylabel("normal force [N]")
+    force.set_ylim(0.0, 1.4 * max(ticks[f"F_{s}"][:, 2].max() for s in SIDES))
+    force.set_xlabel("time [s]")
+    for axes in (ground, com, force):
+        axes.grid(alpha=0.3)
+        axes.legend(loc="upper left", ncols=3, fontsize=8)
+    figure.suptitle(f"{scenario.name}, whole-body stabilizer")
+    figure.savefig(picture, dpi=110)
+
+
+def main() -> int:
+    """Reads the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("run", type=Path)
+    parser.add_argument("picture", type=Path)
+    arguments = parser.parse_args()
+    try:
+        draw(arguments.run, arguments.picture)
+    except ModuleNotFoundError as error:
+        if error.name != "matplotlib":
+            raise
+        print(NO_MATPLOTLIB, file=sys.stderr)
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
