@@ -39,11 +39,16 @@ class EstimatorRun:
 
 
 def track(
-    model: RobotModel, motion: Motion, *, duration_s: float, period_s: float
+    model: RobotModel,
+    motion: Motion,
+    *,
+    duration_s: float,
+    period_s: float,
+    settings: EstimatorSettings | None = None,
 ) -> EstimatorRun:
     """Calibrates at time 0, then follows the motion, both feet loaded alike."""
     robot = KinematicRobot(model, motion)
-    estimator = Estimator(model, EstimatorSettings(), period_s=period_s)
+    estimator = Estimator(model, settings or EstimatorSettings(), period_s=period_s)
     estimator.calibrate(robot.snapshot(0.0))
     times = np.asarray(period_s * np.arange(1, round(duration_s / period_s) + 1), float)
     rows: dict[str, list[Array | float]] = {

@@ -88,10 +88,11 @@ def test_a_short_bounce_starts_the_clock_anew(side: int) -> None:
     """Losing the ground again and again, each time too briefly, is standing."""
     monitor = make_monitor()
     briefly = int(SETTINGS.lost_after_s / PERIOD_S) - 1
+    assert briefly > 0
     for _ in range(20):
         feel(monitor, side=side, normal=0.0, ticks=briefly)
+        assert monitor.in_contact[side]
         feel(monitor, side=side, normal=STANDING_N)
-    assert monitor.in_contact[side]
 
 
 @SIDES

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -19,10 +20,12 @@ from tests.stabilizer.kinematic_robot import (
     joint_offsets,
 )
 
-PERIOD_S = 0.004
+PERIOD_S, FINE_S = 0.004, 0.001
 AMPLITUDE_M = 0.06
 BASE_Z = 2
 LEAN_RAD, BEND_RAD = 0.05, 0.15
+SWAY_RAD_S, TURNTABLE_RAD_S = 4.0, 4.0
+LIFT_M, YAW_RAD = 0.005, 2e-5
 POSITION_M, TILT_RAD, SPEED_M_S = 1.5e-3, 1e-3, 5e-3
 """How well base pose and velocity are known on ground at rest."""
 LOADED_AFTER_S = 1.0
@@ -114,6 +117,46 @@ def test_own_motion_over_still_ground_is_followed(
     np.testing.assert_allclose(run.v[:, :3], run.v_true[:, :3], atol=SPEED_M_S)
     assert run.tilt_error.max() < TILT_RAD
     np.testing.assert_array_equal(run.q[:, 7:], run.q_true[:, 7:])
+
+
+def test_swaying_widely_does_not_lift_the_robot(model: RobotModel) -> None:
+    """The inertial unit is off the base's origin, and turning accelerates it.
+
+    Towards the origin and along its circle: over a sway the two cancel, so that
+    making up for one of them alone is worse than for none.
+    """
+    on_soles = StandingOnSoles(model)
+
+    def motion(time_s: float) -> Array:
+        wave = faded(time_s, over_s=1.0) * np.sin(SWAY_RAD_S * time_s)
+        return on_soles(model.nominal + joint_offsets(model, ankle_pitch=0.2 * wave))
+
+    run = track(model, motion, duration_s=3.0, period_s=FINE_S)
+    steady = slice(len(run.time_s) // 2, None)
+    height, truth = run.q[steady, BASE_Z], run.q_true[steady, BASE_Z]
+    assert height.mean() == pytest.approx(truth.mean(), abs=LIFT_M)
+
+
+def test_turning_is_integrated_without_loss(model: RobotModel) -> None:
+    """On a turntable, yaw is what the gyroscope has summed up."""
+    nominal = model.nominal_configuration()
+
+    def motion(time_s: float) -> Array:
+        """Soon at full speed, and for the test's second half at it."""
+        angle = TURNTABLE_RAD_S * (time_s - (1.0 - np.exp(-9.0 * time_s)) / 9.0)
+        q = nominal.copy()
+        q[3:7] = 0.0, 0.0, np.sin(0.5 * angle), np.cos(0.5 * angle)
+        return q
+
+    settings = msgspec.structs.replace(EstimatorSettings(), yaw_gain=0.0)
+    run = track(model, motion, duration_s=3.0, period_s=PERIOD_S, settings=settings)
+    turned, truly = (
+        np.unwrap(2.0 * np.arctan2(q[:, 5], q[:, 6])) for q in (run.q, run.q_true)
+    )
+    middle = len(run.time_s) // 2
+    assert turned[-1] - turned[middle] == pytest.approx(
+        truly[-1] - truly[middle], abs=YAW_RAD
+    )
 
 
 @pytest.mark.parametrize("side", [0, 1], ids=["left", "right"])

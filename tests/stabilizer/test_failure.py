@@ -133,7 +133,7 @@ def test_first_failure_is_kept_and_fails_again_on_replay(
     first = controller.failure
     assert first is not None
     assert status == f"{first.name} {first.status}"
-    controller.step(without_numbers(snapshot, "ft_left"))
+    controller.step(snapshot, mad)
     assert controller.failure is first
     m, n = first.G.shape
     replay = DenseQp(first.name, n=n, m=m)

@@ -8,7 +8,7 @@ import pytest
 from schemas.arrays import Array
 from stabilizer.dynamics import SOLE_ROWS
 from stabilizer.model import RobotModel
-from tests.stabilizer.laws import make_law, settings_with
+from tests.stabilizer.laws import PERIOD_S, make_law, settings_with
 from tests.stabilizer.rig import BOTH, LEFT, RIGHT, Rig
 from tests.stabilizer.states import State, nominal_state
 
@@ -78,6 +78,30 @@ def test_lifted_foot_has_no_ground_to_move_with(moving: Rig, side: int) -> None:
     np.testing.assert_array_equal(with_motion, at_rest[SOLE_ROWS[side]])
 
 
+@pytest.mark.parametrize("side", [0, 1])
+def test_feed_forward_returns_slowly_after_a_foot_was_in_the_air(
+    moving: Rig, side: int
+) -> None:
+    law = make_law(SETTINGS)
+    firm = np.zeros(12)
+    firm[[2, 8]] = FIRM
+
+    def update(F: Array, in_contact: list[bool]) -> float:
+        """Share of the sole's own twist that is asked of it."""
+        r = law.update(
+            moving.dynamics, moving.stance, F_meas=F, F_id=F, in_contact=in_contact
+        )[SOLE_ROWS[side]]
+        full = np.array(GAIN) * law.ground_twist[SOLE_ROWS[side]]
+        return float(r @ full / (full @ full))
+
+    for _ in range(LONG):
+        assert update(firm, BOTH) == pytest.approx(1.0)
+    update(np.zeros(12), RIGHT if side == 0 else LEFT)
+    ticks = round(SETTINGS.ground.recovery_s / PERIOD_S)
+    shares = [update(firm, BOTH) for _ in range(ticks)]
+    np.testing.assert_allclose(shares, np.arange(1, ticks + 1) / ticks, atol=SETTLED)
+
+
 def test_ground_at_rest_adds_nothing(moving: Rig) -> None:
     moving.go(nominal_state(moving.model))
     r = settled(moving, normals=(FIRM, FIRM), in_contact=BOTH)
@@ -90,7 +114,7 @@ def test_lead_answers_a_change_before_the_low_pass_does(moving: Rig) -> None:
     F = np.zeros(12)
     law.update(moving.dynamics, moving.stance, F_meas=F, F_id=F, in_contact=BOTH)
     first = law.ground_twist.copy()
-    blend = -np.expm1(-2.0 * np.pi * SETTINGS.ground.cutoff_hz * 0.001)
+    blend = -np.expm1(-2.0 * np.pi * SETTINGS.ground.cutoff_hz * PERIOD_S)
     low_passed = blend * moving.dynamics.v_sole
     assert (np.abs(first) >= np.abs(low_passed)).all()
     assert (np.sign(first) == np.sign(moving.dynamics.v_sole)).all()

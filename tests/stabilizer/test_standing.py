@@ -18,8 +18,8 @@ UPRIGHT_FROM_S = 1.0
 DRIFT_M = 2e-3
 ESTIMATE_M = 3e-3
 WEIGHT_RELATIVE = 0.01
-WRENCH_N, WRENCH_NM = 0.5, 0.05
-"""Of wrenches averaged over seconds, where noise is next to nothing."""
+WRENCH_N, WRENCH_NM = 0.25, 0.02
+"""Of wrenches averaged over 2 s: five times what is left of the sensors' noise."""
 NORMAL_ROWS = [2, 8]
 
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from robot_io.robot import Robot
-from schemas.arrays import Mat, Vec6
+from schemas.arrays import Array, Mat, Vec6
 from stabilizer.model import GRAVITY, RobotModel
 from stabilizer.wrench import WrenchCompensation
 
@@ -92,24 +92,43 @@ def test_one_foot_does_not_change_the_other(
     assert not np.array_equal(after[6:], before[6:])
 
 
+def links_below(urdf: ET.Element, top: str) -> dict[str, Array]:
+    """Links fixed below one, with the place of their frames in it (3,) [m]."""
+    below = {top: np.zeros(3)}
+    for joint in urdf.findall("joint"):
+        parent, child, origin = (
+            joint.find(tag) for tag in ("parent", "child", "origin")
+        )
+        assert parent is not None
+        assert child is not None
+        if str(parent.get("link")) in below:
+            assert joint.get("type") == "fixed"
+            assert origin is not None
+            assert origin.get("rpy", "0 0 0") == "0 0 0"
+            place = below[str(parent.get("link"))] + vector(origin.get("xyz"))
+            below[str(child.get("link"))] = place
+    return below
+
+
+def vector(text: str | None) -> Array:
+    return np.array([float(number) for number in str(text).split()])
+
+
 def test_plate_is_all_that_hangs_below_the_sensor(
     walker: Robot, model: RobotModel
 ) -> None:
-    """Mass and moment of the URDF's own tree of fixed links, walked here again."""
-    tree = ET.parse(walker.urdf_path).getroot()
+    """Mass and centre of mass, from the URDF's own tree of fixed links."""
+    urdf = ET.parse(walker.urdf_path).getroot()
+    links = {str(link.get("name")): link for link in urdf.findall("link")}
     for foot, plate in zip(walker.file.foot, model.plates, strict=True):
-        below = {foot.ft_link}
-        for joint in tree.findall("joint"):
-            parent, child = joint.find("parent"), joint.find("child")
-            assert parent is not None
-            assert child is not None
-            if parent.get("link") in below:
-                below.add(str(child.get("link")))
-        masses = [
-            float(str(mass.get("value")))
-            for link in tree.findall("link")
-            if link.get("name") in below
-            and (mass := link.find("inertial/mass")) is not None
-        ]
-        assert plate.mass == pytest.approx(sum(masses))
+        mass, moment = 0.0, np.zeros(3)
+        for name, place in links_below(urdf, foot.ft_link).items():
+            of_link = links[name].find("inertial/mass")
+            origin = links[name].find("inertial/origin")
+            if of_link is not None and origin is not None:
+                value = float(str(of_link.get("value")))
+                mass += value
+                moment += value * (place + vector(origin.get("xyz")))
+        assert plate.mass == pytest.approx(mass)
         assert plate.mass > 0.0
+        np.testing.assert_allclose(plate.com, moment / mass, atol=TOLERANCE)

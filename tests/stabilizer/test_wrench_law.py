@@ -159,6 +159,26 @@ def test_descent_slows_as_the_ground_is_felt(model: RobotModel, side: int) -> No
 
 
 @LIFTED
+def test_descent_is_no_faster_than_its_limit(model: RobotModel, side: int) -> None:
+    """However hard the foot is to press in the end."""
+    settings = settings_with(
+        ground={"gain": NO_GAIN},
+        dik={"stance_leak": 0.0},
+        contact={"search_force_n": 1e5},
+    )
+    rig, law = Rig(model, settings), make_law(settings)
+    rig.go(nominal_state(model))
+    r = law.update(
+        rig.dynamics,
+        rig.stance,
+        F_meas=np.zeros(12),
+        F_id=np.zeros(12),
+        in_contact=RIGHT if side == 0 else LEFT,
+    )
+    assert -r[NORMAL_ROWS[side]] == pytest.approx(settings.contact.descent_limit_m_s)
+
+
+@LIFTED
 def test_what_a_lifted_foot_feels_does_not_move_the_other(
     model: RobotModel, side: int
 ) -> None:
