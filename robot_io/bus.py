@@ -51,6 +51,8 @@ class Bus:
         self._endpoints, self._role, self._namespace = endpoints, role, namespace
         self._timeout_s = timeout_s
         self._stack = ExitStack()
+        self._tokens: list[zenoh.LivelinessToken] = []
+        """Kept: one that nobody holds is withdrawn at once."""
 
     def __enter__(self) -> Self:
         """Opens the session.
@@ -119,13 +121,11 @@ class Bus:
         """
         self.session.declare_queryable(key, Callback(answer, indirect=False))
 
-    def announce(self, key: str) -> zenoh.LivelinessToken:
+    def announce(self, key: str) -> None:
         """Declares a liveliness token; it ends with the session or the process."""
-        return self.session.liveliness().declare_token(key)
+        self._tokens.append(self.session.liveliness().declare_token(key))
 
-    def watch_presence(
-        self, key: str, changed: Callable[[str, bool], None]
-    ) -> zenoh.Subscriber[None]:
+    def watch_presence(self, key: str, changed: Callable[[str, bool], None]) -> None:
         """Watches liveliness tokens, those already there included.
 
         Args:
@@ -137,6 +137,6 @@ class Bus:
         def on_sample(sample: zenoh.Sample) -> None:
             changed(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
 
-        return self.session.liveliness().declare_subscriber(
+        self.session.liveliness().declare_subscriber(
             key, Callback(on_sample, indirect=False), history=True
         )

@@ -289,7 +289,7 @@ class RobotClient:
             timeout_s=REQUEST_TIMEOUT_S,
             robot_is_here=self._robot_is_here.is_set,
         )
-        self._token = bus.announce(f"{ALIVE_STABILIZER}/{self.identity}")
+        bus.announce(f"{ALIVE_STABILIZER}/{self.identity}")
         bus.watch_presence(ALIVE_ROBOT, self._on_presence)
 
     def _wait_for_robot(self, end: float, timeout_s: float) -> bool:

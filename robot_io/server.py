@@ -216,4 +216,4 @@ class RobotServer:
             joint_count=self._robot.n_a,
         )
         self._services = RobotServices(self._bus, self._robot, self._gate)
-        self._token = self._bus.announce(ALIVE_ROBOT)
+        self._bus.announce(ALIVE_ROBOT)

@@ -110,6 +110,8 @@ class RobotLoop:
     def _note_mode(self, tick: int) -> None:
         """Answers are due for ticks from the first ACTIVE one on."""
         if self._gate.mode is not RobotMode.ACTIVE:
+            if self._is_lockstep and self._active_since is not None:
+                self._pacer.restart()  # from now on its time goes by the clock
             self._active_since = None
         elif self._active_since is None:
             self._active_since = tick
@@ -129,8 +131,6 @@ class RobotLoop:
             self._take_in(answer.command.tick, due)
         elif self._gate.mode is RobotMode.ACTIVE and not stop.is_set:
             self._server.deadline_misses += 1
-        else:
-            self._pacer.restart()
 
     def _take_newest(self, tick: int, now_s: float) -> None:
         """Real time: the newest command acts as soon as its delay is over."""

@@ -17,6 +17,7 @@ from robot_io.errors import RequestRefusedError, RobotUnreachableError
 from robot_io.gate import CommandGate
 from robot_io.robot import load_robot
 from robot_io.server import RobotServer
+from robot_io.service_caller import ServiceCaller
 from robot_io.session import Role
 from robot_io.stop_request import StopRequest
 from schemas.codec import encode
@@ -24,10 +25,13 @@ from schemas.endpoints import Endpoints
 from schemas.messages import (
     SCHEMA_VERSION,
     JointCommand,
+    LeaseRequest,
+    ModeRequest,
     Reference,
     RobotMode,
     RobotStatus,
 )
+from schemas.topics import ALIVE_STABILIZER
 from tests.robot_io.sensor_messages import snapshot_at
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import DEADLINE_S, wait_until
@@ -198,19 +202,23 @@ def test_leaving_gives_the_lease_back(
     make_client("bob").take_lease()
 
 
-def test_a_commander_that_dies_without_a_word_leaves_the_robot_holding(
+def test_a_commander_that_leaves_without_a_word_loses_the_lease(
     served: ServedRobot, endpoints: Endpoints, make_client: MakeClient
 ) -> None:
-    doomed = new_client(endpoints, "ann")
-    doomed.__enter__()
-    doomed.connect(timeout_s=DEADLINE_S)
-    doomed.take_lease()
-    doomed.enable()
-    doomed._bus.__exit__(
-        None, None, None
-    )  # the session ends, the lease is not released
+    with Bus(endpoints, Role.CLIENT, namespace="walker") as bus:
+        bus.announce(f"{ALIVE_STABILIZER}/ann")
+        services = ServiceCaller(
+            bus.session,
+            joint_count=WALKER.n_a,
+            timeout_s=DEADLINE_S,
+            robot_is_here=lambda: True,
+        )
+        take = LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="ann")
+        enable = ModeRequest(schema=SCHEMA_VERSION, action="enable", commander="ann")
+        services.ask("srv/lease", take)
+        assert services.ask("srv/mode", enable).mode is RobotMode.ACTIVE
     wait_until(lambda: mode_of(served) is RobotMode.HOLD, what="HOLD")
-    assert "ann is gone" in served.do(lambda _, gate: gate.authority.reason)
+    assert served.do(lambda _, gate: gate.authority.reason) == "ann is gone"
     make_client("bob").take_lease()
 
 
