@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import os
+import sys
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -211,6 +213,18 @@ def _legs_at_rest(plan: PlatformPlan) -> list[tuple[Vec3, Vec3]]:
     return legs
 
 
+def _has_gl() -> bool:
+    """Whether MuJoCo may be asked for OpenGL at all.
+
+    Without a display it falls back on GLFW, which ends the whole process with an
+    abort when it is asked a second time; so here, and only here, the environment is
+    read outside the command line.
+    """
+    if sys.platform != "linux" or os.environ.get("MUJOCO_GL"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
 def _mj_camera(camera: Camera) -> mujoco.MjvCamera:
     view = mujoco.MjvCamera()
     view.lookat[:] = camera.target
@@ -221,6 +235,8 @@ def _mj_camera(camera: Camera) -> mujoco.MjvCamera:
 
 
 def _open_drawing(model: mujoco.MjModel, *, width: int, height: int) -> mujoco.Renderer:
+    if not _has_gl():
+        raise RenderError(_NO_GL.format(reason="no display, and MUJOCO_GL is not set"))
     try:
         with warnings.catch_warnings():
             # Without a display GLFW warns first; the error below says it better.

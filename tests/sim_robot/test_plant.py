@@ -15,7 +15,7 @@ from sim_robot.plant import Plant
 PERIOD_S = 0.001
 PUSH = {
     "body": "torso",
-    "force_n": [0.0, 120.0, 0.0],
+    "force_n": [0.0, 180.0, 0.0],
     "start_s": 0.05,
     "duration_s": 0.1,
 }
