@@ -84,7 +84,7 @@ def test_push_begins_and_ends_on_time(
         plant.step(walker.nominal)
         acting.append(plant.data.xfrc_applied[torso, 1])
     assert np.flatnonzero(acting).tolist() == list(range(50, 150))
-    assert set(acting) == {0.0, 120.0}
+    assert set(acting) == {0.0, 180.0}
 
 
 def test_overlapping_pushes_add_up(
@@ -94,7 +94,7 @@ def test_overlapping_pushes_add_up(
     for _ in range(60):
         plant.step(walker.nominal)
     np.testing.assert_array_equal(
-        plant.data.xfrc_applied[plant.data.body("torso").id, :3], [5.0, 100.0, 0.0]
+        plant.data.xfrc_applied[plant.data.body("torso").id, :3], [5.0, 160.0, 0.0]
     )
 
 
