@@ -155,7 +155,8 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
 
     controller: str
     state: str
-    """One word: waiting, active, degraded, hold."""
+    """One word: ``active``; ``degraded`` when a sensor is silent; ``hold`` when a QP
+    failed and the posture is kept."""
     reason: str
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""

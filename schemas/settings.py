@@ -1,7 +1,8 @@
 """Controller settings: every gain, weight and limit, with its unit and effect.
 
 The defaults are what every published figure was made with. A TOML file may give
-any subset; ``--set tsid.com_kp=[40, 40, 40]`` overrides one.
+any subset; ``--set tsid.com_kp=40`` overrides one. A single number stands for all
+axes of a setting that has several.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     """Second QP (op: u): joint velocities that drive the wrenches there."""
 
     k_force: NegativeSix = (-50.0, -50.0, -50.0, -50.0, -50.0, -50.0)
-    """Diagonal of K per foot, [x y z roll pitch yaw], negative [1/s]: closed-loop
-    rate of the wrench error; smaller magnitude is softer and faster to yield."""
+    """Diagonal of K per foot, [x y z roll pitch yaw], negative. A wrench error moves
+    the sole by Lambda_c^-1 / |K|: a smaller magnitude yields faster."""
     contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """Weight of the wrench law per foot axis."""
     yield_limit_m_s: Positive = 1.0
@@ -187,8 +188,10 @@ def build_settings(
         FileFormatError: unknown key (with the nearest valid one), wrong type, or
             a value out of range.
     """
-    merged = {section: dict(values) if isinstance(values, dict) else values
-              for section, values in table.items()}  # fmt: skip
+    merged = {
+        section: dict(values) if isinstance(values, dict) else values
+        for section, values in table.items()
+    }
     known = setting_names()
     for text in overrides:
         key, value = _parse_override(text, known)
@@ -199,8 +202,23 @@ def build_settings(
                 f"{source}: {section}: got {part!r}, expected a table", field=section
             )
         part[name] = value
-        source = f"{source} with --set"
-    return convert(merged, ControllerSettings, source=source)
+    if overrides:
+        source = f"{source} with --set" if table else "--set"
+    return convert(_spread(merged), ControllerSettings, source=source)
+
+
+def _spread(table: dict[str, Any]) -> dict[str, Any]:
+    """One number given for a setting per axis stands for all its axes."""
+    for section in msgspec.structs.fields(ControllerSettings):
+        part = table.get(section.name)
+        if not isinstance(part, dict):
+            continue
+        for field in msgspec.structs.fields(section.type):
+            value = part.get(field.name)
+            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+            if is_number and isinstance(field.default, tuple):
+                part[field.name] = [value] * len(field.default)
+    return table
 
 
 def setting_names() -> list[str]:

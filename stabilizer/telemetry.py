@@ -81,13 +81,14 @@ class ControllerTelemetry:
         if self._statuses % TIMING_EVERY_STATUSES == 0:
             self._recent_ms = self._recent.distribution()
         self._statuses += 1
+        state, reason = _state(output, stale)
         return StabilizerStatus(
             schema=SCHEMA_VERSION,
             tick=tick,
             stamp_ns=stamp_ns,
             controller=self._name,
-            state="degraded" if stale else "active",
-            reason=f"no news from {', '.join(stale)}" if stale else "",
+            state=state,
+            reason=reason,
             com=output.com.tolist(),
             com_reference=output.com_reference.tolist(),
             F_id_left=output.F_id[:WRENCH].tolist(),
@@ -119,3 +120,12 @@ class ControllerTelemetry:
             stale_snapshots=self._stale,
             reason=reason,
         )
+
+
+def _state(output: ControllerOutput, stale: tuple[str, ...]) -> tuple[str, str]:
+    """State in a word, and why."""
+    if output.qp_status != GOOD:
+        return "hold", f"QP failed: {output.qp_status}"
+    if stale:
+        return "degraded", f"no news from {', '.join(stale)}"
+    return "active", ""

@@ -90,7 +90,7 @@ def test_unknown_key_of_a_table_names_the_nearest(
     [
         pytest.param("dik.base_gain=fast", "dik.base_gain", id="text"),
         pytest.param("dik.base_gain=true", "dik.base_gain", id="truth value"),
-        pytest.param("tsid.com_kp=30", "tsid.com_kp", id="one number for three"),
+        pytest.param("tsid.com_kp=true", "tsid.com_kp", id="truth value for three"),
         pytest.param("tsid.com_kp=[30, 30]", "tsid.com_kp", id="two of three"),
         pytest.param("dik.base_gain=0", "dik.base_gain", id="not positive"),
         pytest.param("dik.base_gain=nan", "dik.base_gain", id="not a number"),
@@ -102,6 +102,12 @@ def test_value_that_does_not_fit_names_its_setting(override: str, field: str) ->
     with pytest.raises(FileFormatError, match=field.replace(".", r"\.")) as error:
         build(overrides=[override])
     assert error.value.field == field
+
+
+def test_one_number_stands_for_all_axes() -> None:
+    settings = build(overrides=["tsid.com_kp=40", "dik.k_force=-30"])
+    assert settings.tsid.com_kp == (40.0, 40.0, 40.0)
+    assert settings.dik.k_force == (-30.0,) * 6
 
 
 def test_positive_wrench_gain_is_refused() -> None:

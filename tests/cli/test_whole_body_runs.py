@@ -1,0 +1,111 @@
+"""The stabilizer itself, through the command line, on the scenarios that ship."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from tests.cli.conftest import Surefoot
+
+MOVING = """
+name = "moving"
+duration_s = 1.5
+[[platform]]
+foot = "both"
+  [[platform.motion]]
+  axis = "roll"
+  kind = "ramp"
+  amplitude_deg = 6.0
+  rate_deg_s = 20.0
+  start_s = 0.6
+  [[platform.motion]]
+  axis = "z"
+  kind = "ramp"
+  amplitude_m = -0.03
+  rate_m_s = 0.1
+  start_s = 0.6
+[sensors]
+force_noise_n = 2.0
+moment_noise_nm = 0.1
+gyro_noise_rad_s = 0.002
+accel_noise_m_s2 = 0.05
+[delay]
+command_ms = {command_ms}
+"""
+STANDING = """
+name = "standing"
+duration_s = 8.0
+[sensors]
+force_noise_n = 2.0
+moment_noise_nm = 0.1
+gyro_noise_rad_s = 0.002
+accel_noise_m_s2 = 0.05
+"""
+DRIFT_MM = 2.0
+
+
+def run(surefoot: Surefoot, scenario: object, *extra: object) -> dict[str, Any]:
+    """The JSON of a run that stood."""
+    done = surefoot("run", scenario, "--json", *extra)
+    assert done.returncode == 0, done.stderr
+    result: dict[str, Any] = json.loads(done.stdout)
+    assert not result["fell"]
+    assert result["qp_failures"] == 0
+    assert result["refused"] == {}
+    return result
+
+
+def test_two_processes_and_one_are_the_same_run_bit_for_bit(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    scenario = tmp_path / "moving.toml"
+    scenario.write_text(MOVING.format(command_ms=1.0))
+    runs = [
+        run(surefoot, scenario, "--seed", 3),
+        run(surefoot, scenario, "--seed", 3),
+        run(surefoot, scenario, "--seed", 3, "--inline"),
+    ]
+    assert len({result["log_sha256"] for result in runs}) == 1
+    assert runs[0]["com_error_rms_mm"] == runs[2]["com_error_rms_mm"]
+    assert [result["deadline_misses"] for result in runs] == [0, 0, 0]
+    other = run(surefoot, scenario, "--seed", 4, "--inline")
+    assert other["log_sha256"] != runs[0]["log_sha256"]
+
+
+def test_answers_act_on_their_own_tick_whatever_the_delay(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    scenario = tmp_path / "moving.toml"
+    hashes = set()
+    for command_ms in (0.0, 3.0):
+        scenario.write_text(MOVING.format(command_ms=command_ms))
+        lockstep = run(surefoot, scenario)
+        inline = run(surefoot, scenario, "--inline")
+        assert lockstep["log_sha256"] == inline["log_sha256"]
+        hashes.add(lockstep["log_sha256"])
+    assert len(hashes) == 2
+
+
+def test_standing_robot_does_not_drift(surefoot: Surefoot, tmp_path: Path) -> None:
+    scenario = tmp_path / "standing.toml"
+    scenario.write_text(STANDING)
+    result = run(surefoot, scenario, "--inline")
+    assert max(result["com_error_max_mm"]) < DRIFT_MM
+
+
+def test_slow_platform_is_balanced_within_its_bounds(surefoot: Surefoot) -> None:
+    result = run(surefoot, "moving-platform-slow", "--inline")
+    x, y, z = result["com_error_rms_mm"]
+    assert max(x, y) <= 6.0
+    assert max(result["com_error_max_mm"][:2]) <= 15.0
+    assert z <= 15.0
+    assert result["contact_lost_s"] == [0.0, 0.0]
+
+
+def test_fast_platform_is_balanced_within_its_bounds(surefoot: Surefoot) -> None:
+    result = run(surefoot, "moving-platform-fast", "--inline")
+    x, y, _ = result["com_error_rms_mm"]
+    assert max(x, y) <= 10.0
+    assert max(result["com_error_max_mm"][:2]) <= 25.0
+    assert result["contact_lost_s"] == [0.0, 0.0]
