@@ -9,6 +9,7 @@ Needs matplotlib (pip install matplotlib).
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -46,7 +47,8 @@ def draw(run: Path, picture: Path) -> None:
 
     ticks = np.load(run / "ticks.npz")
     scenario = open_scenario(str(run / "scenario.toml"))
-    reference = Plant(load_robot("walker"), scenario, seed=0).com_reference
+    about = json.loads((run / "run.json").read_text(encoding="utf-8"))
+    reference = Plant(load_robot(about["robot"]), scenario, seed=0).com_reference
     time_s = ticks["time_s"]
     soles = 0.5 * (ticks["sole_left"] + ticks["sole_right"])
     error = MM * (ticks["com"] - reference)
@@ -72,7 +74,7 @@ def draw(run: Path, picture: Path) -> None:
     for axes in (ground, com, force):
         axes.grid(alpha=0.3)
         axes.legend(loc="upper left", ncols=3, fontsize=8)
-    figure.suptitle(f"{scenario.name}, whole-body stabilizer")
+    figure.suptitle(f"{scenario.name}: {about['robot']}, {about['controller']}")
     figure.savefig(picture, dpi=110)
 
 

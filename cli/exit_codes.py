@@ -33,6 +33,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     from cli.errors import ChildFailedError, UsageError
     from robot_io.errors import (
         EndpointError,
+        LocatorError,
         RobotFileError,
         RobotIoError,
         RobotUnreachableError,
@@ -47,6 +48,8 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     if isinstance(error, RobotUnreachableError):
         return ExitCode.UNREACHABLE
     if isinstance(error, (UsageError, SchemaError, RobotFileError, ScenarioError)):
+        return ExitCode.USAGE
+    if isinstance(error, LocatorError):
         return ExitCode.USAGE
     if isinstance(error, EndpointError):
         return ExitCode.ENVIRONMENT

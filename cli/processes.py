@@ -79,10 +79,12 @@ def run_processes(
 
 
 def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
+    profile = plan.servo_profile
     return [
         *("robot", str(plan.scenario_path)),
         *("--seed", str(plan.seed)),
-        *_shared_words(plan, endpoints),
+        *_shared_words(plan),
+        *(("--servo-profile", profile) if profile is not None else ()),
         *(word for locator in endpoints.listen for word in ("--listen", locator)),
     ]
 
@@ -90,13 +92,10 @@ def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
 def _stabilizer_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
     return [
         *("stabilizer", "--controller", plan.controller, "--wait", str(_START_S)),
-        *_shared_words(plan, endpoints),
+        *_shared_words(plan),
         *(word for locator in endpoints.connect for word in ("--connect", locator)),
     ]
 
 
-def _shared_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
-    words = ["--robot", plan.robot_name, f"--{plan.mode}"]
-    if plan.servo_profile is not None:
-        words += ["--servo-profile", plan.servo_profile]
-    return words
+def _shared_words(plan: RunPlan) -> list[str]:
+    return ["--robot", plan.robot_name, f"--{plan.mode}"]

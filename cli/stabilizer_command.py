@@ -14,7 +14,6 @@ from cli.exit_codes import ExitCode
 def stabilizer(
     controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
     robot: options.RobotOption = "walker",
-    servo_profile: options.ServoOption = None,
     lockstep: options.LockstepOption = True,
     wait_s: Annotated[
         float,
@@ -48,7 +47,7 @@ def stabilizer(
     set_up_logging("stabilizer")
     if child:
         begin_as_child()
-    model = load_robot(robot, servo_profile=servo_profile)
+    model = load_robot(robot)
     resolved = load_settings(settings, overrides=overrides or [])
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     log_note(
@@ -86,6 +85,6 @@ def _verdict(reason: str) -> ExitCode:
     """Why the stabilizer ended, as an exit code."""
     if reason.startswith("run over"):
         return ExitCode.OK
-    if reason.startswith(("the robot is gone", "no news")):
+    if reason.startswith(("the robot is gone", "the robot ended", "no news")):
         return ExitCode.UNREACHABLE
     return ExitCode.FAILED

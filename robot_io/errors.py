@@ -20,6 +20,10 @@ class EndpointError(RobotIoError, OSError):
         self.locators = locators
 
 
+class LocatorError(EndpointError):
+    """A locator is not written as one: a mistake of the caller, not of the network."""
+
+
 class RobotUnreachableError(RobotIoError, TimeoutError):
     """The robot did not answer in time; the message names endpoint and limit."""
 

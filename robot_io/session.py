@@ -17,7 +17,7 @@ from enum import StrEnum
 
 import zenoh
 
-from robot_io.errors import EndpointError, RobotUnreachableError
+from robot_io.errors import EndpointError, LocatorError, RobotUnreachableError
 from schemas.arrays import JsonObject
 from schemas.codec import MAX_MESSAGE_BYTES
 from schemas.endpoints import DEFAULT_LOCATOR, Endpoints
@@ -170,7 +170,7 @@ def _check_locators(endpoints: Endpoints, role: Role) -> None:
     locators = endpoints.listen if role is Role.ROBOT else endpoints.connect
     bad = [locator for locator in locators if not LOCATOR.match(locator)]
     if bad or not locators:
-        raise EndpointError(
+        raise LocatorError(
             f"cannot {_verb(role)} {', '.join(bad) or 'nowhere'}; expected "
             f"protocol/address with one of {', '.join(PROTOCOLS)}, such as "
             f"{DEFAULT_LOCATOR}",

@@ -29,6 +29,8 @@ SILENCE_POLL_S = 0.1
 SILENCE_LIMIT_S = 10.0
 """A robot that is there but sends nothing for so long is given up."""
 STATUS_RATE_HZ = 50.0
+RUN_OVER = "run over"
+"""How a robot begins to say that its run went to its end."""
 
 
 def run_stabilizer(
@@ -92,6 +94,13 @@ def run_stabilizer(
 def _made_up_identity(controller_name: str) -> str:
     host = socket.gethostname().split(".")[0]
     return f"{controller_name}-{host}-{os.getpid()}"
+
+
+def _why_off(reason: str) -> str:
+    """A robot that has done its run says so; any other end is the robot's own."""
+    if reason.startswith(RUN_OVER):
+        return reason
+    return f"the robot ended: {reason or 'it is off'}"
 
 
 class _Loop:
@@ -173,7 +182,7 @@ class _Loop:
             if status.mode is RobotMode.FAULT:
                 return f"the robot is in fault: {status.fault}"
             if status.mode is RobotMode.OFF:
-                return status.reason or "the robot is off"
+                return _why_off(status.reason)
             if status.commander != client.identity:
                 return f"lost command of the robot: {status.reason}"
         if not client.robot_is_here:

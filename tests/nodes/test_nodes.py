@@ -187,7 +187,8 @@ def test_a_stopped_robot_says_so_to_its_stabilizer(endpoints: Endpoints) -> None
         ):
             when(is_running, what="the run")
             plant.signal(signal.SIGTERM)
-            assert controller.result().reason == "stopped: SIGTERM"
+            reason = controller.result().reason
+            assert reason == "the robot ended: stopped: SIGTERM"
         assert plant.result().reason == "stopped: SIGTERM"
 
 
