@@ -31,14 +31,14 @@ def airborne_snapshot(model: RobotModel) -> Snapshot:
 def standing_reference(
     model: RobotModel, *, com_acceleration: float = 0.0
 ) -> Reference:
-    """The stance held anyway, said by a planner; acceleration along x [m/s^2]."""
+    """The stance held anyway, said by a planner."""
     return Reference(
         schema=SCHEMA_VERSION,
         tick=0,
         stamp_ns=0,
         com=standing(model).com.tolist(),
         com_velocity=[0.0, 0.0, 0.0],
-        com_acceleration=[com_acceleration, 0.0, 0.0],
+        com_acceleration=[0.0, 0.0, 0.0],
         base_quat_xyzw=[0.0, 0.0, 0.0, 1.0],
         posture=model.robot.nominal.tolist(),
         feet=[],

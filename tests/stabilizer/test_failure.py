@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
 from robot_io.robot import Robot
 from robot_io.snapshot import Snapshot
 from schemas.arrays import Array
+from schemas.messages import Reference
 from schemas.settings import build_settings
 from stabilizer.controller import ControllerOutput
 from stabilizer.model import RobotModel
@@ -29,9 +31,15 @@ SETTINGS = build_settings(
 """Soon calibrated and faded in."""
 FASTEST_STEP_RAD = SETTINGS.dik.velocity_limit_rad_s * PERIOD_S
 OK = "ok"
-MAD = 1e300
-"""Finite, so that every check of messages lets it pass; its square is not."""
 
+REFERENCES = pytest.mark.parametrize(
+    "mad",
+    [
+        # Finite, so that every check of messages lets it pass; its square is not.
+        pytest.param({"com_acceleration": [1e300, 0.0, 0.0]}, id="huge acceleration"),
+        pytest.param({"com": [1e300, 0.0, 0.0]}, id="far away"),
+    ],
+)
 SENSORS = pytest.mark.parametrize(
     "sensor",
     ["q", "dq", "angular_velocity", "linear_acceleration", "ft_left", "ft_right"],
@@ -65,6 +73,10 @@ def without_numbers(snapshot: Snapshot, sensor: str) -> Snapshot:
     return replace(snapshot, **{sensor: blank})
 
 
+def reference_with(model: RobotModel, values: dict[str, list[float]]) -> Reference:
+    return msgspec.structs.replace(standing_reference(model), **values)
+
+
 def assert_no_jump(before: Array, after: Array) -> None:
     """From tick to tick, no joint's command moves faster than it may."""
     moved = np.diff(np.vstack((before, after)), axis=0)
@@ -89,12 +101,13 @@ def test_sensor_without_numbers_is_a_status_and_the_posture_is_held(
     )
 
 
-def test_reference_without_bounds_is_a_status_and_the_posture_is_held(
-    controller: WholeBodyController, snapshot: Snapshot, model: RobotModel
+@REFERENCES
+def test_mad_reference_is_a_status_and_the_posture_is_held(
+    controller: WholeBodyController, snapshot: Snapshot, mad: dict[str, list[float]]
 ) -> None:
     before = controller.step(snapshot).q_command
-    mad = standing_reference(model, com_acceleration=MAD)
-    outputs = [controller.step(snapshot, mad) for _ in range(BAD_TICKS)]
+    reference = reference_with(controller.model, mad)
+    outputs = [controller.step(snapshot, reference) for _ in range(BAD_TICKS)]
     assert all(output.qp_status.startswith("tsid") for output in outputs)
     np.testing.assert_array_equal(
         commands(outputs), np.broadcast_to(before, (BAD_TICKS, before.size))
@@ -113,27 +126,29 @@ def test_it_goes_on_when_the_sensor_is_back(
     assert_no_jump(before, commands(outputs))
 
 
+@REFERENCES
 def test_it_goes_on_when_the_reference_is_sane_again(
-    controller: WholeBodyController, snapshot: Snapshot, model: RobotModel
+    controller: WholeBodyController, snapshot: Snapshot, mad: dict[str, list[float]]
 ) -> None:
     before = controller.step(snapshot).q_command
-    mad = standing_reference(model, com_acceleration=MAD)
-    assert controller.step(snapshot, mad).qp_status != OK
-    sane = standing_reference(model)
+    reference = reference_with(controller.model, mad)
+    assert controller.step(snapshot, reference).qp_status != OK
+    sane = standing_reference(controller.model)
     outputs = [controller.step(snapshot, sane) for _ in range(GOOD_TICKS)]
     assert {output.qp_status for output in outputs} == {OK}
     assert_no_jump(before, commands(outputs))
 
 
+@REFERENCES
 def test_first_failure_is_kept_and_fails_again_on_replay(
-    controller: WholeBodyController, snapshot: Snapshot, model: RobotModel
+    controller: WholeBodyController, snapshot: Snapshot, mad: dict[str, list[float]]
 ) -> None:
-    mad = standing_reference(model, com_acceleration=MAD)
-    status = controller.step(snapshot, mad).qp_status
+    reference = reference_with(controller.model, mad)
+    status = controller.step(snapshot, reference).qp_status
     first = controller.failure
     assert first is not None
     assert status == f"{first.name} {first.status}"
-    controller.step(snapshot, mad)
+    controller.step(snapshot, reference)
     assert controller.failure is first
     m, n = first.G.shape
     replay = DenseQp(first.name, n=n, m=m)

@@ -1,0 +1,115 @@
+"""What a planner asks for is what the controller holds on to."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from schemas.messages import FootReference, Reference
+from stabilizer.model import RobotModel
+from stabilizer.references import Stance, standing
+from tests.stabilizer.standing_snapshot import standing_reference
+
+TOLERANCE = 1e-12
+SAMPLES = 20
+
+
+@pytest.fixture
+def stance(model: RobotModel) -> Stance:
+    return standing(model)
+
+
+def random_quaternion(rng: np.random.Generator) -> pin.Quaternion:
+    xyzw = rng.normal(size=4)
+    return pin.Quaternion(xyzw / np.linalg.norm(xyzw))
+
+
+def yawed(position: list[float], yaw: float) -> FootReference:
+    half = 0.5 * yaw
+    return FootReference(position, [0.0, 0.0, float(np.sin(half)), float(np.cos(half))])
+
+
+@pytest.fixture
+def reference(model: RobotModel) -> Reference:
+    """Everything differs from standing."""
+    rng = np.random.default_rng(34)
+    return msgspec.structs.replace(
+        standing_reference(model),
+        com=[0.01, 0.02, 0.6],
+        com_velocity=[0.1, 0.2, 0.3],
+        com_acceleration=[1.0, 2.0, 3.0],
+        base_quat_xyzw=random_quaternion(rng).coeffs().tolist(),
+        posture=(model.robot.nominal + 0.1 * rng.normal(size=model.n_a)).tolist(),
+        feet=[yawed([0.05, 0.12, 0.0], 0.2), yawed([-0.05, -0.13, 0.0], -0.3)],
+    )
+
+
+def test_reference_is_taken_over_whole(
+    model: RobotModel, stance: Stance, reference: Reference
+) -> None:
+    stance.set(reference, model)
+    np.testing.assert_array_equal(stance.com, reference.com)
+    np.testing.assert_array_equal(stance.com_velocity, reference.com_velocity)
+    np.testing.assert_array_equal(stance.com_acceleration, reference.com_acceleration)
+    rotation = pin.Quaternion(np.array(reference.base_quat_xyzw)).toRotationMatrix()
+    np.testing.assert_allclose(stance.R_base, rotation, atol=TOLERANCE)
+    np.testing.assert_array_equal(stance.posture[model.to_bus], reference.posture)
+    for side, yaw in enumerate((0.2, -0.3)):
+        np.testing.assert_array_equal(
+            stance.p_sole[side], reference.feet[side].position
+        )
+        assert stance.yaw_sole[side] == pytest.approx(yaw)
+
+
+def test_reference_without_feet_leaves_them_where_they_stand(
+    model: RobotModel, stance: Stance, reference: Reference
+) -> None:
+    before = standing(model)
+    stance.set(msgspec.structs.replace(reference, feet=[]), model)
+    np.testing.assert_array_equal(stance.p_sole, before.p_sole)
+    assert stance.yaw_sole == before.yaw_sole
+
+
+def test_standing_reference_changes_nothing(model: RobotModel, stance: Stance) -> None:
+    before = standing(model)
+    stance.set(standing_reference(model), model)
+    for name in ("com", "com_velocity", "com_acceleration", "R_base", "posture"):
+        np.testing.assert_array_equal(getattr(stance, name), getattr(before, name))
+
+
+def test_length_of_the_quaternion_does_not_matter(
+    model: RobotModel, stance: Stance, reference: Reference
+) -> None:
+    stance.set(reference, model)
+    once = stance.R_base.copy()
+    longer = [3.0 * number for number in reference.base_quat_xyzw]
+    stance.set(msgspec.structs.replace(reference, base_quat_xyzw=longer), model)
+    np.testing.assert_allclose(stance.R_base, once, atol=TOLERANCE)
+
+
+def test_base_error_leads_from_the_base_to_its_reference(stance: Stance) -> None:
+    """R_world_base exp(error) = R_base: the error is in base axes."""
+    rng = np.random.default_rng(35)
+    for _ in range(SAMPLES):
+        R_world_base = random_quaternion(rng).toRotationMatrix()
+        stance.R_base[:] = random_quaternion(rng).toRotationMatrix()
+        stance.compare_base(R_world_base)
+        np.testing.assert_allclose(
+            R_world_base @ pin.exp3(stance.base_error), stance.R_base, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("ground", [-0.3, 0.0, 0.3])
+def test_height_is_held_within_reach_of_the_feet(
+    model: RobotModel, stance: Stance, ground: float
+) -> None:
+    lowest, highest = model.com_travel
+    over_feet = stance.com_nominal + ground
+    for asked in (0.0, stance.com_nominal, 2.0):
+        stance.com_height = asked
+        stance.limit_height(ground, travel=model.com_travel)
+        assert over_feet + lowest <= stance.com[2] <= over_feet + highest
+        if over_feet + lowest <= asked <= over_feet + highest:
+            assert stance.com[2] == asked
