@@ -74,9 +74,9 @@ class Dik:
         np.multiply(dynamics.J_com, self._com_roots[:, None], out=T[COM])
         com_error = stance.com - dynamics.p_com
         t[COM] = self._com_roots * (stance.com_velocity + self._com_gain * com_error)
-        np.dot(T.T, T, out=qp.P)
+        T.T.dot(T, out=qp.P)
         qp.P.flat[:: self._model.n_v + 1] += self._diagonal
-        np.dot(t, T, out=qp.q_lin)
+        t.dot(T, out=qp.q_lin)
         base_velocity = settings.base_gain * stance.base_error
         qp.q_lin[BASE] += settings.base_weight * base_velocity
         posture_velocity = settings.posture_gain * (stance.posture - q_command)

@@ -73,11 +73,11 @@ class Dynamics:
         self.v[:] = v
         pin.computeMinverse(model, data, q)
         # Pinocchio fills the upper triangle only.
-        np.copyto(self.H_inv, data.Minv)
+        self.H_inv[:] = data.Minv
         np.copyto(self.H_inv, self.H_inv.T.copy(), where=self._below)
         pin.computeAllTerms(model, data, q, v)
-        np.copyto(self.c, data.nle)
-        np.copyto(self.J_com, data.Jcom)
+        self.c[:] = data.nle
+        self.J_com[:] = data.Jcom
         # With zero joint acceleration, frame accelerations are the drift Jdot v.
         pin.centerOfMass(model, data, q, v, self._zero)
         self.p_com[:] = data.com[0]
@@ -91,9 +91,9 @@ class Dynamics:
             self.J_contact[rows] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
             drift = pin.getFrameAcceleration(model, data, frame, pin.LOCAL)
             self.Jdot_v_contact[rows] = drift.vector
-        np.dot(self.J_contact, v, out=self.v_sole)
-        np.dot(self.H_inv, self.J_contact.T, out=self.X)
-        np.dot(self.J_contact, self.X, out=self.Lambda_c_inv)
+        self.J_contact.dot(v, out=self.v_sole)
+        self.H_inv.dot(self.J_contact.T, out=self.X)
+        self.J_contact.dot(self.X, out=self.Lambda_c_inv)
 
     def inertia_matrix(self) -> Mat:
         """(n_v, n_v) inertia matrix of the last update, for tests and tools."""

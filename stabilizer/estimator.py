@@ -96,6 +96,9 @@ class Estimator:
         self._read(snapshot)
         self.height = -float(self._anchor[2])
         self.height_rate = float(self._leg_velocity[2])
+        lift, lift_rate = self._unit_lift()
+        self._unit_height = self.height + lift
+        self._unit_rate = self.height_rate + lift_rate
         self._place()
 
     def update(
@@ -126,11 +129,11 @@ class Estimator:
         q, v = self.q, self.v
         q[7:] = snapshot.q[model.to_model]
         v[6:] = snapshot.dq[model.to_model]
-        np.dot(attitude.R_world_imu, self._R_imu_base, out=self.R_world_base)
+        attitude.R_world_imu.dot(self._R_imu_base, out=self.R_world_base)
         q[:3] = 0.0
         q[3:7] = pin.Quaternion(self.R_world_base).coeffs()
         v[:3] = 0.0
-        np.dot(attitude.rate, self._R_imu_base, out=v[3:6])
+        attitude.rate.dot(self._R_imu_base, out=v[3:6])
         pin.forwardKinematics(pin_model, data, q, v)
         left, right = model.sole_ids
         world = pin.LOCAL_WORLD_ALIGNED
@@ -186,7 +189,7 @@ class Estimator:
         velocity = self._velocity
         velocity[:] = self._leg_velocity
         velocity[2] = self.height_rate
-        np.dot(velocity, self.R_world_base, out=v[:3])
+        velocity.dot(self.R_world_base, out=v[:3])
 
     def _update_share(self, normal_left: float, normal_right: float) -> None:
         left, right = max(normal_left, 0.0), max(normal_right, 0.0)
@@ -196,27 +199,33 @@ class Estimator:
 
     def _update_height(self, snapshot: Snapshot) -> None:
         """Second-order filter: accelerometer above its bandwidth, legs below."""
-        w_x, w_y, w_z = self.v[3:6].tolist()
-        p_x, p_y, p_z = self._p_base_imu
-        # Centripetal part of the lever, w x (w x p) = w (w.p) - p |w|^2, base axes.
-        along = w_x * p_x + w_y * p_y + w_z * p_z
-        square = w_x * w_x + w_y * w_y + w_z * w_z
-        up = self.R_world_base[2].tolist()
-        centripetal = (
-            up[0] * (w_x * along - p_x * square)
-            + up[1] * (w_y * along - p_y * square)
-            + up[2] * (w_z * along - p_z * square)
-        )
         force = float(self._attitude.R_world_imu[2] @ snapshot.linear_acceleration)
-        acceleration = force - centripetal - GRAVITY
+        acceleration = force - GRAVITY
+        height, rate = self._unit_height, self._unit_rate
+        lift, lift_rate = self._unit_lift()
         bandwidth, damping = self._height_pull()
-        error = -float(self._anchor[2]) - self.height
+        error = lift - float(self._anchor[2]) - height
         error = min(max(error, -HEIGHT_RANGE_M), HEIGHT_RANGE_M)
         gain = 2.0 * damping * bandwidth
         dt = self._dt
-        self.height += dt * (self.height_rate + gain * error)
-        self.height_rate += dt * (acceleration + bandwidth * bandwidth * error)
+        self._unit_height = height + dt * (rate + gain * error)
+        self._unit_rate = rate + dt * (acceleration + bandwidth * bandwidth * error)
+        self.height = self._unit_height - lift
+        self.height_rate = self._unit_rate - lift_rate
         self.ground_height = self.height + float(self._anchor[2])
+
+    def _unit_lift(self) -> tuple[float, float]:
+        """Height of the inertial unit over the base's origin [m], and its rate."""
+        up = self.R_world_base[2].tolist()
+        w_x, w_y, w_z = self.v[3:6].tolist()
+        p_x, p_y, p_z = self._p_base_imu
+        lift = up[0] * p_x + up[1] * p_y + up[2] * p_z
+        rate = (
+            up[0] * (w_y * p_z - w_z * p_y)
+            + up[1] * (w_z * p_x - w_x * p_z)
+            + up[2] * (w_x * p_y - w_y * p_x)
+        )
+        return lift, rate
 
     def _height_pull(self) -> tuple[float, float]:
         """Bandwidth [rad/s] and damping ratio of the pull to the legs' kinematics.

@@ -83,6 +83,8 @@ class DenseQp:
         self._solver = piqp.DenseSolver()
         self._solver.settings.eps_abs = 1e-9
         self._solver.settings.eps_rel = 0.0
+        self._solver.settings.eps_duality_gap_abs = 1e-10
+        self._solver.settings.eps_duality_gap_rel = 1e-12
         self._solver.settings.max_iter = 60
         self._is_set_up = False
 
@@ -98,17 +100,23 @@ class DenseQp:
 
     def _is_feasible(self, x: Array) -> bool:
         tolerance = FEASIBILITY_TOLERANCE
-        if (x - self.x_l).min() < -tolerance or (self.x_u - x).min() < -tolerance:
+        above = np.minimum.reduce(x - self.x_l)
+        below = np.minimum.reduce(self.x_u - x)
+        if not (above >= -tolerance and below >= -tolerance):
             return False
         if self.h_u.size == 0:
             return True
-        np.dot(self.G, x, out=self._slack)
+        self.G.dot(x, out=self._slack)
         np.subtract(self._slack, self.h_u, out=self._slack)
         return float(self._slack.max()) <= tolerance
 
     def _solve_constrained(self) -> QpSolution:
         arrays = (self.P, self.q_lin, self.G, self.h_u, self.x_l, self.x_u)
-        if not all(np.isfinite(a).all() for a in arrays[:4]):
+        if (
+            not all(np.isfinite(a).all() for a in arrays[:4])
+            or np.isnan(self.x_l).any()
+            or np.isnan(self.x_u).any()
+        ):
             return self._failed("not finite")
         self._update_solver()
         status = self._solver.solve()

@@ -164,9 +164,9 @@ class Tsid:
         self._stack_tasks(dynamics, stance, problem)
         self._set_limits(problem, allowed)
         qp = problem.qp
-        np.dot(problem.T.T, problem.T, out=qp.P)
+        problem.T.T.dot(problem.T, out=qp.P)
         qp.P.flat[:: self._model.n_a + 1] += self._settings.torque_weight
-        np.dot(problem.t, problem.T, out=qp.q_lin)
+        problem.t.dot(problem.T, out=qp.q_lin)
         np.negative(qp.q_lin, out=qp.q_lin)
         solution = qp.solve()
         if solution.ok:
@@ -198,9 +198,9 @@ class Tsid:
             return False
         np.negative(solved[:, :-1], out=problem.Gamma_c)
         problem.h_c[:] = solved[:, -1]
-        np.dot(X, problem.Gamma_c, out=self.A)
+        X.dot(problem.Gamma_c, out=self.A)
         self.A += dynamics.H_inv[:, N_BASE_V:]
-        np.dot(X, problem.h_c, out=self.b)
+        X.dot(problem.h_c, out=self.b)
         self.b -= dynamics.H_inv @ dynamics.c
         return True
 
@@ -228,11 +228,11 @@ class Tsid:
             # An even load, straight up.
             start = n_v + 6 * i
             y[start : start + 3] = share * dynamics.R_world_sole[foot][2]
-        np.dot(dynamics.J_com, self.A, out=T[COM])
+        dynamics.J_com.dot(self.A, out=T[COM])
         T[3:n_v] = self.A[3:]
         T[n_v:] = problem.Gamma_c
         np.multiply(T, roots[:, None], out=T)
-        np.dot(dynamics.J_com, self.b, out=bias[COM])
+        dynamics.J_com.dot(self.b, out=bias[COM])
         bias[COM] += dynamics.Jdot_v_com
         bias[3:n_v] = self.b[3:]
         bias[n_v:] = problem.h_c
@@ -248,8 +248,8 @@ class Tsid:
                 largest = max(largest, 2.0 * self._weight)
             problem.d[ROWS_PER_FOOT * i + 10] = largest
             problem.d[ROWS_PER_FOOT * i + 11] = -least
-        np.dot(problem.C, problem.Gamma_c, out=problem.qp.G)
-        np.dot(problem.C, problem.h_c, out=problem.qp.h_u)
+        problem.C.dot(problem.Gamma_c, out=problem.qp.G)
+        problem.C.dot(problem.h_c, out=problem.qp.h_u)
         np.subtract(problem.d, problem.qp.h_u, out=problem.qp.h_u)
 
 

@@ -6,6 +6,8 @@ Data flows one way: snapshot -> estimator -> dynamics -> wrenches -> contacts ->
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from robot_io.robot import Robot
@@ -87,6 +89,8 @@ class WholeBodyController:
         Returns:
             Joint command in bus order, and what led to it.
         """
+        if not _is_finite(snapshot):
+            return self._answer("sensors not finite")
         if reference is not None and reference is not self._reference:
             self.stance.set(reference, self.model)
             self._reference = reference
@@ -102,10 +106,14 @@ class WholeBodyController:
         )
         self.stance.compare_base(self.estimator.R_world_base)
         qp_status = self._command(F_meas)
+        return self._answer(qp_status)
+
+    def _answer(self, qp_status: str) -> ControllerOutput:
+        """The answer as it stands: the command, old or new, and what led to it."""
         return ControllerOutput(
             q_command=self._q_command[self.model.to_bus],
             F_id=self.tsid.F_id,
-            F_meas=F_meas,
+            F_meas=self.wrenches.F_meas,
             com=self.dynamics.p_com,
             com_reference=self.stance.com,
             in_contact=(self.contacts.in_contact[0], self.contacts.in_contact[1]),
@@ -160,3 +168,12 @@ class WholeBodyController:
     def _keep_failure(self, data: QpData) -> None:
         if self.failure is None:
             self.failure = data
+
+
+def _is_finite(snapshot: Snapshot) -> bool:
+    """Whether every reading used is a number: sums of squares cannot cancel out."""
+    q, dq = snapshot.q, snapshot.dq
+    gyro, accel = snapshot.angular_velocity, snapshot.linear_acceleration
+    left, right = snapshot.ft_left, snapshot.ft_right
+    total = q.dot(q) + dq.dot(dq) + gyro.dot(gyro) + accel.dot(accel)
+    return math.isfinite(total + left.dot(left) + right.dot(right))

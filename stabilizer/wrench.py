@@ -72,7 +72,7 @@ class WrenchCompensation:
         # World's up axis in the sole frames.
         up[:3] = R_world_sole[0][2]
         up[3:] = R_world_sole[1][2]
-        np.dot(self._shift, reported, out=self.F_meas)
-        np.dot(self._weight, up, out=self._lift)
+        self._shift.dot(reported, out=self.F_meas)
+        self._weight.dot(up, out=self._lift)
         self.F_meas += self._lift
         return self.F_meas

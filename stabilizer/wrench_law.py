@@ -84,7 +84,7 @@ class WrenchLaw:
             if not in_contact[side]:
                 e_F[rows] = 0.0
         np.multiply(e_F, self._minus_K_inv, out=self._scaled)
-        np.dot(dynamics.Lambda_c_inv, self._scaled, out=self.r)
+        dynamics.Lambda_c_inv.dot(self._scaled, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
         np.maximum(self.r, -self._yield_limit, out=self.r)
         change = self._blend * (dynamics.v_sole - self._low_passed)
