@@ -18,6 +18,7 @@ from schemas.scenario import (
 )
 from schemas.toml_file import load
 
+DEPLOY = Path(__file__).parents[2] / "deploy"
 HEAD = """
 name = "test"
 duration_s = 12.0
@@ -222,6 +223,17 @@ def test_endpoints_load_and_refuse(tmp_path: Path) -> None:
     path.write_text('conect = ["tcp/192.0.2.1:7447"]')
     with pytest.raises(FileFormatError, match="did you mean 'connect'"):
         load(path, Endpoints)
+
+
+@pytest.mark.parametrize("path", sorted(DEPLOY.glob("*.toml")), ids=lambda p: p.name)
+def test_shipped_endpoint_files_load(path: Path) -> None:
+    endpoints = load(path, Endpoints)
+    assert all(place.startswith("tcp/") for place in endpoints.listen)
+    assert all(place.startswith("tcp/") for place in endpoints.connect)
+
+
+def test_shipped_loopback_file_says_what_the_defaults_are() -> None:
+    assert load(DEPLOY / "loopback.toml", Endpoints) == Endpoints()
 
 
 def test_defaults_are_not_shared() -> None:
