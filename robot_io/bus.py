@@ -93,7 +93,8 @@ class Bus:
         batch waits a millisecond for the next. Flushing hands the batch over at once,
         but takes one out of the queue each time: a publisher that always did would
         lose messages whenever the machine is busy. Once per tick it lost 8 of 22500
-        ticks with three busy processes beside it, and spares 2 to 4 ticks in a hundred that millisecond.
+        ticks beside three busy processes, and it spares 2 to 4 ticks in a hundred that
+        millisecond.
 
         Args:
             key: relative to the namespace.
