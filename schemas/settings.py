@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
@@ -164,14 +164,34 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
     """A foot just back takes its full share after this time."""
 
 
+class WholeBodySettings(FileStruct, frozen=True, kw_only=True):
+    """Which law the whole-body stabilizer follows."""
+
+    preset: Literal["surefoot", "paper"] = "surefoot"
+    """``paper`` is the published law alone: no motion of the ground fed forward,
+    one posture weight for all joints. Settings given besides it win."""
+
+
 class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     """All settings of all controllers."""
 
+    whole_body: WholeBodySettings = WholeBodySettings()
     tsid: TsidSettings = TsidSettings()
     dik: DikSettings = DikSettings()
     ground: GroundSettings = GroundSettings()
     estimator: EstimatorSettings = EstimatorSettings()
     contact: ContactSettings = ContactSettings()
+
+
+PRESETS: dict[str, dict[str, dict[str, Any]]] = {
+    "surefoot": {},
+    "paper": {
+        "ground": {"gain": 0.0},
+        "tsid": {"leg_posture_weight": TsidSettings().posture_weight},
+        "dik": {"leg_posture_weight": DikSettings().posture_weight},
+    },
+}
+"""What each preset sets, where neither file nor command line says otherwise."""
 
 
 def build_settings(
@@ -204,7 +224,18 @@ def build_settings(
         part[name] = value
     if overrides:
         source = f"{source} with --set" if table else "--set"
-    return convert(_spread(merged), ControllerSettings, source=source)
+    return convert(_spread(_with_preset(merged)), ControllerSettings, source=source)
+
+
+def _with_preset(table: dict[str, Any]) -> dict[str, Any]:
+    """The table over the values of the preset it asks for, if it names a valid one."""
+    choice = table.get("whole_body")
+    name = choice.get("preset") if isinstance(choice, dict) else None
+    for section, values in PRESETS.get(str(name), {}).items():
+        part = table.setdefault(section, {})
+        if isinstance(part, dict):
+            table[section] = {**values, **part}
+    return table
 
 
 def _spread(table: dict[str, Any]) -> dict[str, Any]:
