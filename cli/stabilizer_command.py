@@ -14,6 +14,7 @@ from cli.exit_codes import ExitCode
 def stabilizer(
     controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     lockstep: options.LockstepOption = True,
     wait_s: Annotated[
         float,
@@ -47,7 +48,7 @@ def stabilizer(
     set_up_logging("stabilizer")
     if child:
         begin_as_child()
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     resolved = load_settings(settings, overrides=overrides or [])
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     log_note(

@@ -70,6 +70,9 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     k_force: NegativeSix = (-50.0, -50.0, -50.0, -50.0, -50.0, -50.0)
     """Diagonal of K per foot, [x y z roll pitch yaw], negative. A wrench error moves
     the sole by Lambda_c^-1 / |K|: a smaller magnitude yields faster."""
+    k_lag_s: Positive = 0.01
+    """The servo profile's lag that doubles K: the loop through the feet must stay
+    slower than its delays [s]."""
     contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """Weight of the wrench law per foot axis."""
     yield_limit_m_s: Positive = 1.0
@@ -115,6 +118,11 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     """Lead that makes up for the low-pass and the damping of the drives [s]."""
     firm_force_n: Positive = 100.0
     """Feed-forward is whole above this normal force, and in proportion below [N]."""
+    edge_begins: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.7
+    """Rotations are fed forward whole while the centre of pressure keeps within this
+    part of the sole, and not at all at its edge, over which the foot may tip."""
+    edge_recovery_s: Positive = 0.03
+    """Time it takes to return after the pressure has left the edge [s]."""
     recovery_s: Positive = 0.2
     """Time it takes to return after a foot was unloaded [s]."""
 

@@ -57,7 +57,12 @@ class WholeBodyController:
         )
         self.tsid = Tsid(self.model, settings.tsid)
         self.law = WrenchLaw(
-            settings.dik, settings.ground, settings.contact, period_s=robot.period_s
+            settings.dik,
+            settings.ground,
+            settings.contact,
+            half_sizes=self.model.half_sizes,
+            period_s=robot.period_s,
+            lag_s=robot.servo_profile.lag_s,
         )
         self.dik = Dik(self.model, settings.dik)
         self.failure: QpData | None = None
