@@ -9,6 +9,9 @@ In words: find the acceleration of base and joints with which
 
 within the joints' position and velocity limits. The base of the Walker is pelvis and
 torso in one, so their two tasks of weight 100 are one here.
+
+The unknown of the QP is the velocity after the tick, v + a dt, and the cost is divided
+by the contact weight and by dt^-2: the same optimum in numbers of size one.
 """
 
 from __future__ import annotations
@@ -73,11 +76,12 @@ class CommandedRobot:
         self.qp = DenseQp("zmp ik", n=n_v, m=0)
         self._T: Mat = np.zeros((15, n_v))
         self._t: Array = np.zeros(15)
-        self._roots = np.sqrt([CONTACT_WEIGHT] * 12 + [COM_WEIGHT] * 3)
+        self._roots = np.sqrt([1.0] * 12 + [COM_WEIGHT / CONTACT_WEIGHT] * 3)
         self._upper_body = N_BASE_V + np.flatnonzero(~model.is_leg)
         self._diagonal = np.zeros(n_v)
-        self._diagonal[BASE] = BASE_WEIGHT
-        self._diagonal[N_BASE_V:] = POSTURE_WEIGHT
+        self._diagonal[BASE] = BASE_WEIGHT / CONTACT_WEIGHT
+        self._diagonal[N_BASE_V:] = POSTURE_WEIGHT / CONTACT_WEIGHT
+        self._wanted: Array = np.zeros(n_v)
         self._stiffness = zmp.contact_stiffness
         self._damping = zmp.contact_damping
         self._speed = np.minimum(model.velocity_limit, limits.velocity_limit_rad_s)
@@ -111,7 +115,7 @@ class CommandedRobot:
         R_base: Mat,
         posture: Array,
     ) -> QpSolution:
-        """Computes the acceleration of this tick.
+        """Computes the velocity after this tick.
 
         Args:
             twist: (12,) wanted sole twists, commanded sole frames.
@@ -121,7 +125,7 @@ class CommandedRobot:
             posture: (n_a,) joints to return to, model order [rad].
 
         Returns:
-            The QP's solution, x = acceleration of base and joints.
+            The QP's solution, x = velocity of base and joints.
         """
         kinematics, T, t, qp = self.kinematics, self._T, self._t, self.qp
         T[CONTACT] = kinematics.J_contact
@@ -133,34 +137,40 @@ class CommandedRobot:
         t[COM] = com.acceleration + COM_STIFFNESS * (com.position - kinematics.p_com)
         t[COM] += 2.0 * np.sqrt(COM_STIFFNESS) * (com.velocity - kinematics.v_com)
         t[COM] -= kinematics.Jdot_v_com
+        t *= self._dt
+        t += T @ self.v
         T *= self._roots[:, None]
         t *= self._roots
         T.T.dot(T, out=qp.P)
         qp.P.flat[:: self._model.n_v + 1] += self._diagonal
         t.dot(T, out=qp.q_lin)
-        R = pin.Quaternion(self.q[3:7]).toRotationMatrix()
-        qp.q_lin[BASE] += BASE_WEIGHT * (
-            BASE_STIFFNESS * pin.log3(R.T @ R_base)
-            - 2.0 * BASE_STIFFNESS**0.5 * self.v[BASE]
-        )
-        qp.q_lin[N_BASE_V:] += POSTURE_WEIGHT * (
-            POSTURE_STIFFNESS * (posture - self.q[7:])
-            - 2.0 * POSTURE_STIFFNESS**0.5 * self.v[N_BASE_V:]
-        )
+        qp.q_lin += self._diagonal * self._velocity_wanted(R_base, posture)
         np.negative(qp.q_lin, out=qp.q_lin)
         self._set_limits()
         return qp.solve()
 
-    def integrate(self, acceleration: Array, q_measured: Array, *, fade: float) -> None:
-        """Takes up an acceleration, never far from the robot.
+    def _velocity_wanted(self, R_base: Mat, posture: Array) -> Array:
+        """(n_v,) next velocity as base orientation and posture ask."""
+        wanted = self._wanted
+        R = pin.Quaternion(self.q[3:7]).toRotationMatrix()
+        wanted[BASE] = BASE_STIFFNESS * pin.log3(R.T @ R_base)
+        wanted[BASE] -= 2.0 * BASE_STIFFNESS**0.5 * self.v[BASE]
+        wanted[N_BASE_V:] = POSTURE_STIFFNESS * (posture - self.q[7:])
+        wanted[N_BASE_V:] -= 2.0 * POSTURE_STIFFNESS**0.5 * self.v[N_BASE_V:]
+        wanted *= self._dt
+        wanted += self.v
+        return wanted
+
+    def integrate(self, velocity: Array, q_measured: Array, *, fade: float) -> None:
+        """Takes up a velocity, never far from the robot.
 
         Args:
-            acceleration: (n_v,) of base and joints.
+            velocity: (n_v,) of base and joints.
             q_measured: (n_a,) joints, model order [rad].
             fade: part of the motion that is carried out.
         """
         model, reach = self._model, self._limits.windup_limit_rad
-        self.v += self._dt * acceleration
+        self.v[:] = velocity
         self.q = pin.integrate(model.pin_model, self.q, (fade * self._dt) * self.v)
         joints = self.q[7:]
         low = np.maximum(q_measured - reach, model.lower)
@@ -190,6 +200,5 @@ class CommandedRobot:
         margin, q = limits.limit_margin_rad, self.q[7:]
         low = (model.lower + margin - q) / limits.limit_time_s
         high = (model.upper - margin - q) / limits.limit_time_s
-        v = self.v[N_BASE_V:]
-        self.qp.x_l[N_BASE_V:] = (np.clip(low, -speed, speed) - v) / self._dt
-        self.qp.x_u[N_BASE_V:] = (np.clip(high, -speed, speed) - v) / self._dt
+        self.qp.x_l[N_BASE_V:] = np.clip(low, -speed, speed)
+        self.qp.x_u[N_BASE_V:] = np.clip(high, -speed, speed)

@@ -14,6 +14,8 @@ STIFFNESS = 5.0
 DAMPING = 2.0 * math.sqrt(STIFFNESS)
 UP = np.array([0.0, 0.0, 1.0])
 GRAVITY_VECTOR = -GRAVITY * UP
+FARTHEST_M = 1.0
+"""A target farther away pulls no harder [m]."""
 LEAST_STIFFNESS = 1.0
 """Floor of the pendulum's omega^2 [1/s^2]; a falling reference has none."""
 
@@ -51,7 +53,8 @@ class StandingPendulum:
                 pressure belongs right under it, at z = 0 [m].
         """
         dt = self._dt
-        self.acceleration = STIFFNESS * (target - self.com) - DAMPING * self.velocity
+        step = np.clip(target - self.com, -FARTHEST_M, FARTHEST_M)
+        self.acceleration = STIFFNESS * step - DAMPING * self.velocity
         # n . (cdd - g) / n . (c - cop), with n straight up.
         stiffness = (self.acceleration.item(2) + GRAVITY) / self.com.item(2)
         stiffness = max(stiffness, LEAST_STIFFNESS)

@@ -72,6 +72,7 @@ class ZmpController:
         self.failure: QpData | None = None
         self._velocity: Vec3 = np.zeros(3)
         self._velocity_blend = min(1.0, self._dt / zmp.com_velocity_lag_s)
+        self._height = self.stance.com_height
         self._lift = 0.0
         self._lift_rate = 0.0
         self._normals = [0.5 * self._weight] * 2
@@ -132,9 +133,13 @@ class ZmpController:
     def _follow_height(self) -> None:
         """How far the CoM should be from its height over the feet, and how fast."""
         ground = self.estimator.ground_height
-        self.stance.limit_height(ground, travel=self.model.com_travel)
+        stance, travel = self.stance, self.model.com_travel
+        # Over the feet first, then where it is in the world, each within reach.
+        stance.limit_height(0.0, travel=travel)
+        self._height = stance.com.item(2)
+        stance.limit_height(ground, travel=travel)
         share = self._settings.zmp.level_height
-        lift = share * (self.stance.com.item(2) - ground - self.stance.com_height)
+        lift = share * (stance.com.item(2) - ground - self._height)
         rate = (lift - self._lift) / self._dt
         self._lift_rate += self._dt / GROUND_SPEED_LAG_S * (rate - self._lift_rate)
         self._lift = lift
@@ -143,7 +148,7 @@ class ZmpController:
         """All laws and the integration; the posture is held when a QP fails."""
         in_contact, commanded = self.contacts.in_contact, self.commanded
         target = self.stance.com.copy()
-        target[2] = self.stance.com_height
+        target[2] = self._height
         self.pendulum.update(target)
         status = self._distribute(F_meas)
         if status != "ok":
