@@ -138,7 +138,7 @@ def search(pool: ProcessPoolExecutor, *, seeds: int, rounds: int, out: Path) -> 
     for _ in range(rounds):
         before = best
         for name, values in RANGES.items():
-            best = found.best_of([best] + [best | {name: value} for value in values])
+            best = found.best_of([best, *(best | {name: value} for value in values)])
         # What is found so far is kept, should the search be stopped.
         write(found, out)
         if best == before:

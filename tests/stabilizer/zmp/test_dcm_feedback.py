@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from schemas.arrays import Array
 from schemas.zmp_settings import ZmpSettings
 from stabilizer.model import GRAVITY
 from stabilizer.zmp.dcm_feedback import DcmFeedback
@@ -26,6 +27,11 @@ def pendulum() -> StandingPendulum:
     return StandingPendulum(COM, period_s=PERIOD_S)
 
 
+def beside(x: float, y: float, z: float) -> Array:
+    """(3,) the reference's CoM and so much more."""
+    return COM + np.array([x, y, z])
+
+
 def feedback(**gains: float) -> DcmFeedback:
     none = {"dcm_kp": 0.0, "dcm_ki": 0.0, "dcm_kd": 0.0}
     return DcmFeedback(ZmpSettings(**{**none, **gains}), period_s=PERIOD_S)
@@ -39,7 +45,7 @@ def test_at_the_reference_nothing_is_wanted(pendulum: StandingPendulum) -> None:
 
 def test_position_error_acts_through_omega_and_kp(pendulum: StandingPendulum) -> None:
     """10 mm ahead, at rest: 3 * 5 * 0.01 backwards."""
-    com = COM + [0.01, 0.0, 0.02]
+    com = beside(0.01, 0.0, 0.02)
     wanted = feedback(dcm_kp=5.0).update(
         pendulum, com=com, velocity=STILL, zmp=GROUND, in_air=False
     )
@@ -60,7 +66,7 @@ def test_velocity_acts_in_the_dcm_and_by_itself(pendulum: StandingPendulum) -> N
 
 def test_average_acts_through_omega_and_ki(pendulum: StandingPendulum) -> None:
     law = feedback(dcm_ki=10.0)
-    com = COM + [0.01, 0.0, 0.0]
+    com = beside(0.01, 0.0, 0.0)
     wanted = law.update(pendulum, com=com, velocity=STILL, zmp=GROUND, in_air=False)
     average = -0.01 * (1.0 - math.exp(-PERIOD_S / 10.0))
     assert wanted[0] == pytest.approx(3.0 * 10.0 * average, rel=1e-9)
@@ -75,7 +81,11 @@ def test_average_never_asks_for_more_than_its_clamp(
     )
     for _ in range(200):
         wanted = law.update(
-            pendulum, com=COM + [1.0, 0, 0], velocity=STILL, zmp=GROUND, in_air=False
+            pendulum,
+            com=beside(1.0, 0.0, 0.0),
+            velocity=STILL,
+            zmp=GROUND,
+            in_air=False,
         )
     assert wanted[0] == pytest.approx(-3.0 * 10.0 * 0.05)
 
@@ -97,10 +107,12 @@ def test_derivator_sees_the_models_dcm_speed_and_forgets_an_offset(
 def test_in_the_air_the_memory_is_not_fed(pendulum: StandingPendulum) -> None:
     law = feedback(dcm_ki=10.0, dcm_kd=0.5)
     law.update(
-        pendulum, com=COM + [0.1, 0, 0], velocity=STILL, zmp=GROUND, in_air=False
+        pendulum, com=beside(0.1, 0.0, 0.0), velocity=STILL, zmp=GROUND, in_air=False
     )
     before = law.average.value.copy()
-    law.update(pendulum, com=COM + [0.1, 0, 0], velocity=STILL, zmp=GROUND, in_air=True)
+    law.update(
+        pendulum, com=beside(0.1, 0.0, 0.0), velocity=STILL, zmp=GROUND, in_air=True
+    )
     assert abs(law.average.value[0]) < abs(before[0])
     np.testing.assert_array_equal(law.offset.value, 0.0)
 
@@ -115,8 +127,8 @@ def test_pendulum_at_rest_stays(pendulum: StandingPendulum) -> None:
 
 def test_pendulum_leans_away_before_it_moves(pendulum: StandingPendulum) -> None:
     """Cdd = 5 * 0.1, lambda = 9: the ZMP goes 0.5 / 9 the other way."""
-    pendulum.update(COM + [0.1, 0.0, 0.0])
+    pendulum.update(beside(0.1, 0.0, 0.0))
     assert pendulum.zmp[0] == pytest.approx(-0.5 / 9.0)
     for _ in range(10_000):
-        pendulum.update(COM + [0.1, 0.0, 0.0])
-    np.testing.assert_allclose(pendulum.com, COM + [0.1, 0.0, 0.0], atol=1e-6)
+        pendulum.update(beside(0.1, 0.0, 0.0))
+    np.testing.assert_allclose(pendulum.com, beside(0.1, 0.0, 0.0), atol=1e-6)

@@ -47,7 +47,8 @@ class Case:
         self.com = np.array([0.0, 0.0, 0.8])
         acceleration = push * rng.normal(size=3)
         self.wrench: Array = np.zeros(6)
-        self.wrench[:3] = model.mass * (acceleration + [0.0, 0.0, GRAVITY])
+        acceleration[2] += GRAVITY
+        self.wrench[:3] = model.mass * acceleration
 
 
 def solve(

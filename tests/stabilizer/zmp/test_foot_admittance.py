@@ -54,7 +54,9 @@ def twist(
         in_contact=in_contact,
         R_measured=R_measured,
         R_commanded=R_commanded,
-        p_commanded=[p + [0.0, 0.0, z] for p, z in zip(GROUND, lifted, strict=True)],
+        p_commanded=[
+            p + np.array([0.0, 0.0, z]) for p, z in zip(GROUND, lifted, strict=True)
+        ],
         p_stance=GROUND,
     )
 

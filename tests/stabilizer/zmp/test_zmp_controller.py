@@ -129,7 +129,7 @@ def test_mad_reference_gives_no_jump_and_is_forgotten(
 ) -> None:
     sane = standing_reference(controller.model)
     answers = [command(controller.step(snapshot))]
-    for reference in [msgspec.structs.replace(sane, **mad)] + [sane] * GOOD_TICKS:
+    for reference in [msgspec.structs.replace(sane, **mad), *[sane] * GOOD_TICKS]:
         output = controller.step(snapshot, reference)
         assert output.qp_status == OK
         answers.append(command(output))
