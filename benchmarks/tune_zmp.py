@@ -26,9 +26,12 @@ from typing import Any
 
 from cli.inline import run_inline
 from cli.run_plan import make_plan
+from schemas.toml_file import read_toml
+from stabilizer.shipped_settings import find_settings
 
 TRAINING = sorted((Path(__file__).parent / "training").glob("*.toml"))
 START = Path("zmp-stock")
+STOCK = read_toml(find_settings(START))["zmp"]
 Point = dict[str, Any]
 FALL_COST, COM_UNIT_MM, FORCE_UNIT_N = 1000.0, 10.0, 50.0
 FIXED: Point = {"friction": 0.6}
@@ -117,7 +120,9 @@ def _summarise(point: Point, runs: list[tuple[bool, float, float]]) -> Point:
 
 
 def _key(point: Point) -> tuple[tuple[str, Any], ...]:
-    return tuple(sorted(point.items()))
+    """What makes a point: the settings in which it differs from the start."""
+    changed = {k: v for k, v in point.items() if STOCK[k] not in (v, [v, v])}
+    return tuple(sorted(changed.items()))
 
 
 def search(pool: ProcessPoolExecutor, *, seeds: int, rounds: int, out: Path) -> None:

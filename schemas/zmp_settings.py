@@ -49,18 +49,18 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     """Distribution: weight of the ankles' torques."""
     share_weight: Positive = 1.0
     """Distribution: weight of the load share's error."""
-    cop_admittance: tuple[CopAdmittance, CopAdmittance] = (0.01, 0.01)
+    cop_admittance: tuple[CopAdmittance, CopAdmittance] = (0.1, 0.1)
     """Foot rotation per error of the centre of pressure along x (a torque about y)
     and along y [rad/s per N m]."""
-    force_admittance: Annotated[float, msgspec.Meta(ge=0.0, le=5e-4)] = 1e-4
+    force_admittance: Annotated[float, msgspec.Meta(ge=0.0, le=5e-4)] = 0.0005
     """Difference of the feet's vertical speeds per force difference [m/s per N]."""
     height_stiffness: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
     """Pull of the feet's height difference to the stance's [Hz]."""
     drift_hz: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 1.0
     """Pull of the feet's mean height to the stance's [Hz]."""
-    rotation_limit_rad_s: Annotated[float, msgspec.Meta(gt=0.0, le=3.0)] = 0.2
+    rotation_limit_rad_s: Annotated[float, msgspec.Meta(gt=0.0, le=3.0)] = 3.0
     """Fastest foot rotation asked, per axis [rad/s]."""
-    lift_limit_m_s: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.1
+    lift_limit_m_s: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 1.0
     """Fastest vertical foot motion asked [m/s]."""
     seek_admittance: Annotated[float, msgspec.Meta(ge=0.0, le=1e-2)] = 2e-4
     """Descent of a lifted foot per missing force [m/s per N]."""
@@ -79,5 +79,5 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     leak of the foot poses."""
     level_base: Fraction = 0.0
     """Base orientation wanted: 0 that of the commanded feet, 1 upright."""
-    level_height: Fraction = 0.0
+    level_height: Fraction = 1.0
     """CoM height wanted: 0 constant over the feet, 1 constant in the world."""
