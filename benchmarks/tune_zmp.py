@@ -44,6 +44,7 @@ GRID = {
 RANGES: dict[str, list[Any]] = {
     "level_base": [0.0, 1.0],
     "level_height": [0.0, 1.0],
+    "com_weight": [1e3, 1e4, 1e5],
     "contact_damping": [150.0, 300.0],
     "dcm_kp": [1.0, 2.0, 3.0, 4.0, 5.0],
     "dcm_ki": [5.0, 10.0, 15.0, 20.0],

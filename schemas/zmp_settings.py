@@ -66,7 +66,7 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     """Descent of a lifted foot per missing force [m/s per N]."""
     seek_force_n: Positive = 50.0
     """Normal force a lifted foot reaches for [N]."""
-    com_admittance: tuple[ComAdmittance, ComAdmittance] = (0.0, 0.0)
+    com_admittance: tuple[ComAdmittance, ComAdmittance] = (0.25, 0.25)
     """CoM speed per error of the ZMP, x y [1/s]."""
     com_offset_limit_m: Positive = 0.05
     """Largest CoM offset of the CoM admittance, per axis [m]."""
@@ -77,6 +77,9 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     contact_stiffness: NonNegative = 1.0
     """Pull of the feet to their stance [1/s^2]; divided by the damping it is the
     leak of the foot poses."""
+    com_weight: Positive = 100000.0
+    """Inverse kinematics: weight of the CoM, against 1e4 of the feet and 10 of the
+    posture, which holds the CoM back."""
     level_base: Fraction = 0.0
     """Base orientation wanted: 0 that of the commanded feet, 1 upright."""
     level_height: Fraction = 1.0

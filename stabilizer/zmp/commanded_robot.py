@@ -28,7 +28,7 @@ from stabilizer.model import N_BASE_V, RobotModel
 from stabilizer.qp import DenseQp, QpSolution
 from stabilizer.zmp.kinematics import Kinematics
 
-CONTACT_WEIGHT, COM_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 1000.0, 200.0, 10.0
+CONTACT_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 200.0, 10.0
 COM_STIFFNESS = np.array([1000.0, 1000.0, 100.0])
 BASE_STIFFNESS = 10.0
 POSTURE_STIFFNESS = 1.0
@@ -76,7 +76,7 @@ class CommandedRobot:
         self.qp = DenseQp("zmp ik", n=n_v, m=0)
         self._T: Mat = np.zeros((15, n_v))
         self._t: Array = np.zeros(15)
-        self._roots = np.sqrt([1.0] * 12 + [COM_WEIGHT / CONTACT_WEIGHT] * 3)
+        self._roots = np.sqrt([1.0] * 12 + [zmp.com_weight / CONTACT_WEIGHT] * 3)
         self._upper_body = N_BASE_V + np.flatnonzero(~model.is_leg)
         self._diagonal = np.zeros(n_v)
         self._diagonal[BASE] = BASE_WEIGHT / CONTACT_WEIGHT
