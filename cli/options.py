@@ -13,6 +13,7 @@ class ControllerName(StrEnum):
     """Controllers there are."""
 
     WHOLE_BODY = "whole-body"
+    ZMP = "zmp"
     HOLD = "hold"
 
 
@@ -48,7 +49,7 @@ SettingsOption = Annotated[
     typer.Option(
         "--settings",
         metavar="FILE",
-        help="Controller settings (.toml); any subset.",
+        help="Shipped settings (zmp-stock, zmp-tuned), or a file (.toml); any subset.",
         rich_help_panel=_CONTROLLER,
     ),
 ]

@@ -16,6 +16,7 @@ import msgspec
 from schemas.errors import FileFormatError
 from schemas.robot_file import NonNegative, Positive
 from schemas.toml_file import FileStruct, convert
+from schemas.zmp_settings import ZmpSettings
 
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
@@ -189,6 +190,7 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     ground: GroundSettings = GroundSettings()
     estimator: EstimatorSettings = EstimatorSettings()
     contact: ContactSettings = ContactSettings()
+    zmp: ZmpSettings = ZmpSettings()
 
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
