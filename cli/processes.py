@@ -86,6 +86,7 @@ def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
         *_shared_words(plan),
         *(("--servo-profile", profile) if profile is not None else ()),
         *(word for locator in endpoints.listen for word in ("--listen", locator)),
+        *(["--insecure"] if endpoints.insecure else []),
     ]
 
 
