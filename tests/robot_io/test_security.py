@@ -342,7 +342,6 @@ def test_a_client_does_not_talk_to_a_robot_of_another_authority(
         "tcp/[::]:0",
         "udp/192.0.2.1:1",
         "ws/robot.lan:1",
-        "tcp/[::1%a]:1",
     ],
 )
 @pytest.mark.parametrize("role", [Role.ROBOT, Role.ROUTER])
