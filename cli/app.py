@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from cli.certs_command import certs
+from cli.check_robot_command import check_robot
 from cli.robot_command import robot
 from cli.router_command import router
 from cli.run_command import run
@@ -54,3 +55,4 @@ app.command()(stabilizer)
 app.command()(scenarios)
 app.command()(router)
 app.command()(certs)
+app.command("check-robot")(check_robot)
