@@ -13,6 +13,8 @@ MOST_RAD = 1e-3
 NUDGE_RAD = 0.7e-3
 """What a joint is asked to move, and how much of it must be seen."""
 RAMP_S, STAY_S = 0.03, 0.06
+OTHERS_SHARE = 0.5
+"""A leg on the ground takes the next joint along, even further than itself."""
 LOOK_S = 0.03
 SEEN_SHARE = 0.2
 """With both feet on the ground the other leg holds against it."""
@@ -27,7 +29,8 @@ def check_joint_order(probe: Probe, findings: Findings) -> None:
     wrong = []
     for index in range(probe.robot.n_a):
         moved = _nudge(probe, index)
-        if moved[index] < SEEN_SHARE * NUDGE_RAD or moved.argmax() != index:
+        least = max(SEEN_SHARE * NUDGE_RAD, OTHERS_SHARE * np.abs(moved).max())
+        if moved[index] < least:
             other = int(np.abs(moved).argmax())
             wrong.append(
                 f"{names[index]} moves by {moved[index] * 1e3:.2f} mrad, "
@@ -37,7 +40,7 @@ def check_joint_order(probe: Probe, findings: Findings) -> None:
         "joints.order",
         not wrong,
         got=f"not so for {len(wrong)} joints: {wrong[0]}" if wrong else "each does",
-        expected=f"a joint asked for {NUDGE_RAD * 1e3:g} mrad moves, more than others",
+        expected=f"a joint asked for {NUDGE_RAD * 1e3:g} mrad is what moves",
     )
 
 
