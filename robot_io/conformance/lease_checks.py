@@ -10,6 +10,7 @@ INTRUDER = "someone-else"
 STATUS_RATE_HZ = 50.0
 STATUS_LEAST_SHARE = 0.7
 STATUS_LOOK_S = 0.5
+LEFT_S = 2.0
 
 
 def check_status(probe: Probe, findings: Findings) -> None:
@@ -94,7 +95,7 @@ def check_enabling(probe: Probe, findings: Findings) -> None:
         RunBrokenOffError: it does not follow.
     """
     enabled = probe.start()
-    probe.stream(0.2)
+    probe.stream(STATUS_LOOK_S)
     mode = probe.status.mode if probe.status is not None else "silent"
     findings.need(
         "mode.enable",
@@ -108,12 +109,14 @@ def check_left(probe: Probe, findings: Findings) -> None:
     """Leaves the robot as it was found: in HOLD, free, without a fault."""
     probe.ask("mode", "hold")
     probe.ask("lease", "release")
-    found = probe.is_mode(RobotMode.HOLD)
+    is_left = probe.wait_status(
+        lambda s: s.mode is RobotMode.HOLD and not s.commander, timeout_s=LEFT_S
+    )
     commander = probe.status.commander if probe.status is not None else ""
     mode = probe.status.mode if probe.status is not None else "silent"
     findings.add(
         "left",
-        found and not commander,
+        is_left is not None,
         got=f"{mode}, {commander or 'nobody'} commands",
         expected="hold, nobody commands, as at the start",
     )

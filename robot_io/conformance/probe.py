@@ -135,7 +135,7 @@ class Probe:
         offset: Offset | None = None,
         extra: Callable[[int], bytes | None] = lambda count: None,
     ) -> Recording:
-        """Answers every tick with the held posture, and listens.
+        """Answers the newest tick with the held posture, again and again, and listens.
 
         Args:
             duration_s: how long [s].
@@ -204,12 +204,14 @@ class Probe:
         return self.wait_status(lambda s: True, timeout_s=timeout_s) is not None
 
     def _hear(self, recording: Recording, *, deadline: float) -> bool:
-        """Takes the next tick, and all that came with it."""
+        """Takes all ticks that have come, and waits for one when there is none."""
         data = self._sensors["joints"].wait(deadline)
         if data is None:
             self._hear_others(recording)
             return False
         self._take(recording, "joints", data)
+        while (data := self._sensors["joints"].poll()) is not None:  # catch up
+            self._take(recording, "joints", data)
         self._hear_others(recording)
         messages = recording.messages["joints"]
         if messages:
