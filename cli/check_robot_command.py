@@ -25,6 +25,15 @@ def check_robot(
             "--wait", min=0.1, metavar="SECONDS", help="How long to look for the robot."
         ),
     ] = 10.0,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--only",
+            metavar="SECTION",
+            help="Try only sensors, wiring, refusals or reactions, beside lease and "
+            "status. May be repeated.",
+        ),
+    ] = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Try a live robot against what every driver must do; it stands on both feet.
@@ -34,12 +43,18 @@ def check_robot(
     """
     from cli.console import print_json, print_table
     from cli.endpoints import choose_endpoints
-    from robot_io.conformance.run import check_conformance
+    from cli.errors import UsageError
+    from robot_io.conformance.run import SECTIONS, check_conformance
     from robot_io.robot import load_robot
 
+    unknown = sorted(set(only or ()) - set(SECTIONS))
+    if unknown:
+        raise UsageError(f"--only {unknown[0]}: expected {', '.join(SECTIONS)}")
     model = load_robot(robot)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
-    report = check_conformance(model, endpoints=meeting, timeout_s=wait_s)
+    report = check_conformance(
+        model, endpoints=meeting, sections=only or SECTIONS, timeout_s=wait_s
+    )
     if as_json:
         print_json(report)
     else:

@@ -11,6 +11,7 @@ STATUS_RATE_HZ = 50.0
 STATUS_LEAST_SHARE = 0.7
 STATUS_LOOK_S = 0.5
 LEFT_S = 2.0
+ENABLE_S = 0.2
 
 
 def check_status(probe: Probe, findings: Findings) -> None:
@@ -95,7 +96,7 @@ def check_enabling(probe: Probe, findings: Findings) -> None:
         RunBrokenOffError: it does not follow.
     """
     enabled = probe.start()
-    probe.stream(STATUS_LOOK_S)
+    probe.stream(ENABLE_S)
     mode = probe.status.mode if probe.status is not None else "silent"
     findings.need(
         "mode.enable",

@@ -39,7 +39,8 @@ def check_joint_order(probe: Probe, findings: Findings) -> None:
         "joints.order",
         not wrong,
         got=f"not so for {len(wrong)} joints: {wrong[0]}" if wrong else "each does",
-        expected=f"a joint asked for {NUDGE_RAD * 1e3:g} mrad follows, in motion or torque",
+        expected=f"a joint asked for {NUDGE_RAD * 1e3:g} mrad follows, by motion or "
+        "torque",
     )
 
 
