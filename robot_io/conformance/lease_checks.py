@@ -11,7 +11,6 @@ STATUS_RATE_HZ = 50.0
 STATUS_LEAST_SHARE = 0.7
 STATUS_LOOK_S = 0.5
 LEFT_S = 2.0
-ENABLE_S = 0.2
 
 
 def check_status(probe: Probe, findings: Findings) -> None:
@@ -96,11 +95,11 @@ def check_enabling(probe: Probe, findings: Findings) -> None:
         RunBrokenOffError: it does not follow.
     """
     enabled = probe.start()
-    probe.stream(ENABLE_S)
+    follows = probe.stream_until_active()
     mode = probe.status.mode if probe.status is not None else "silent"
     findings.need(
         "mode.enable",
-        enabled.accepted and mode is RobotMode.ACTIVE,
+        enabled.accepted and follows,
         got=enabled.reason or str(mode),
         expected="active, once the holder of the lease asks",
     )

@@ -35,6 +35,7 @@ from schemas.topics import ALIVE_STABILIZER, TICK_SENSORS, topic
 
 KEPT = 512
 ANSWER_S = 2.0
+STREAM_S = 0.1
 GAP_S = 0.2
 """A tick may be so late before the stream is given up for this time."""
 Offset = Callable[[float], Array]
@@ -159,6 +160,18 @@ class Probe:
             count += 1
             self._hear_status()
         return recording
+
+    def stream_until_active(self, *, timeout_s: float = ANSWER_S) -> bool:
+        """Answers until the robot says that it follows.
+
+        On a busy machine it may hold for a moment, for silence, and go on by itself.
+        """
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            self.stream(STREAM_S)
+            if self.status is not None and self.status.mode is RobotMode.ACTIVE:
+                return True
+        return False
 
     def wait_status(
         self, condition: Callable[[RobotStatus], bool], *, timeout_s: float

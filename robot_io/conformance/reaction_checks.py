@@ -85,11 +85,11 @@ def check_estop(probe: Probe, findings: Findings) -> None:
 
 def _enable(probe: Probe, findings: Findings, name: str) -> None:
     enabled = probe.start()
-    probe.stream(STREAM_S)
+    follows = probe.stream_until_active()
     mode = probe.status.mode if probe.status is not None else "silent"
     findings.need(
         name,
-        enabled.accepted and mode is RobotMode.ACTIVE,
+        enabled.accepted and follows,
         got=enabled.reason or str(mode),
         expected="active",
     )
