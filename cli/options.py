@@ -89,6 +89,24 @@ ConnectOption = Annotated[
         rich_help_panel=_BUS,
     ),
 ]
+RouterOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--router",
+        metavar="LOCATOR",
+        help="Dial a router here instead of listening. May be repeated.",
+        rich_help_panel=_BUS,
+    ),
+]
+InsecureOption = Annotated[
+    bool,
+    typer.Option(
+        "--insecure",
+        help="Listen on other addresses than loopback without TLS: anyone on that "
+        "network can then command the robot.",
+        rich_help_panel=_BUS,
+    ),
+]
 JsonOption = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on stdout and nothing else."),

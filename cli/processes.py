@@ -84,6 +84,7 @@ def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
         *("--seed", str(plan.seed)),
         *_shared_words(plan),
         *(word for locator in endpoints.listen for word in ("--listen", locator)),
+        *(["--insecure"] if endpoints.insecure else []),
     ]
 
 

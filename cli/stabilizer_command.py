@@ -52,8 +52,8 @@ def stabilizer(
     resolved = load_settings(settings, overrides=overrides or [])
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     log_note(
-        f"{controller} for {model.file.name} dials {', '.join(meeting.connect)} for "
-        f"{wait_s:g} s at most"
+        f"{controller} for {model.file.name} dials "
+        f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
     )
     # Heavy: a wrong file is told first.
     from stabilizer.factory import make_controller
