@@ -8,6 +8,7 @@ import typer
 
 from cli.certs_command import certs
 from cli.check_robot_command import check_robot
+from cli.reproduce_command import reproduce
 from cli.robot_command import robot
 from cli.router_command import router
 from cli.run_command import run
@@ -55,6 +56,7 @@ app.command()(robot)
 app.command()(stabilizer)
 app.command()(scenarios)
 app.command()(sweep)
+app.command()(reproduce)
 app.command()(router)
 app.command()(certs)
 app.command("check-robot")(check_robot)

@@ -1,0 +1,62 @@
+"""``surefoot reproduce``: the paper's evaluation in one command."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli import options
+
+
+def reproduce(
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder of the study; a former one goes on.")
+    ] = Path("out/reproduce"),
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="2 seeds, fewer rates, two controllers: minutes."),
+    ] = False,
+    seeds: Annotated[
+        int | None,
+        typer.Option("--seeds", min=1, help="Seeds per case instead of 50 (quick: 2)."),
+    ] = None,
+    report_only: Annotated[
+        bool, typer.Option("--report-only", help="Write the page from kept runs only.")
+    ] = False,
+    jobs: options.JobsOption = 0,
+) -> None:
+    """Run the paper's scenarios with all controllers, and write a page about them.
+
+    Whole, with 50 seeds, it takes some five hours on two processors; --quick takes
+    less than five minutes. Ended early, it goes on where it was.
+    """
+    from cli.atomic_file import atomic_file
+    from cli.console import count_bar, print_note
+    from cli.reproduce.definition import cells_of, extent
+    from cli.reproduce.figures import COMPARED, SHOWN, draw, record
+    from cli.reproduce.report import FIGURES, write_report
+    from cli.study.execute import execute
+    from cli.study.store import StudyStore
+    from cli.study.summarise import summarise
+
+    cells = cells_of(extent(quick=quick, seeds=seeds))
+    with StudyStore(out, about={"study": "reproduce"}) as store:
+        if not report_only:
+            workers = jobs or os.cpu_count() or 1
+            execute(cells, store, robot="walker", jobs=workers, title="runs")
+            folder = out / FIGURES
+            folder.mkdir(exist_ok=True)
+            undrawn = [n for n in SHOWN if not (folder / f"{n}.svg").is_file()]
+            with count_bar("figures", total=len(undrawn), done=0) as tell:
+                for name in undrawn:
+                    svg = draw(SHOWN[name], {v: record(name, v) for v in COMPARED})
+                    with atomic_file(folder / f"{name}.svg") as file:
+                        file.write(svg)
+                    tell()
+        rows = [store.rows[cell.key] for cell in cells if cell.key in store.rows]
+        missing = len(cells) - len(rows)
+        page = write_report(out, summarise(rows), about=store.about, missing=missing)
+    print_note(f"{len(rows)} of {len(cells)} runs; open {page}")
