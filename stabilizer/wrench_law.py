@@ -57,6 +57,12 @@ class WrenchLaw:
         self.ground_twist: Array = np.zeros(12)
         self.r: Array = np.zeros(12)
 
+    def retune(self, dik: DikSettings, ground: GroundSettings) -> None:
+        """Takes new gains; limits and filters stay as they were built."""
+        np.divide(-1.0, np.array(dik.k_force * 2), out=self._minus_K_inv)
+        self._leak = dik.stance_leak
+        self._ground_gain[:] = ground.gain * 2
+
     def update(
         self,
         dynamics: Dynamics,
