@@ -10,6 +10,7 @@ from cli.robot_command import robot
 from cli.run_command import run
 from cli.scenarios_command import scenarios
 from cli.stabilizer_command import stabilizer
+from cli.view_command import view
 
 app = typer.Typer(
     name="surefoot",
@@ -49,4 +50,5 @@ def surefoot(
 app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
+app.command()(view)
 app.command()(scenarios)

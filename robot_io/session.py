@@ -71,7 +71,7 @@ def open_session(
         EndpointError: the robot cannot listen there, or a locator is malformed.
         RobotUnreachableError: nobody answers where a client dials.
     """
-    _check_locators(endpoints, role)
+    check_locators(endpoints.listen if role is Role.ROBOT else endpoints.connect, role)
     config = session_config(endpoints, role, namespace=namespace, timeout_s=timeout_s)
     try:
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
@@ -165,9 +165,18 @@ def _cause(error: zenoh.ZError) -> str:
     return str(error).split(" at /")[0]
 
 
-def _check_locators(endpoints: Endpoints, role: Role) -> None:
-    """Zenoh would go on dialing a malformed one until the time is up."""
-    locators = endpoints.listen if role is Role.ROBOT else endpoints.connect
+def check_locators(locators: list[str], role: Role = Role.CLIENT) -> None:
+    """Makes sure that locators are written as such.
+
+    Zenoh would go on dialing a malformed one until the time is up.
+
+    Args:
+        locators: to listen on or to dial.
+        role: which of the two.
+
+    Raises:
+        LocatorError: one is malformed, or there is none.
+    """
     bad = [locator for locator in locators if not LOCATOR.match(locator)]
     if bad or not locators:
         raise LocatorError(
