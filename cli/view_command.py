@@ -31,6 +31,7 @@ def view(
     The page only looks on: robot and stabilizer go on when it ends. It waits for a
     robot as long as it takes.
     """
+    import logging
     import os
 
     from cli.child_mode import begin_as_child
@@ -42,8 +43,9 @@ def view(
     from robot_io.session import check_locators
     from robot_io.stop_request import StopRequest
 
+    set_up_logging("view")
+    logging.getLogger("websockets").setLevel(logging.WARNING)
     if child:
-        set_up_logging("view")
         begin_as_child()
     model = load_robot(robot)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])

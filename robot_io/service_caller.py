@@ -69,7 +69,7 @@ class ServiceCaller:
                 reply = decode(data, kind, joint_count=self._joint_count)
                 if not reply.accepted:
                     raise RequestRefusedError(
-                        f"{key}: the robot refused {request}: {reply.reason}",
+                        f"{key}: refused {request}: {reply.reason}",
                         reason=reply.reason,
                     )
                 return reply

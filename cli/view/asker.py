@@ -8,7 +8,7 @@ from collections.abc import Callable
 from queue import SimpleQueue
 
 from cli.logs import log_note
-from robot_io.errors import RobotIoError
+from robot_io.errors import RequestRefusedError, RobotIoError
 from robot_io.spectator import Spectator
 from schemas.errors import SchemaError
 
@@ -53,6 +53,8 @@ class Asker:
             return
         try:
             request(spectator)
+        except RequestRefusedError as error:
+            self._note(f"{what}: refused, {error.reason}")
         except (RobotIoError, SchemaError) as error:
             self._note(f"{what}: {error}")
         else:

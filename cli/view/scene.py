@@ -42,7 +42,9 @@ COM = (225, 60, 70)
 ZMP = (130, 60, 200)
 POLYGON = (25, 160, 95)
 GROUND = (196, 201, 208)
-GHOST_OPACITY = 0.22
+GHOST_OPACITY = 0.16
+POLYGON_LIFT_M = 0.012
+"""Clear of the ground it lies on."""
 _AWAY = (0.0, 0.0, -50.0)
 
 
@@ -99,7 +101,7 @@ class Scene:
             head_length=0.04,
         )
         self._polygon = scene.add_line_segments(
-            "/balance/polygon", nothing, POLYGON, thickness=0.008
+            "/balance/polygon", nothing, POLYGON, thickness=0.012
         )
         self._plumb = scene.add_line_segments(
             "/balance/plumb", nothing, COM, thickness=0.004
@@ -156,7 +158,7 @@ class Scene:
         if standing:
             hull = support_polygon(np.vstack(standing))
             edges = np.stack((hull, np.roll(hull, -1, axis=0)), axis=1)
-            self._polygon.points = edges + np.array([0.0, 0.0, 0.004])
+            self._polygon.points = edges + np.array([0.0, 0.0, POLYGON_LIFT_M])
         zmp = None
         if state.F_meas is not None:
             zmp = zero_moment_point(state.F_meas, soles)
