@@ -33,10 +33,12 @@ def view(
     """
     import logging
     import os
+    from importlib.util import find_spec
 
     from cli.child_mode import begin_as_child
     from cli.console import print_note
     from cli.endpoints import choose_endpoints
+    from cli.errors import EnvironmentFailedError
     from cli.logs import set_up_logging
     from cli.view.port import free_port
     from robot_io.robot import load_robot
@@ -50,6 +52,11 @@ def view(
     model = load_robot(robot)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     check_locators(meeting.connect)
+    if find_spec("viser") is None or find_spec("yourdfpy") is None:
+        raise EnvironmentFailedError(
+            "the live page needs viser and yourdfpy, which are not installed; "
+            "pip install 'surefoot[view]'"
+        )
     chosen = free_port(port)
     os.nice(NICENESS)
     from cli.view.page import LivePage  # heavy: a wrong option is told first
