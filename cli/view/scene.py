@@ -31,6 +31,8 @@ WANTED_BESIDE_M = 0.13
 """Forces are drawn so far outside their place, or the legs would hide them."""
 GHOST_SKIN_M = 0.006
 """The ghost is so much thicker than the robot, or it would vanish within it."""
+CORNERS = 8
+"""Of two soles: at most so many bound the support polygon."""
 FLOOR_M = -0.35
 """Far below, so that moving ground does not dip into it."""
 SHARED_WITHIN_M = 0.02
@@ -100,8 +102,9 @@ class Scene:
             head_radius=0.016,
             head_length=0.04,
         )
+        self._stance = scene.add_frame("/stance", show_axes=False)
         self._polygon = scene.add_line_segments(
-            "/balance/polygon", nothing, POLYGON, thickness=0.012
+            "/stance/polygon", np.zeros((CORNERS, 2, 3)), POLYGON, thickness=0.012
         )
         self._plumb = scene.add_line_segments(
             "/balance/plumb", nothing, COM, thickness=0.004
@@ -154,11 +157,22 @@ class Scene:
             )
             if stands
         ]
-        self._polygon.visible = bool(standing)
+        if self._polygon.visible is not bool(standing):
+            self._polygon.visible = bool(standing)
         if standing:
+            # Always as many edges: the browser makes a line of another length anew,
+            # and shows nothing meanwhile. Surplus corners repeat the last one.
             hull = support_polygon(np.vstack(standing))
+            missing = CORNERS - len(hull)
+            hull = np.vstack((hull, np.repeat(hull[-1:], missing, axis=0)))
             edges = np.stack((hull, np.roll(hull, -1, axis=0)), axis=1)
-            self._polygon.points = edges + np.array([0.0, 0.0, POLYGON_LIFT_M])
+            # Relative to the ground: browsers move nodes at once, but new points
+            # some frames later, when the ground is somewhere else.
+            ground = soles[0].copy()
+            ground[:3, 3] = 0.5 * (soles[0][:3, 3] + soles[1][:3, 3])
+            _place(self._stance, ground)
+            lifted = edges + np.array([0.0, 0.0, POLYGON_LIFT_M])
+            self._polygon.points = (lifted - ground[:3, 3]) @ ground[:3, :3]
         zmp = None
         if state.F_meas is not None:
             zmp = zero_moment_point(state.F_meas, soles)
