@@ -37,16 +37,17 @@ STOP_NS = 100_000_000
 COM_STIFFNESS = 2
 """Which slider it is: force and duration of the push come first."""
 SCENARIO = """
-name = "rolling ground"
+name = "heaving ground"
 duration_s = 600.0
 [[platform]]
 foot = "both"
   [[platform.motion]]
-  axis = "roll"
+  axis = "z"
   kind = "sine"
-  amplitude_deg = 6.0
-  frequency_hz = 0.3
+  amplitude_m = 0.04
+  frequency_hz = 0.2
 """
+"""Level: a hold ends with a new start, which takes the robot to stand on level ground."""
 
 
 class Visit:
@@ -58,7 +59,7 @@ class Visit:
         self.endpoints = Endpoints(listen=[locator], connect=[locator])
         port = free_port()
         self.url = f"http://127.0.0.1:{port}"
-        scenario = folder / "rolling.toml"
+        scenario = folder / "heaving.toml"
         scenario.write_text(SCENARIO)
         connect = ("--connect", locator)
         self.view = self._start("view", "--port", port, *connect)
