@@ -47,7 +47,7 @@ foot = "both"
   amplitude_m = 0.04
   frequency_hz = 0.2
 """
-"""Level: a hold ends with a new start, which takes the robot to stand on level ground."""
+"""Level: a hold ends with a new start, which takes the ground to be level."""
 
 
 class Visit:
