@@ -15,6 +15,7 @@ from cli.run_command import run
 from cli.scenarios_command import scenarios
 from cli.stabilizer_command import stabilizer
 from cli.sweep_command import sweep
+from cli.view_command import view
 
 app = typer.Typer(
     name="surefoot",
@@ -54,6 +55,7 @@ def surefoot(
 app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
+app.command()(view)
 app.command()(scenarios)
 app.command()(sweep)
 app.command()(reproduce)

@@ -31,7 +31,14 @@ class Exit(NamedTuple):
     """Exit code; negative: the signal that ended it."""
 
 
-Event = Progress | Exit
+class Said(NamedTuple):
+    """A child said where its page is."""
+
+    child: Child
+    url: str
+
+
+Event = Progress | Exit | Said
 
 
 class Child:
@@ -107,6 +114,8 @@ class Child:
                 for line in stdout:
                     if line.strip().isdigit():
                         events.put(Progress(int(line)))
+                    elif line.startswith(b"http"):
+                        events.put(Said(self, line.decode().strip()))
         events.put(Exit(self, self._process.wait()))
 
 

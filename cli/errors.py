@@ -13,6 +13,10 @@ class UsageError(CliError, ValueError):
     """Options contradict each other, or point at something that is not there."""
 
 
+class EnvironmentFailedError(CliError, OSError):
+    """This machine lacks something: a free port, a library, a package."""
+
+
 class ChildFailedError(CliError):
     """One of the processes of a run failed.
 

@@ -44,4 +44,6 @@ def join_result(
         ticks=plant.ticks,
         log_sha256=plant.log_sha256,
         out=None if out is None else str(out),
+        pushes=plant.pushes,
+        settings_changes=controller.settings_changes,
     )

@@ -8,6 +8,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 from cli.child import Child, Event
+from cli.live_page import start_live_page
 from cli.run_files import SETTINGS, TICKS, read_struct
 from cli.run_plan import RunPlan
 from cli.supervise import supervise
@@ -32,6 +33,7 @@ def run_processes(
     endpoints: Endpoints,
     record: bool,
     on_tick: Callable[[int], None],
+    view_port: int | None = None,
 ) -> Sides:
     """Starts robot and stabilizer, waits for the end of the run, stops both.
 
@@ -44,6 +46,7 @@ def run_processes(
         endpoints: where the two meet.
         record: write every tick.
         on_tick: told the robot's progress.
+        view_port: serve a live page of the run at this port; None for no page.
 
     Raises:
         ChildFailedError: one of the two failed.
@@ -60,10 +63,16 @@ def run_processes(
     events: SimpleQueue[Event] = SimpleQueue()
     children: list[Child] = []
     try:
+        if view_port is not None:
+            children += [
+                start_live_page(
+                    plan, folder, endpoints=endpoints, port=view_port, events=events
+                )
+            ]
         for name, words in (("robot", robot_words), ("stabilizer", stabilizer_words)):
             log = folder / f"{name}.log"
             children.append(Child(name, words, log=log, events=events))
-        supervise(*children, events=events, on_tick=on_tick)
+        supervise(*children[-2:], events=events, on_tick=on_tick)
     finally:
         for child in children:
             child.ask_to_end()

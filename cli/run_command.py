@@ -41,6 +41,16 @@ def run(
             "run there is replaced, any other folder refused.",
         ),
     ] = None,
+    view: Annotated[
+        bool,
+        typer.Option("--view", help="Show the run on a live page on this machine."),
+    ] = False,
+    view_port: Annotated[
+        int,
+        typer.Option(
+            "--view-port", min=0, max=65535, help="Port of the page; 0 for any."
+        ),
+    ] = 8080,
     settings: options.SettingsOption = None,
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
@@ -71,7 +81,9 @@ def run(
         raise UsageError(
             "--inline uses no bus; leave out --endpoints, --listen and --connect"
         )
-    result = _execute(plan, meeting, out=out)
+    if inline and view:
+        raise UsageError("--inline uses no bus, so a page would see nothing")
+    result = _execute(plan, meeting, out=out, view_port=view_port if view else None)
     if as_json:
         print_json(result)
     else:
@@ -106,7 +118,11 @@ def _meeting(
 
 
 def _execute(
-    plan: RunPlan, meeting: Endpoints | None, *, out: Path | None
+    plan: RunPlan,
+    meeting: Endpoints | None,
+    *,
+    out: Path | None,
+    view_port: int | None,
 ) -> RunResult:
     """Runs the plan and fills the folder of the run."""
     from cli.console import progress_bar
@@ -123,7 +139,12 @@ def _execute(
                 period_s=plan.robot.period_s,
             ) as on_tick:
                 sides = _run_sides(
-                    plan, meeting, folder.path, record=out is not None, on_tick=on_tick
+                    plan,
+                    meeting,
+                    folder.path,
+                    record=out is not None,
+                    on_tick=on_tick,
+                    view_port=view_port,
                 )
         except ChildFailedError:
             # The logs of a failed run are what its user needs next.
@@ -142,6 +163,7 @@ def _run_sides(
     *,
     record: bool,
     on_tick: Callable[[int], None],
+    view_port: int | None,
 ) -> Sides:
     if plan.mode == "inline":
         from cli.inline import run_inline
@@ -156,4 +178,5 @@ def _run_sides(
         endpoints=meeting or private_endpoints(),
         record=record,
         on_tick=on_tick,
+        view_port=view_port,
     )

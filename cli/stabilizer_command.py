@@ -68,6 +68,7 @@ def stabilizer(
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         connect_timeout_s=wait_s,
         failure_file=folder / QP_FAILURE,
+        settings=resolved,
         stop=stop,
     )
     if result_file is not None:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
-from cli.child import Child, Event, Progress
+from cli.child import Child, Event, Progress, Said
 from cli.errors import ChildFailedError
 from cli.exit_codes import ExitCode
 
@@ -47,6 +47,8 @@ def supervise(
         if isinstance(event, Progress):
             on_tick(event.tick)
             continue
+        if isinstance(event, Said) or event.child not in (robot, stabilizer):
+            continue  # whoever looks on may come and go
         codes[event.child.name] = event.code
         if event.child is robot and event.code not in _WELL:
             break
@@ -58,7 +60,7 @@ def supervise(
         code = codes.get(child.name, ExitCode.OK)
         robot_explains_it = robot_ended_well and code == ExitCode.UNREACHABLE
         if code not in _WELL and not robot_explains_it:
-            raise _failure(child, code)
+            raise failure(child, code)
     for child in (robot, stabilizer):
         if child.name not in codes:
             raise ChildFailedError(
@@ -72,7 +74,13 @@ def _left(until: float) -> float:
     return max(0.0, until - time.monotonic())
 
 
-def _failure(child: Child, code: int) -> ChildFailedError:
+def failure(child: Child, code: int) -> ChildFailedError:
+    """A child's end as an error that holds its last words.
+
+    Args:
+        child: whose end.
+        code: its exit code; negative: the signal that ended it.
+    """
     how = (
         f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
     )

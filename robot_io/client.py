@@ -20,6 +20,7 @@ from robot_io.robot import Robot
 from robot_io.sensor import Sensor
 from robot_io.service_caller import ServiceCaller
 from robot_io.session import Role, unreachable
+from robot_io.stabilizer_services import Asked, StabilizerServices
 from robot_io.stop_request import StopRequest
 from schemas.arrays import Array
 from schemas.codec import encode
@@ -36,6 +37,7 @@ from schemas.messages import (
     Reference,
     RobotStatus,
     ServiceReply,
+    SettingsChange,
     StabilizerStatus,
 )
 from schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
@@ -242,6 +244,14 @@ class RobotClient:
         """Tells everyone how the controller fares."""
         self._own_status.put(encode(status))
 
+    def publish_change(self, change: SettingsChange) -> None:
+        """Tells everyone of a change of settings."""
+        self._own_changes.put(encode(change))
+
+    def next_request(self) -> Asked | None:
+        """What somebody asks of the stabilizer, to be answered; None for nothing."""
+        return self._requests.next()
+
     def _commands_still(self) -> bool:
         """Whether there is a lease to give back; a robot that is off has taken it."""
         if not self._has_lease or not self.robot_is_here:
@@ -283,6 +293,8 @@ class RobotClient:
         )
         self._command = bus.publisher(keys["joint_command"], urgent=True)
         self._own_status = bus.publisher(keys["stabilizer"], urgent=False)
+        self._own_changes = bus.publisher(keys["settings_change"], urgent=False)
+        self._requests = StabilizerServices(bus, self._robot)
         self._services = ServiceCaller(
             bus.session,
             joint_count=n_a,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
@@ -16,9 +17,10 @@ from robot_io.services import RobotServices
 from robot_io.session import Role
 from robot_io.snapshot import Snapshot
 from robot_io.stop_request import StopRequest
+from robot_io.verdict import Answer
 from schemas.codec import encode
 from schemas.endpoints import Endpoints
-from schemas.messages import JointCommand, RobotMode, Truth
+from schemas.messages import JointCommand, PushRequest, RobotMode, Truth
 from schemas.topics import ALIVE_ROBOT, TICK_SENSORS
 
 COMMANDS_KEPT = 256
@@ -46,6 +48,7 @@ class RobotServer:
         *,
         endpoints: Endpoints,
         stop: StopRequest,
+        push: Callable[[PushRequest], Answer] | None = None,
     ) -> None:
         """Prepares; entering the context opens the bus.
 
@@ -54,7 +57,9 @@ class RobotServer:
             gate: judges commands and answers requests.
             endpoints: where to listen.
             stop: ends waits.
+            push: answers pushes; None on a robot that is not simulated.
         """
+        self._push = push
         self._robot = robot
         self._gate = gate
         self._stop = stop
@@ -217,5 +222,7 @@ class RobotServer:
             self._gate,
             joint_count=self._robot.n_a,
         )
-        self._services = RobotServices(self._bus, self._robot, self._gate)
+        self._services = RobotServices(
+            self._bus, self._robot, self._gate, push=self._push
+        )
         self._bus.announce(ALIVE_ROBOT)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
+from typing import TypeVar
 
 import msgspec
 import zenoh
 
 from robot_io.errors import RequestRefusedError, RobotUnreachableError
 from schemas.codec import decode, encode
-from schemas.messages import ServiceReply
+from schemas.messages import ServiceReply, StabilizerReply
 
 RETRY_PAUSE_S = 0.01
+R = TypeVar("R", ServiceReply, StabilizerReply)
 
 
 class ServiceCaller:
@@ -56,14 +58,18 @@ class ServiceCaller:
             RobotUnreachableError: nobody answered in time.
             MessageError: the answer cannot be read.
         """
+        return self.ask_for(key, request, ServiceReply)
+
+    def ask_for(self, key: str, request: msgspec.Struct, kind: type[R]) -> R:
+        """Asks a service whose answer is of another kind; see :meth:`ask`."""
         end = time.monotonic() + self._timeout_s
         while (remaining_s := end - time.monotonic()) > 0:
             data = self._ask_once(key, encode(request), remaining_s)
             if data is not None:
-                reply = decode(data, ServiceReply, joint_count=self._joint_count)
+                reply = decode(data, kind, joint_count=self._joint_count)
                 if not reply.accepted:
                     raise RequestRefusedError(
-                        f"{key}: the robot refused {request}: {reply.reason}",
+                        f"{key}: refused {request}: {reply.reason}",
                         reason=reply.reason,
                     )
                 return reply

@@ -20,6 +20,7 @@ from schemas.messages import (
     EstopRequest,
     LeaseRequest,
     ModeRequest,
+    PushRequest,
     ServiceReply,
 )
 from schemas.topics import ALIVE_STABILIZER
@@ -42,14 +43,23 @@ class RobotServices:
     queued the same way: one that dies loses the lease at once.
     """
 
-    def __init__(self, bus: Bus, robot: Robot, gate: CommandGate) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        robot: Robot,
+        gate: CommandGate,
+        *,
+        push: Callable[[PushRequest], Answer] | None = None,
+    ) -> None:
         """Declares the services.
 
         Args:
             bus: the robot's.
             robot: names the keys.
             gate: answers.
+            push: answers pushes; None on a robot that is not simulated.
         """
+        self._push = push
         self._bus = bus
         self._gate = gate
         self._asked: deque[_Asked] = deque()
@@ -61,6 +71,8 @@ class RobotServices:
             ("estop", self._answer_estop),
         ):
             bus.queryable(robot.keys[name], self._queue_for(answer))
+        if push is not None:
+            bus.queryable(robot.keys["push"], self._queue_for(self._answer_push))
         bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_presence)
 
     def wait(self, timeout_s: float) -> None:
@@ -135,6 +147,15 @@ class RobotServices:
         except MessageError:
             source = "an unreadable request"
         return self._gate.authority.stop(source)
+
+    def _answer_push(self, data: bytes, now_s: float) -> Answer:
+        del now_s
+        if self._push is None:
+            return Answer(accepted=False, reason="this robot is not simulated")
+        try:
+            return self._push(decode(data, PushRequest))
+        except MessageError as error:
+            return Answer(accepted=False, reason=str(error))
 
     def _reply(self, query: zenoh.Query, answer: Answer) -> None:
         authority = self._gate.authority

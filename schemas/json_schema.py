@@ -67,7 +67,10 @@ def json_schema(kind: type[msgspec.Struct]) -> JsonObject:
 
 def all_schemas() -> dict[str, JsonObject]:
     """File name to schema, for every message and every file format."""
-    carried = [topic.message for topic in TOPICS] + [messages.ServiceReply]
+    carried = [topic.message for topic in TOPICS] + [
+        messages.ServiceReply,
+        messages.StabilizerReply,
+    ]
     kinds = dict.fromkeys([*carried, *FILE_FORMATS])
     return {f"{_snake(kind.__name__)}.schema.json": json_schema(kind) for kind in kinds}
 

@@ -257,3 +257,77 @@ class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Who holds the lease now; empty when nobody does."""
     q_command: Floats
     """Posture the servos follow: what a new commander starts from [rad]."""
+
+
+class SettingsRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Asked on srv/settings of the stabilizer: change gains while it runs."""
+
+    schema: int
+    source: str
+    """Who asks, for the log."""
+    changes: dict[str, Floats]
+    """Setting to new value, such as ``tsid.com_kp``: one number for all axes, or one
+    per axis. Empty to ask only for the present values."""
+
+
+class ControlRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Asked on srv/control of the stabilizer, which commands the robot."""
+
+    schema: int
+    source: str
+    """Who asks, for the log."""
+    action: str
+    """``hold``: the robot keeps its posture; ``resume``: balance again."""
+
+
+class StabilizerReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Answer of the stabilizer's services."""
+
+    schema: int
+    accepted: bool
+    reason: str
+    """Why not; may be empty when accepted."""
+    tick: Count
+    """The robot's tick from which on it counts."""
+    settings: dict[str, Floats]
+    """Settings that can be changed while it runs, and their values; those of the
+    end of the ramp while one is under way."""
+
+
+class SettingsChange(Message, frozen=True, kw_only=True):
+    """Told by the stabilizer when a change of settings begins to act at ``tick``."""
+
+    source: str
+    """Who asked for it."""
+    before: dict[str, Floats]
+    """Values of the settings concerned, one number per axis."""
+    after: dict[str, Floats]
+    """Values at the end of the ramp."""
+    ramp_s: float
+    """Time from the one to the other, linearly [s]."""
+
+
+class PushRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Asked on srv/push of a simulated robot: a force on a link for a while."""
+
+    schema: int
+    source: str
+    """Who pushes, for the log."""
+    body: str
+    """Link of the URDF."""
+    force_n: Floats3
+    """Force at its centre of mass, world axes [N]."""
+    duration_s: float
+    """[s]"""
+
+
+class PushEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A push somebody asked for during a run."""
+
+    tick: Count
+    """First control tick in which it acts."""
+    source: str
+    body: str
+    force_n: Floats3
+    """World axes [N]."""
+    duration_s: float

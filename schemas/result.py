@@ -7,6 +7,7 @@ from typing import Literal
 import msgspec
 
 from schemas.arrays import Floats3, Pair
+from schemas.messages import PushEvent, SettingsChange
 
 
 class Distribution(msgspec.Struct, frozen=True, kw_only=True):
@@ -46,6 +47,8 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     refused: dict[str, int]
     clipped: dict[str, int]
     log_sha256: str
+    pushes: list[PushEvent] = []
+    """Pushes asked for during the run, besides the scenario's."""
 
 
 class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -59,6 +62,8 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     stale_snapshots: int
     reason: str
     """Why it ended."""
+    settings_changes: list[SettingsChange] = []
+    """Changes of settings during the run."""
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -92,3 +97,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int
     log_sha256: str
     out: str | None
+    pushes: list[PushEvent] = []
+    """Pushes asked for during the run, besides the scenario's."""
+    settings_changes: list[SettingsChange] = []
+    """Changes of settings during the run."""

@@ -18,6 +18,7 @@ class Direction(StrEnum):
     SERVICE = "service of the robot"
     TO_STABILIZER = "to stabilizer"
     FROM_STABILIZER = "from stabilizer"
+    STABILIZER_SERVICE = "service of the stabilizer"
 
 
 class Topic(msgspec.Struct, frozen=True):
@@ -54,6 +55,14 @@ TOPICS: tuple[Topic, ...] = (
           "as planned", "what a planner asks of the stabilizer"),
     Topic("stabilizer", "stabilizer/status", Direction.FROM_STABILIZER,
           messages.StabilizerStatus, "50 Hz", "wanted and measured wrenches, timing"),
+    Topic("settings_change", "stabilizer/settings", Direction.FROM_STABILIZER,
+          messages.SettingsChange, "on change", "settings changed during a run"),
+    Topic("settings", "srv/settings", Direction.STABILIZER_SERVICE,
+          messages.SettingsRequest, "on request", "change gains, validated and ramped"),
+    Topic("control", "srv/control", Direction.STABILIZER_SERVICE,
+          messages.ControlRequest, "on request", "hold the posture, resume balancing"),
+    Topic("push", "srv/push", Direction.SERVICE, messages.PushRequest,
+          "on request", "simulator only: push a link"),
     Topic("truth", "truth", Direction.FROM_ROBOT, messages.Truth,
           "50 Hz", "simulator only: true state, never for control"),
 )  # fmt: skip

@@ -7,6 +7,7 @@ import mujoco
 from robot_io.robot import Robot
 from robot_io.snapshot import Snapshot
 from schemas.arrays import Array, Vec3
+from schemas.messages import PushRequest
 from schemas.scenario import Scenario
 from sim_robot.constants import SIM_STEP_S
 from sim_robot.errors import CommandError
@@ -117,6 +118,22 @@ class Plant:
             self._simulate(q_command, end_s=self._steps_done * SIM_STEP_S)
         self._tick += 1
         self._snapshot = None
+
+    def push(self, push: PushRequest) -> int:
+        """Pushes the robot from the next tick on.
+
+        Args:
+            push: body, force and duration.
+
+        Returns:
+            The first tick in which it acts.
+
+        Raises:
+            ScenarioError: the push cannot be done.
+        """
+        first_tick = self._tick + 1
+        self._pushes.add(push, first_step=first_tick * self._substeps)
+        return first_tick
 
     def truth(self) -> PlantTruth:
         """True state at the present tick."""

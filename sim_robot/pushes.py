@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
 from schemas.arrays import Vec3
+from schemas.messages import PushRequest
 from schemas.scenario import Push
 from sim_robot.constants import SIM_STEP_S
 from sim_robot.errors import ScenarioError
 from sim_robot.world import World
+
+MAX_FORCE_N = 2000.0
+MAX_DURATION_S = 5.0
 
 
 class Pushes:
@@ -26,7 +32,7 @@ class Pushes:
         """
         self._windows: list[tuple[int, int, int, Vec3]] = []
         self._bodies: list[int] = []
-        valid = _bodies_with_mass(world)
+        self._valid = valid = _bodies_with_mass(world)
         for index, push in enumerate(pushes):
             if push.body not in valid:
                 raise ScenarioError(
@@ -39,6 +45,39 @@ class Pushes:
             body = valid[push.body]
             self._windows.append((first, last, body, np.array(push.force_n)))
             self._bodies.append(body)
+
+    def add(self, push: PushRequest, *, first_step: int) -> None:
+        """Adds a push that somebody asks for during the run.
+
+        Args:
+            push: body, force and duration.
+            first_step: simulation step in which it begins.
+
+        Raises:
+            ScenarioError: the body does not exist or has no mass, or the push is
+                beyond what a person would mean.
+        """
+        if push.body not in self._valid:
+            raise ScenarioError(
+                f"body: got {push.body!r}, expected one of {', '.join(self._valid)}",
+                field="body",
+            )
+        if math.hypot(*push.force_n) > MAX_FORCE_N:
+            raise ScenarioError(
+                f"force_n: got {math.hypot(*push.force_n):g} N, expected at most "
+                f"{MAX_FORCE_N:g} N",
+                field="force_n",
+            )
+        if not SIM_STEP_S <= push.duration_s <= MAX_DURATION_S:
+            raise ScenarioError(
+                f"duration_s: got {push.duration_s:g} s, expected {SIM_STEP_S:g} to "
+                f"{MAX_DURATION_S:g} s",
+                field="duration_s",
+            )
+        body = self._valid[push.body]
+        last = first_step + round(push.duration_s / SIM_STEP_S)
+        self._windows.append((first_step, last, body, np.array(push.force_n)))
+        self._bodies.append(body)
 
     def apply(self, data: mujoco.MjData, step: int) -> None:
         """Sets the forces for simulation step ``step``, counted from zero."""

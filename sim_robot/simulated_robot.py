@@ -6,12 +6,14 @@ import math
 
 from robot_io.robot import Robot
 from robot_io.snapshot import Snapshot
+from robot_io.verdict import Answer
 from schemas.arrays import Array
+from schemas.messages import PushEvent, PushRequest
 from schemas.result import Distribution, PlantResult
 from schemas.scenario import Scenario
 from sim_robot.command_delay import CommandDelay
 from sim_robot.digest import RunDigest
-from sim_robot.errors import SimulationError
+from sim_robot.errors import ScenarioError, SimulationError
 from sim_robot.metrics import PlantMetrics
 from sim_robot.plant import Plant
 from sim_robot.run_record import RunRecord
@@ -67,6 +69,7 @@ class SimulatedRobot:
             scenario.duration_s / period_s - _RUN_LENGTH_TOLERANCE
         )
         self._fell_at_s: float | None = None
+        self._asked_pushes: list[PushEvent] = []
         self._truth: PlantTruth | None = None
         self._metrics = PlantMetrics(
             self.plant.com_reference,
@@ -166,6 +169,23 @@ class SimulatedRobot:
         if self._fell_at_s is None and self.plant.fell:
             self._fell_at_s = self.time_s
 
+    def push(self, request: PushRequest) -> Answer:
+        """Pushes the robot from the next tick on, or says why not; it is recorded."""
+        try:
+            tick = self.plant.push(request)
+        except ScenarioError as error:
+            return Answer(accepted=False, reason=str(error))
+        self._asked_pushes.append(
+            PushEvent(
+                tick=tick,
+                source=request.source,
+                body=request.body,
+                force_n=request.force_n,
+                duration_s=request.duration_s,
+            )
+        )
+        return Answer(accepted=True)
+
     def recording(self) -> dict[str, Array]:
         """Per-tick arrays by name; see :meth:`RunRecord.arrays`.
 
@@ -209,4 +229,5 @@ class SimulatedRobot:
             refused=refused,
             clipped=clipped,
             log_sha256=self._digest.hexdigest(),
+            pushes=self._asked_pushes,
         )

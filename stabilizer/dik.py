@@ -54,6 +54,11 @@ class Dik:
         self._limits: Mat = np.zeros_like(self._range)
         self._per_second = 1.0 / settings.limit_time_s
 
+    def retune(self, settings: DikSettings) -> None:
+        """Takes new gains; weights and limits stay as they were built."""
+        self._settings = settings
+        self._com_gain[:] = settings.com_gain
+
     def solve(
         self, dynamics: Dynamics, stance: Stance, *, r: Array, q_command: Array
     ) -> QpSolution:

@@ -8,6 +8,8 @@ import socket
 import time
 from pathlib import Path
 
+import msgspec
+
 from robot_io.assembler import SnapshotReading
 from robot_io.client import RobotClient
 from robot_io.pace import Pace
@@ -18,7 +20,9 @@ from schemas.arrays import Array
 from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.result import ControllerResult
+from schemas.settings import ControllerSettings
 from stabilizer.controller import Controller, ControllerOutput
+from stabilizer.desk import Desk
 from stabilizer.failure_dump import save_failure
 from stabilizer.telemetry import GOOD, ControllerTelemetry
 
@@ -42,6 +46,7 @@ def run_stabilizer(
     identity: str | None = None,
     connect_timeout_s: float = CONNECT_TIMEOUT_S,
     failure_file: Path | None = None,
+    settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
 ) -> ControllerResult:
     """Waits for the robot, takes command of it and answers its ticks.
@@ -58,6 +63,7 @@ def run_stabilizer(
         identity: one word, unique on the bus; made up when None.
         connect_timeout_s: how long the robot may take to appear [s].
         failure_file: where the first QP that cannot be solved is kept (.npz).
+        settings: the controller was made with; None refuses changes on the bus.
         stop: ends the run from outside, besides signals.
 
     Returns:
@@ -85,10 +91,12 @@ def run_stabilizer(
         client.take_lease()
         q_held = client.enable()
         with quiet_interpreter():
-            loop = _Loop(controller, client, telemetry, robot.period_s)
+            desk = Desk(controller, client, settings, period_s=robot.period_s)
+            loop = _Loop(controller, client, telemetry, desk, robot.period_s)
             loop.failure_file = failure_file
             reason = loop.run(q_held, stop)
-    return telemetry.result(reason)
+    result = telemetry.result(reason)
+    return msgspec.structs.replace(result, settings_changes=desk.changes)
 
 
 def _made_up_identity(controller_name: str) -> str:
@@ -111,9 +119,12 @@ class _Loop:
         controller: Controller,
         client: RobotClient,
         telemetry: ControllerTelemetry,
+        desk: Desk,
         period_s: float,
     ) -> None:
         """Joins controller and bus."""
+        self._desk = desk
+        self._output: ControllerOutput | None = None
         self._controller, self._client = controller, client
         self._telemetry = telemetry
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
@@ -128,14 +139,39 @@ class _Loop:
             reading = self._client.wait_snapshot(timeout_s=SILENCE_POLL_S)
             if reading is not None:
                 heard_s = time.monotonic()
-                output = self._answer(reading, q_held)
-                if self._answered % self._status_every != 0:
+                if not self._attend(reading, q_held):
                     continue
-                self._tell(reading, output)
             reason = self._why_end(time.monotonic() - heard_s)
             if reason:
                 return reason
         return f"stopped: {stop.cause}"
+
+    def _attend(self, reading: SnapshotReading, q_held: Array) -> bool:
+        """Requests, then the answer; whether it is time to look after the robot."""
+        desk = self._desk
+        desk.serve(reading.snapshot.tick)
+        if desk.holding:
+            return self._hold(reading)
+        if desk.q_held is not None:
+            # What came before the hold's end is old: the next snapshot begins anew.
+            q_held[:], desk.q_held = desk.q_held, None
+            self._is_started = False
+            return True
+        self._output = self._answer(reading, q_held)
+        if self._answered % self._status_every != 0:
+            return False
+        self._tell(reading, self._output)
+        return True
+
+    def _hold(self, reading: SnapshotReading) -> bool:
+        """Keeps command of a robot that keeps its posture."""
+        self._desk.keep_lease()
+        self._answered += 1
+        if self._answered % self._status_every != 0:
+            return False
+        if self._output is not None:
+            self._tell(reading, self._output)
+        return True
 
     def _answer(self, reading: SnapshotReading, q_held: Array) -> ControllerOutput:
         if not self._is_started:
@@ -172,6 +208,10 @@ class _Loop:
             stamp_ns=time.monotonic_ns(),
             stale=reading.stale,
         )
+        if self._desk.holding:
+            status = msgspec.structs.replace(
+                status, state="hold", reason=self._desk.holding
+            )
         self._client.publish_status(status)
 
     def _why_end(self, silence_s: float) -> str:

@@ -136,6 +136,12 @@ class Tsid:
             np.zeros(n_a), SINGULAR, False, np.zeros(0), np.zeros(n_a)
         )
 
+    def retune(self, settings: TsidSettings) -> None:
+        """Takes new gains; weights and limits stay as they were built."""
+        self._settings = settings
+        self._com_kp[:] = settings.com_kp
+        self._com_kd[:] = settings.com_kd
+
     def solve(
         self,
         dynamics: Dynamics,

@@ -70,6 +70,13 @@ class WholeBodyController:
         self._since_start_s = 0.0
         self._reference: Reference | None = None
 
+    def retune(self, settings: ControllerSettings) -> None:
+        """Uses new gains from the next step on; see :class:`stabilizer.tunable`."""
+        self._settings = settings
+        self.tsid.retune(settings.tsid)
+        self.dik.retune(settings.dik)
+        self.law.retune(settings.dik, settings.ground)
+
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begins on a robot that stands still.
 

@@ -53,14 +53,12 @@ class WrenchLaw:
             lag_s: lag of the drives' set-points beside the servo law's own [s]. The
                 loop through the feet is slower by it, so K grows with it.
         """
-        stiffer = 1.0 + lag_s / dik.k_lag_s
-        self._minus_K_inv = -1.0 / (stiffer * np.array(dik.k_force * 2))
+        self._lag_s = lag_s
+        self._minus_K_inv = np.zeros(12)
         self._half_sizes = half_sizes
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
-        self._leak = dik.stance_leak
         self._contact = contact
-        self._ground_gain = ground.gain
         self._firm_force = ground.firm_force_n
         self._edge_begins = ground.edge_begins
         self._recovery = period_s / ground.recovery_s
@@ -74,6 +72,14 @@ class WrenchLaw:
         self._scaled = np.zeros(12)
         self.ground_twist: Array = np.zeros(12)
         self.r: Array = np.zeros(12)
+        self.retune(dik, ground)
+
+    def retune(self, dik: DikSettings, ground: GroundSettings) -> None:
+        """Takes new gains; limits and filters stay as they were built."""
+        stiffer = 1.0 + self._lag_s / dik.k_lag_s
+        self._minus_K_inv[:] = -1.0 / (stiffer * np.array(dik.k_force * 2))
+        self._leak = dik.stance_leak
+        self._ground_gain = ground.gain
 
     def update(
         self,

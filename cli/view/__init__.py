@@ -1,0 +1,1 @@
+"""The live page and the scene it shares with reports."""

@@ -1,0 +1,74 @@
+"""``surefoot view``: the live page."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from cli import options
+from cli.exit_codes import ExitCode
+
+NICENESS = 5
+"""The page gives way to robot and stabilizer on a busy machine."""
+
+
+def view(
+    robot: options.RobotOption = "walker",
+    port: Annotated[
+        int,
+        typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any."),
+    ] = 8080,
+    open_browser: Annotated[
+        bool, typer.Option("--open", help="Open the page in the web browser.")
+    ] = False,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    child: options.ChildOption = False,
+) -> None:
+    """Show a robot and its stabilizer on a live page on this machine.
+
+    The page only looks on: robot and stabilizer go on when it ends. It waits for a
+    robot as long as it takes.
+    """
+    import logging
+    import os
+    from importlib.util import find_spec
+
+    from cli.child_mode import begin_as_child
+    from cli.console import print_note
+    from cli.endpoints import choose_endpoints
+    from cli.errors import EnvironmentFailedError
+    from cli.logs import set_up_logging
+    from cli.view.port import free_port
+    from robot_io.exposure import check_locators
+    from robot_io.robot import load_robot
+    from robot_io.stop_request import StopRequest
+
+    set_up_logging("view")
+    logging.getLogger("websockets").setLevel(logging.WARNING)
+    if child:
+        begin_as_child()
+    model = load_robot(robot)
+    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    check_locators(meeting.connect, verb="dial")
+    if find_spec("viser") is None or find_spec("yourdfpy") is None:
+        raise EnvironmentFailedError(
+            "the live page needs viser and yourdfpy, which are not installed; "
+            "pip install 'surefoot[view]'"
+        )
+    chosen = free_port(port)
+    os.nice(NICENESS)
+    from cli.view.page import LivePage  # heavy: a wrong option is told first
+
+    stop = StopRequest()
+    with stop.on_signals():
+        page = LivePage(model, endpoints=meeting, port=chosen)
+        if child:
+            print(page.url, flush=True)
+        else:
+            print_note(f"{page.url} shows {model.file.name}; Ctrl-C ends the page")
+        if open_browser:
+            typer.launch(page.url)
+        page.run(stop)
+    raise typer.Exit(ExitCode.INTERRUPTED if stop.cause == "SIGINT" else ExitCode.OK)

@@ -1,0 +1,51 @@
+"""A headless Chromium, where there is one."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+FLAGS = (
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+)
+SIZE = {"width": 1000, "height": 700}
+PAGE_READY_MS = 60_000
+"""Drawing without a graphics card takes seconds."""
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator[Any]:
+    """Skipped, visibly, without the browser."""
+    path = shutil.which("chromium") or shutil.which("google-chrome")
+    if path is None:
+        pytest.skip("no chromium; on Debian and Ubuntu: apt-get install chromium")
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="needs playwright: pip install -e .[dev]"
+    )
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=path, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def page(chromium: Any) -> Iterator[Any]:
+    """A page; what it asks of other hosts is kept in ``page.strangers``."""
+    page = chromium.new_page(viewport=SIZE)
+    page.set_default_timeout(PAGE_READY_MS)
+    page.strangers = []
+    local = ("http://127.0.0.1:", "ws://127.0.0.1:", "file:", "data:", "blob:")
+
+    def note(request: Any) -> None:
+        if not request.url.startswith(local):
+            page.strangers.append(request.url)
+
+    page.on("request", note)
+    yield page
+    page.close()

@@ -1,0 +1,207 @@
+"""The live page in a real browser, beside a real robot and stabilizer.
+
+The tests share one page and one run, and follow each other as a visit does: look
+first, stop the robot last.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from robot_io.bus import Bus
+from robot_io.latest import Latest
+from robot_io.session import Role
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode, RobotStatus
+from schemas.result import ControllerResult, PlantResult
+from schemas.topics import topic
+from tests.browser.pictures import coloured_pixels, pixels_changed
+from tests.cli.conftest import TIMEOUT_S, environment
+from tests.support import free_port, wait_until
+
+LONG_S = 60.0
+"""The browser takes its time when there is no graphics card."""
+MOVED_PIXELS = 300
+CURVE_PIXELS = 100
+STOP_NS = 100_000_000
+"""Within so long of the press reaching the page's process, the robot stands [ns]."""
+COM_STIFFNESS = 2
+"""Which slider it is: force and duration of the push come first."""
+SCENARIO = """
+name = "heaving ground"
+duration_s = 600.0
+[[platform]]
+foot = "both"
+  [[platform.motion]]
+  axis = "z"
+  kind = "sine"
+  amplitude_m = 0.04
+  frequency_hz = 0.2
+"""
+"""Level: a hold ends with a new start, which takes the ground to be level."""
+
+
+class Visit:
+    """Robot, stabilizer and page; their logs by name."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        locator = f"tcp/127.0.0.1:{free_port()}"
+        self.endpoints = Endpoints(listen=[locator], connect=[locator])
+        port = free_port()
+        self.url = f"http://127.0.0.1:{port}"
+        scenario = folder / "heaving.toml"
+        scenario.write_text(SCENARIO)
+        connect = ("--connect", locator)
+        self.view = self._start("view", "--port", port, *connect)
+        self.robot = self._start("robot", scenario, "--listen", locator, "--json")
+        self.stabilizer = self._start("stabilizer", *connect, "--json")
+
+    def log(self, name: str) -> str:
+        return (self.folder / f"{name}.log").read_text()
+
+    def end(self) -> None:
+        for process in (self.view, self.stabilizer, self.robot):
+            process.kill()
+            process.communicate()
+
+    def _start(self, name: str, *words: object) -> subprocess.Popen[bytes]:
+        with (self.folder / f"{name}.log").open("w") as log:
+            return subprocess.Popen(
+                [sys.executable, "-m", "cli", name, *map(str, words)],
+                env=environment(),
+                stdout=subprocess.PIPE,
+                stderr=log,
+            )
+
+
+@pytest.fixture(scope="module")
+def visit(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Iterator[Visit]:
+    del chromium  # without a browser nothing is started
+    visit = Visit(tmp_path_factory.mktemp("visit"))
+    try:
+        wait_until(lambda: "Ctrl-C" in visit.log("view"), what="the page")
+        yield visit
+    finally:
+        visit.end()
+
+
+@pytest.fixture(scope="module")
+def open_page(page: Any, visit: Visit) -> Any:
+    page.goto(visit.url)
+    page.get_by_text("balancing", exact=True).wait_for()
+    return page
+
+
+def test_the_robot_moves(open_page: Any) -> None:
+    canvas = open_page.locator("canvas[data-engine]")
+    before = canvas.screenshot()
+    wait_until(
+        lambda: pixels_changed(open_page, before, canvas.screenshot()) > MOVED_PIXELS,
+        what="the picture to change",
+        deadline_s=LONG_S,
+    )
+
+
+def test_the_plots_fill(open_page: Any) -> None:
+    plots = open_page.locator(".uplot canvas")
+    wait_until(lambda: plots.count() >= 4, what="four plots", deadline_s=LONG_S)
+    for index in range(4):
+        plot = plots.nth(index)
+        wait_until(
+            partial(_has_curves, plot),
+            what=f"curves in plot {index}",
+            deadline_s=LONG_S,
+        )
+
+
+def test_nothing_comes_from_elsewhere(open_page: Any) -> None:
+    assert open_page.strangers == []
+
+
+def test_a_slider_changes_the_gain_and_the_log_has_it(
+    open_page: Any, visit: Visit
+) -> None:
+    slider = open_page.get_by_role("slider").nth(COM_STIFFNESS)
+    assert slider.get_attribute("aria-valuenow") == "30"
+    slider.focus()
+    slider.press("ArrowRight")
+    wait_until(
+        lambda: (
+            "tsid.com_kp 30 -> 31, over 0.5 s, from live-page"
+            in visit.log("stabilizer")
+        ),
+        what="the change in the stabilizer's log",
+        deadline_s=LONG_S,
+    )
+
+
+def test_a_push_reaches_the_simulator(open_page: Any, visit: Visit) -> None:
+    open_page.get_by_text("forward", exact=True).click()
+    wait_until(
+        lambda: "push forward, 120 N for 0.1 s: done" in visit.log("view"),
+        what="the push",
+        deadline_s=LONG_S,
+    )
+
+
+def test_hold_and_resume(open_page: Any, visit: Visit) -> None:
+    open_page.get_by_role("button", name="Hold", exact=True).click()
+    open_page.get_by_text("HOLD", exact=True).wait_for()
+    open_page.get_by_role("button", name="Resume", exact=True).click()
+    wait_until(
+        lambda: "resume: done" in visit.log("view"), what="to go on", deadline_s=LONG_S
+    )
+    open_page.get_by_text("balancing", exact=True).wait_for()
+
+
+def test_the_e_stop_stops_the_robot(open_page: Any, visit: Visit) -> None:
+    with Bus(visit.endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus:
+        channel = bus.channel(topic("status").key, depth=4096)
+        latest = Latest(channel, RobotStatus)
+        wait_until(lambda: latest.poll(), what="any status")
+        open_page.get_by_role("button", name="E-STOP").click()
+        stopped = wait_until(
+            lambda: _fault(latest.poll()), what="the fault", deadline_s=LONG_S
+        )
+    pressed = wait_until(
+        lambda: re.search(r"e-stop: done \(asked at (\d+) ns\)", visit.log("view")),
+        what="the page to note it",
+    )
+    # Both stamps are of this host's one monotonic clock; the robot tells a change of
+    # mode at once, the ones after it carry later stamps.
+    assert 0 < stopped.stamp_ns - int(pressed[1]) < STOP_NS
+    assert stopped.fault == "e-stop by live-page"
+    open_page.get_by_text("FAULT", exact=True).wait_for()
+
+
+def test_both_sides_have_kept_what_was_asked(visit: Visit) -> None:
+    controller = msgspec.json.decode(
+        visit.stabilizer.communicate(timeout=TIMEOUT_S)[0], type=ControllerResult
+    )
+    (change,) = controller.settings_changes
+    assert change.after == {"tsid.com_kp": [31.0] * 3}
+    visit.robot.terminate()
+    plant = msgspec.json.decode(
+        visit.robot.communicate(timeout=TIMEOUT_S)[0], type=PlantResult
+    )
+    (push,) = plant.pushes
+    assert (push.source, push.force_n) == ("live-page", [120.0, 0.0, 0.0])
+
+
+def _fault(status: RobotStatus | None) -> RobotStatus | None:
+    is_fault = status is not None and status.mode is RobotMode.FAULT
+    return status if is_fault else None
+
+
+def _has_curves(plot: Any) -> bool:
+    return coloured_pixels(plot) > CURVE_PIXELS

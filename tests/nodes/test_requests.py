@@ -1,0 +1,204 @@
+"""What one may ask of robot and stabilizer while they run, over loopback TCP."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from robot_io.errors import RequestRefusedError
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from robot_io.spectator import Sight, Spectator
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode
+from schemas.settings import ControllerSettings
+from stabilizer.factory import make_controller
+from stabilizer.node import run_stabilizer
+from tests.nodes.processes import Running, robot, running
+from tests.support import DEADLINE_S, wait_until
+
+LONG = {"duration_s": 600.0}
+SHORT = {"duration_s": 1.5, "sensors": {"force_noise_n": 2.0}}
+LATER_TICKS = 300
+NEW_GAIN = 35.0
+PUSH_N = [30.0, 0.0, 0.0]
+
+
+def balance(endpoints: Endpoints, pace: Pace) -> Any:
+    """The whole-body stabilizer, its settings open to change."""
+    walker, settings = load_robot("walker"), ControllerSettings()
+    return run_stabilizer(
+        make_controller("whole-body", walker, settings),
+        walker,
+        endpoints=endpoints,
+        pace=pace,
+        identity="ann",
+        connect_timeout_s=DEADLINE_S,
+        settings=settings,
+    )
+
+
+class Run:
+    """A robot and its stabilizer, and someone who looks on."""
+
+    def __init__(self, plant: Running, control: Running, spectator: Spectator) -> None:
+        self.plant, self.control, self.spectator = plant, control, spectator
+
+    def when(self, condition: Callable[[Sight], object], *, what: str) -> Sight:
+        def look() -> Sight | None:
+            sight = self.spectator.look()
+            complete = sight.status and sight.stabilizer and sight.joints
+            return sight if complete and condition(sight) else None
+
+        sight = wait_until(look, what=what)
+        assert sight is not None
+        return sight
+
+    def tick(self) -> int:
+        joints = self.when(lambda sight: True, what="any message").joints
+        assert joints is not None
+        return joints.tick
+
+    def has_gone_on(self) -> Sight:
+        start = self.tick()
+        return self.when(
+            lambda sight: sight.joints and sight.joints.tick > start + LATER_TICKS,
+            what="the run to go on",
+        )
+
+
+@contextmanager
+def looking(endpoints: Endpoints) -> Iterator[Spectator]:
+    def dial() -> Spectator | None:
+        try:
+            return Spectator(
+                load_robot("walker"), endpoints=endpoints, identity="eve"
+            ).__enter__()
+        except TimeoutError:
+            return None
+
+    spectator = wait_until(dial, what="the robot to listen")
+    try:
+        yield spectator
+    finally:
+        spectator.__exit__(None, None, None)
+
+
+@pytest.fixture(params=list(Pace), ids=str)
+def run(request: pytest.FixtureRequest, endpoints: Endpoints) -> Iterator[Run]:
+    with (
+        running(robot, endpoints, LONG, request.param) as plant,
+        running(balance, endpoints, request.param) as control,
+        looking(endpoints) as spectator,
+    ):
+        started = Run(plant, control, spectator)
+        started.when(
+            lambda sight: sight.status and sight.status.mode is RobotMode.ACTIVE,
+            what="the robot to be commanded",
+        )
+        yield started
+
+
+def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
+    spectator = run.spectator
+    assert spectator.change_settings({}).settings["tsid.com_kp"] == [30.0] * 3
+    earliest = run.tick()
+    reply = spectator.change_settings({"tsid.com_kp": [NEW_GAIN]})
+    assert reply.settings["tsid.com_kp"] == [NEW_GAIN] * 3
+    assert reply.tick >= earliest
+    with pytest.raises(RequestRefusedError, match="expected 1 or 3"):
+        spectator.change_settings({"tsid.com_kp": [1.0, 2.0]})
+    run.has_gone_on()
+    spectator.stop_robot()
+    result = run.control.result()
+    (change,) = result.settings_changes
+    assert (change.tick, change.source) == (reply.tick, "eve")
+    assert change.before == {"tsid.com_kp": [30.0] * 3}
+    assert change.after == {"tsid.com_kp": [NEW_GAIN] * 3}
+    assert result.reason.startswith("the robot is in fault: e-stop by eve")
+
+
+def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
+    run.has_gone_on()
+    run.spectator.control("hold")
+    held = run.when(
+        lambda sight: sight.status and sight.status.mode is RobotMode.HOLD,
+        what="the hold",
+    )
+    later = run.has_gone_on()
+    assert held.status is not None
+    assert later.status is not None
+    assert later.status.q_command == held.status.q_command
+    assert later.status.commander == "ann"
+    run.when(
+        lambda sight: sight.stabilizer and sight.stabilizer.state == "hold",
+        what="the stabilizer to say so",
+    )
+    run.spectator.control("resume")
+    resumed = run.when(
+        lambda sight: (
+            sight.status
+            and sight.status.mode is RobotMode.ACTIVE
+            and sight.stabilizer
+            and sight.stabilizer.state == "active"
+        ),
+        what="balancing again",
+    )
+    assert resumed.status is not None
+    again = run.has_gone_on()
+    assert again.status is not None
+    assert again.status.mode is RobotMode.ACTIVE
+    assert again.status.refused.get("first_command", 0) == 0
+
+
+def test_a_push_acts_and_is_recorded(run: Run) -> None:
+    before = run.tick()
+    run.spectator.push("torso", PUSH_N, duration_s=0.2)
+    with pytest.raises(RequestRefusedError, match="expected one of torso"):
+        run.spectator.push("nose", PUSH_N, duration_s=0.2)
+    with pytest.raises(RequestRefusedError, match="at most"):
+        run.spectator.push("torso", [1e6, 0.0, 0.0], duration_s=0.2)
+    with pytest.raises(RequestRefusedError, match="duration_s"):
+        run.spectator.push("torso", PUSH_N, duration_s=-1.0)
+    moving = run.when(
+        lambda sight: sight.truth and abs(sight.truth.com_velocity[0]) > 0.005,
+        what="the body to move",
+    )
+    run.plant.signal(2)
+    (push,) = run.plant.result().result.pushes
+    assert (push.source, push.body, push.force_n) == ("eve", "torso", PUSH_N)
+    assert moving.truth is not None
+    assert before < push.tick <= moving.truth.tick
+
+
+def test_who_looks_on_changes_nothing(endpoints: Endpoints) -> None:
+    digests = []
+    for look in (False, True):
+        with (
+            running(robot, endpoints, SHORT, Pace.LOCKSTEP) as plant,
+            running(balance, endpoints, Pace.LOCKSTEP),
+        ):
+            if look:
+                with looking(endpoints) as spectator:
+                    wait_until(
+                        lambda seen=spectator: seen.look().truth, what="the truth"
+                    )
+            digests.append(plant.result().result.log_sha256)
+    assert digests[0] == digests[1]
+
+
+def test_a_controller_without_gains_says_so(endpoints: Endpoints) -> None:
+    from tests.nodes.processes import stabilizer
+
+    with (
+        running(robot, endpoints, LONG, Pace.REALTIME),
+        running(stabilizer, endpoints, Pace.REALTIME),
+        looking(endpoints) as spectator,
+    ):
+        wait_until(lambda: spectator.look().stabilizer, what="the stabilizer")
+        assert spectator.change_settings({}).settings == {}
+        with pytest.raises(RequestRefusedError, match="takes no settings"):
+            spectator.change_settings({"tsid.com_kp": [NEW_GAIN]})

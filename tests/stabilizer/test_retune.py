@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from schemas.live_settings import LIVE_SETTINGS, live_values, with_values
+from schemas.settings import ControllerSettings
+from stabilizer.hold import HoldController
+from stabilizer.tunable import Tunable
+from stabilizer.whole_body import WholeBodyController
+from tests.stabilizer.closed_loop import run_closed_loop
+
+DEFAULTS = ControllerSettings()
+CHANGED = with_values(
+    DEFAULTS,
+    {
+        name: [1.5 * number if number else 0.25 for number in numbers]
+        if name != "ground.gain"
+        else [0.5 * number for number in numbers]
+        for name, numbers in live_values(DEFAULTS).items()
+    },
+)
+TICKS = 500
+"""Beyond the calibration and the fade-in, on ground that moves."""
+MOVING = [
+    {
+        "foot": "both",
+        "motion": [
+            {"axis": "roll", "kind": "sine", "amplitude_deg": 3.0, "frequency_hz": 2.0}
+        ],
+    }
+]
+
+
+@pytest.mark.parametrize("name", LIVE_SETTINGS)
+def test_gains_changed_later_act_like_gains_from_the_start(
+    walker: Robot, name: str
+) -> None:
+    wanted = with_values(DEFAULTS, {name: live_values(CHANGED)[name]})
+    run = run_closed_loop(walker, duration_s=TICKS * 1e-3, platform=MOVING)
+    built, retuned = (
+        WholeBodyController(walker, settings) for settings in (wanted, DEFAULTS)
+    )
+    retuned.retune(wanted)
+    unchanged = WholeBodyController(walker, DEFAULTS)
+    for controller in (built, retuned, unchanged):
+        controller.start(run.snapshots[0], walker.nominal)
+    differs = False
+    for snapshot in run.snapshots:
+        expected = built.step(snapshot).q_command.copy()
+        np.testing.assert_array_equal(retuned.step(snapshot).q_command, expected)
+        differs |= bool((unchanged.step(snapshot).q_command != expected).any())
+    assert differs, f"{name} changes nothing: a test of nothing"
+
+
+def test_a_controller_without_gains_is_not_tunable(walker: Robot) -> None:
+    assert isinstance(WholeBodyController(walker, DEFAULTS), Tunable)
+    assert not isinstance(HoldController(walker.n_a), Tunable)
