@@ -11,6 +11,7 @@ import zenoh
 
 from robot_io.bus import Bus
 from robot_io.gate import CommandGate
+from robot_io.pace import Pace
 from robot_io.robot import Robot
 from robot_io.verdict import Answer
 from schemas.codec import decode, encode
@@ -42,14 +43,18 @@ class RobotServices:
     queued the same way: one that dies loses the lease at once.
     """
 
-    def __init__(self, bus: Bus, robot: Robot, gate: CommandGate) -> None:
+    def __init__(
+        self, bus: Bus, robot: Robot, gate: CommandGate, *, pace: Pace
+    ) -> None:
         """Declares the services.
 
         Args:
             bus: the robot's.
             robot: names the keys.
             gate: answers.
+            pace: told with every answer.
         """
+        self._pace = pace
         self._bus = bus
         self._gate = gate
         self._asked: deque[_Asked] = deque()
@@ -145,6 +150,7 @@ class RobotServices:
             mode=authority.mode,
             commander=authority.lease.holder,
             q_command=self._gate.posture.tolist(),
+            pace=self._pace,
         )
         query.reply(query.key_expr, encode(reply))
 

@@ -82,7 +82,7 @@ def run_robot(
     gate = CommandGate(robot, simulated.held_posture)
     with (
         stop.on_signals(),
-        RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server,
+        RobotServer(robot, gate, endpoints=endpoints, stop=stop, pace=pace) as server,
     ):
         loop = RobotLoop(
             simulated,
