@@ -9,17 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from robot_io.delivery import FIELDS
 from robot_io.snapshot import Snapshot
 from schemas.arrays import Array
 from schemas.sensor_fault import SensorFault
 
-FIELDS = {
-    "joints": ("q", "dq", "effort"),
-    "imu": ("quat_xyzw", "angular_velocity", "linear_acceleration"),
-    "left_ankle_ft": ("ft_left",),
-    "right_ankle_ft": ("ft_right",),
-}
-"""What of a snapshot each sensor tells."""
 JUMPS = {
     "joints": ("q", slice(None)),
     "imu": ("angular_velocity", slice(0, 1)),
@@ -36,6 +30,7 @@ class SensorFaults:
 
     Attributes:
         missing: sensors with no message for the last tick.
+        unread: these, and those whose message is refused as it holds no numbers.
     """
 
     def __init__(self, faults: Sequence[SensorFault], *, period_s: float) -> None:
@@ -46,6 +41,7 @@ class SensorFaults:
             period_s: from tick to tick [s].
         """
         self.missing: tuple[str, ...] = ()
+        self.unread: tuple[str, ...] = ()
         self._faults = [
             (
                 fault,
@@ -62,6 +58,7 @@ class SensorFaults:
         if not self._faults:
             return snapshot
         missing: list[str] = []
+        unreadable: list[str] = []
         reported = snapshot
         for index, (fault, begin, end) in enumerate(self._faults):
             if not begin <= snapshot.tick < end:
@@ -72,8 +69,11 @@ class SensorFaults:
                 reported = replace(reported, **self._freeze(index, fault, reported))
             else:
                 reported = replace(reported, **_spoil(fault, reported))
+            if fault.kind == "nan":
+                unreadable.append(fault.sensor)
         self._last = reported
         self.missing = tuple(missing)
+        self.unread = (*missing, *unreadable)
         return reported
 
     def _freeze(

@@ -127,6 +127,11 @@ class SimulatedRobot:
         """Channels whose message of the present tick is not sent, by a fault."""
         return self._faults.missing
 
+    @property
+    def unread_sensors(self) -> tuple[str, ...]:
+        """Those that a controller hears nothing of: not sent, or not readable."""
+        return self._faults.unread
+
     def truth(self) -> PlantTruth:
         """True state at the present tick."""
         if self._truth is None:
