@@ -155,8 +155,9 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
 
     controller: str
     state: str
-    """One word: ``active``; ``degraded`` when a sensor is silent; ``hold`` when a QP
-    failed and the posture is kept."""
+    """One word: ``active``; ``degraded`` when a sensor is silent or lost; ``hold`` when
+    a QP failed and the posture is kept; ``stopping`` while the command fades out;
+    ``held`` when it stands still for good."""
     reason: str
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""

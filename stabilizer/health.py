@@ -214,9 +214,7 @@ class SensorHealth:
             return bool(np.abs(place).max() > 1.0)
         if index == IMU:
             _, gyro, accel = values
-            return bool(
-                gyro.dot(gyro) > self._gyro or accel.dot(accel) > self._accel
-            )
+            return bool(gyro.dot(gyro) > self._gyro or accel.dot(accel) > self._accel)
         force, moment = values[0][:3], values[0][3:]
         return bool(
             force.dot(force) > self._range_force**2

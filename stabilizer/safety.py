@@ -107,13 +107,13 @@ class Safety:
             ages: ticks since each sensor's message, in the order of the topic table.
             reference: newest word of a planner, if any.
         """
-        if self.state in (SafetyState.STOPPING, SafetyState.HELD):
+        if self._gives_up():
             return self._fade_out()
         believed = self._health.check(snapshot, ages, moves=self._moves)
         if not self._health.all_believed or self.state is SafetyState.DEGRADED:
             self._weigh()
         self._look_for_fall(believed)
-        if self.state is SafetyState.STOPPING:
+        if self._gives_up():
             return self._fade_out()
         output = self.controller.step(believed, reference)
         self._before, self._command = self._command, output.q_command
@@ -124,6 +124,9 @@ class Safety:
         """Has the command fade out; the first reason stays."""
         if self.state in (SafetyState.ACTIVE, SafetyState.DEGRADED):
             self.state, self.reason = SafetyState.STOPPING, reason
+
+    def _gives_up(self) -> bool:
+        return self.state in (SafetyState.STOPPING, SafetyState.HELD)
 
     def _moves(self) -> bool:
         """Whether the last command differs from the one before it."""
