@@ -68,6 +68,7 @@ def stabilizer(
         connect_timeout_s=wait_s,
         failure_file=folder / QP_FAILURE,
         stop=stop,
+        safety=resolved.safety,
     )
     if result_file is not None:
         write_struct(result_file, result)
@@ -85,6 +86,8 @@ def _verdict(reason: str) -> ExitCode:
     """Why the stabilizer ended, as an exit code."""
     if reason.startswith("run over"):
         return ExitCode.OK
+    if reason.startswith("fell"):
+        return ExitCode.FELL
     if reason.startswith(("the robot is gone", "the robot ended", "no news")):
         return ExitCode.UNREACHABLE
     return ExitCode.FAILED

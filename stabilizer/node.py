@@ -18,8 +18,10 @@ from schemas.arrays import Array
 from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.result import ControllerResult
+from schemas.settings import SafetySettings
 from stabilizer.controller import Controller, ControllerOutput
 from stabilizer.failure_dump import save_failure
+from stabilizer.safety import Safety
 from stabilizer.telemetry import GOOD, ControllerTelemetry
 
 _LOG = logging.getLogger(__name__)
@@ -43,6 +45,7 @@ def run_stabilizer(
     connect_timeout_s: float = CONNECT_TIMEOUT_S,
     failure_file: Path | None = None,
     stop: StopRequest | None = None,
+    safety: SafetySettings | None = None,
 ) -> ControllerResult:
     """Waits for the robot, takes command of it and answers its ticks.
 
@@ -59,6 +62,7 @@ def run_stabilizer(
         connect_timeout_s: how long the robot may take to appear [s].
         failure_file: where the first QP that cannot be solved is kept (.npz).
         stop: ends the run from outside, besides signals.
+        safety: limits of the sensors and what their loss leads to; None for defaults.
 
     Returns:
         Figures of the run and why it ended.
@@ -85,7 +89,8 @@ def run_stabilizer(
         client.take_lease()
         q_held = client.enable()
         with quiet_interpreter():
-            loop = _Loop(controller, client, telemetry, robot.period_s)
+            watched = Safety(controller, robot, safety or SafetySettings())
+            loop = _Loop(watched, client, telemetry, robot.period_s)
             loop.failure_file = failure_file
             reason = loop.run(q_held, stop)
     return telemetry.result(reason)
@@ -108,13 +113,14 @@ class _Loop:
 
     def __init__(
         self,
-        controller: Controller,
+        safety: Safety,
         client: RobotClient,
         telemetry: ControllerTelemetry,
         period_s: float,
     ) -> None:
         """Joins controller and bus."""
-        self._controller, self._client = controller, client
+        self._safety, self._controller = safety, safety.controller
+        self._client = client
         self._telemetry = telemetry
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
         self._is_started = False
@@ -129,6 +135,10 @@ class _Loop:
             if reading is not None:
                 heard_s = time.monotonic()
                 output = self._answer(reading, q_held)
+                if self._safety.is_done:
+                    self._tell(reading, output)
+                    self._client.request_mode("hold")
+                    return self._safety.reason
                 if self._answered % self._status_every != 0:
                     continue
                 self._tell(reading, output)
@@ -139,15 +149,18 @@ class _Loop:
 
     def _answer(self, reading: SnapshotReading, q_held: Array) -> ControllerOutput:
         if not self._is_started:
-            self._controller.start(reading.snapshot, q_held)
+            self._safety.start(reading.snapshot, q_held)
             self._is_started = True
-        output = self._controller.step(reading.snapshot, self._client.reference())
+        output = self._safety.step(
+            reading.snapshot, reading.ages, self._client.reference()
+        )
         self._client.send(output.q_command, tick=reading.snapshot.tick)
         self._telemetry.add(
             output,
             duration_ns=time.perf_counter_ns() - reading.complete_ns,
             is_stale=bool(reading.stale),
         )
+        self._telemetry.note(self._safety.state, self._safety.reason)
         self._answered += 1
         if output.qp_status != GOOD and self.failure_file is not None:
             self._keep_failure(self.failure_file)
