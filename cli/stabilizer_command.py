@@ -79,6 +79,8 @@ def stabilizer(
             print_table(controller_table(result, controller))
     if stop.is_set:
         raise typer.Exit(ExitCode.INTERRUPTED)
+    if child and result.reason.startswith("held"):
+        raise typer.Exit(ExitCode.OK)  # in order; the robot tells how the run ends
     raise typer.Exit(_verdict(result.reason))
 
 
