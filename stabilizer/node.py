@@ -10,6 +10,7 @@ from pathlib import Path
 
 from robot_io.assembler import SnapshotReading
 from robot_io.client import RobotClient
+from robot_io.errors import RequestRefusedError
 from robot_io.pace import Pace
 from robot_io.quiet import quiet_interpreter
 from robot_io.robot import Robot
@@ -86,7 +87,13 @@ def run_stabilizer(
     ):
         if not client.connect(timeout_s=connect_timeout_s):
             return telemetry.result(f"stopped: {stop.cause}")
-        client.take_lease()
+        robots_pace = client.take_lease().pace
+        if robots_pace != pace:
+            raise RequestRefusedError(
+                f"the robot runs in {robots_pace}, this stabilizer in {pace}; start it "
+                f"with --{robots_pace}",
+                reason=f"pace {pace}",
+            )
         q_held = client.enable()
         with quiet_interpreter():
             watched = Safety(controller, robot, safety or SafetySettings())
