@@ -12,13 +12,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg.blas import idamax
 
 from robot_io.robot import Robot
 from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
 from schemas.settings import SafetySettings
 from schemas.topics import TICK_SENSORS
+from stabilizer.sensor_limits import SensorLimits
 
 Ages = tuple[int, int, int, int]
 FRESH: Ages = (0, 0, 0, 0)
@@ -30,15 +29,14 @@ FIELDS = (
     ("ft_right",),
 )
 """What of a snapshot each sensor tells, in the order of ``TICK_SENSORS``."""
-MS_PER_S = 1e3
 JUMP = "jumped"
 
 
 class SensorHealth:
     """Judges snapshots, and mends what is missing for a moment.
 
-    A tick in which all is well takes one pass of sums of squares; only a doubt looks
-    closer.
+    All numbers of a tick, and their change since the last believed ones, are held
+    against their limits at once; only a doubt looks at each sensor.
 
     Attributes:
         lost: per sensor, in the order of ``TICK_SENSORS``, why it is lost; empty for
@@ -53,31 +51,17 @@ class SensorHealth:
             settings: limits and times.
         """
         self.lost = ["", "", "", ""]
-        self._period_s = robot.period_s
         self._bridge = round(settings.bridge_s / robot.period_s)
         self._frozen_after = round(settings.frozen_after_s / robot.period_s)
+        self._overload_after = round(settings.overload_after_s / robot.period_s)
+        self._overload = settings.overload_n**2
         self._recover = round(settings.recover_s / robot.period_s)
-        margin = settings.joint_margin_rad
-        self._middle = 0.5 * (robot.upper + robot.lower)
-        self._per_half = 1.0 / (0.5 * (robot.upper - robot.lower) + margin)
-        self._range_force = settings.force_range_n
-        self._range_moment = settings.moment_range_nm
-        # Of both parts together: what the quick pass asks.
-        self._quick_ft = min(settings.force_range_n, settings.moment_range_nm) ** 2
-        self._gyro = settings.gyro_range_rad_s**2
-        self._accel = settings.accel_range_m_s2**2
-        self._jumps = (
-            settings.joint_jump_rad**2,
-            settings.gyro_jump_rad_s**2,
-            settings.force_jump_n**2,
-            settings.force_jump_n**2,
-        )
-        self._move = np.zeros(robot.n_a)
-        self._place = np.zeros(robot.n_a)
+        self._limits = SensorLimits(robot, settings)
         self._good: Snapshot | None = None
         self._sums = (math.nan,) * 4
         self._troubled = [0] * 4
         self._repeats = [0] * 4
+        self._overloaded = [0] * 4
         self._well = [0] * 4
         self._is_calm = True
 
@@ -101,41 +85,39 @@ class SensorHealth:
             The same snapshot when nothing is wrong; else one with the last good
             readings in place of the bad.
         """
+        limits = self._limits
         good = self._good
         if good is None:
             self._good = good = snapshot
-        q, dq, effort = snapshot.q, snapshot.dq, snapshot.effort
-        gyro, accel = snapshot.angular_velocity, snapshot.linear_acceleration
-        left, right = snapshot.ft_left, snapshot.ft_right
-        gyro_square, accel_square = gyro.dot(gyro), accel.dot(accel)
+            limits.believe(snapshot)
+        dq, effort, accel = snapshot.dq, snapshot.effort, snapshot.linear_acceleration
+        gyro, left, right = (
+            snapshot.angular_velocity,
+            snapshot.ft_left,
+            snapshot.ft_right,
+        )
         before = self._sums
-        sums = (
+        self._sums = sums = (
             dq.dot(dq) + effort.dot(effort),
-            gyro_square + accel_square,
+            gyro.dot(gyro) + accel.dot(accel),
             left.dot(left),
             right.dot(right),
         )
-        self._sums = sums
-        move, place = self._move, self._place
-        np.subtract(q, good.q, out=move)
-        np.subtract(q, self._middle, out=place)
-        np.multiply(place, self._per_half, out=place)
+        is_within = limits.measure(snapshot)
         is_well = (
             self._is_calm
+            and is_within
             and ages == FRESH
             and sums[0] != before[0]
             and sums[1] != before[1]
             and sums[2] != before[2]
             and sums[3] != before[3]
             and math.isfinite(sums[0])
-            and move.dot(move) <= self._jumps[JOINTS]
-            and -1.0 <= place[idamax(place)] <= 1.0
-            and gyro_square <= self._jumps[IMU]
-            and accel_square <= self._accel
-            and sums[2] <= self._quick_ft
-            and sums[3] <= self._quick_ft
+            and sums[2] <= self._overload
+            and sums[3] <= self._overload
         )
         if is_well:
+            limits.believe_measured()
             self._good = snapshot
             return snapshot
         return self._look_closer(snapshot, good, ages, before, moves=moves())
@@ -156,31 +138,43 @@ class SensorHealth:
         ]
         mended: dict[str, Any] = {}
         for index in range(4):
-            repeats = ages[index] == 0 and not changed[index]
-            counts = repeats and moves and any(changed)
-            self._repeats[index] = (
-                self._repeats[index] + 1
-                if counts
-                else (0 if changed[index] else self._repeats[index])
-            )
-            trouble = self._trouble(index, snapshot, good, ages[index])
+            if changed[index]:
+                self._repeats[index] = 0
+            elif ages[index] == 0 and moves and any(changed):
+                self._repeats[index] += 1
+            self._count_overload(index)
+            trouble = self._trouble(index, snapshot, ages[index])
             self._judge(index, trouble)
             if trouble:
                 for name in FIELDS[index]:
                     mended[name] = getattr(good, name)
         self._is_calm = not (
-            any(self._troubled) or any(self._repeats) or any(self.lost)
+            any(self._troubled)
+            or any(self._repeats)
+            or any(self._overloaded)
+            or any(self.lost)
         )
         self._good = replace(snapshot, **mended) if mended else snapshot
+        self._limits.believe(self._good)
         return self._good
+
+    def _count_overload(self, index: int) -> None:
+        is_foot = index in (LEFT_FT, RIGHT_FT)
+        if is_foot and self._sums[index] > self._overload:
+            self._overloaded[index] += 1
+        else:
+            self._overloaded[index] = 0
 
     def _judge(self, index: int, trouble: str) -> None:
         """From trouble to loss and back."""
         if trouble:
             self._troubled[index] += 1
             self._well[index] = 0
-            is_frozen = self._repeats[index] >= self._frozen_after
-            if is_frozen or self._troubled[index] > self._bridge:
+            has_waited = (
+                self._repeats[index] >= self._frozen_after
+                or self._overloaded[index] > self._overload_after
+            )
+            if has_waited or self._troubled[index] > self._bridge:
                 self.lost[index] = self.lost[index] or trouble
             return
         self._troubled[index] = 0
@@ -189,7 +183,7 @@ class SensorHealth:
             if self._well[index] > self._recover:
                 self.lost[index] = ""
 
-    def _trouble(self, index: int, snapshot: Snapshot, good: Snapshot, age: int) -> str:
+    def _trouble(self, index: int, snapshot: Snapshot, age: int) -> str:
         """What is wrong with a sensor now; empty when nothing is."""
         name = TICK_SENSORS[index]
         if age > 0:
@@ -197,33 +191,13 @@ class SensorHealth:
         values = [getattr(snapshot, field) for field in FIELDS[index]]
         if not all(np.isfinite(array).all() for array in values):
             return f"{name} not a number"
-        if self._is_beyond(index, values):
+        if self._limits.is_beyond(index):
             return f"{name} beyond its range"
         if self._repeats[index] >= self._frozen_after:
             return f"{name} frozen"
+        if self._overloaded[index] > self._overload_after:
+            return f"{name} overloaded"
         was_jump = self.lost[index].endswith(JUMP)
-        if (was_jump or not self.lost[index]) and self._has_jumped(
-            index, snapshot, good
-        ):
+        if (was_jump or not self.lost[index]) and self._limits.has_jumped(index):
             return f"{name} {JUMP}"
         return ""
-
-    def _is_beyond(self, index: int, values: list[Array]) -> bool:
-        if index == JOINTS:
-            place = (values[0] - self._middle) * self._per_half
-            return bool(np.abs(place).max() > 1.0)
-        if index == IMU:
-            _, gyro, accel = values
-            return bool(gyro.dot(gyro) > self._gyro or accel.dot(accel) > self._accel)
-        force, moment = values[0][:3], values[0][3:]
-        return bool(
-            force.dot(force) > self._range_force**2
-            or moment.dot(moment) > self._range_moment**2
-        )
-
-    def _has_jumped(self, index: int, snapshot: Snapshot, good: Snapshot) -> bool:
-        name = ("q", "angular_velocity", "ft_left", "ft_right")[index]
-        change = getattr(snapshot, name) - getattr(good, name)
-        if index in (LEFT_FT, RIGHT_FT):
-            change = change[:3]
-        return bool(change.dot(change) > self._jumps[index])
