@@ -131,6 +131,7 @@ class _Loop:
         self._telemetry = telemetry
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
         self._is_started = False
+        self._began_ns = 0
         self._answered = 0
         self.failure_file: Path | None = None
 
@@ -158,6 +159,7 @@ class _Loop:
         if not self._is_started:
             self._safety.start(reading.snapshot, q_held)
             self._is_started = True
+            self._began_ns = reading.snapshot.stamp_ns
         output = self._safety.step(
             reading.snapshot, reading.ages, self._client.reference()
         )
@@ -203,7 +205,9 @@ class _Loop:
                 return f"the robot is in fault: {status.fault}"
             if status.mode is RobotMode.OFF:
                 return _why_off(status.reason)
-            if status.commander != client.identity:
+            # On a busy machine, one from before the lease may come after it.
+            is_news = self._is_started and status.stamp_ns >= self._began_ns
+            if is_news and status.commander != client.identity:
                 return f"lost command of the robot: {status.reason}"
         if not client.robot_is_here:
             return "the robot is gone"
