@@ -13,6 +13,7 @@ from cli.router_command import router
 from cli.run_command import run
 from cli.scenarios_command import scenarios
 from cli.stabilizer_command import stabilizer
+from cli.sweep_command import sweep
 
 app = typer.Typer(
     name="surefoot",
@@ -53,6 +54,7 @@ app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
 app.command()(scenarios)
+app.command()(sweep)
 app.command()(router)
 app.command()(certs)
 app.command("check-robot")(check_robot)

@@ -107,6 +107,9 @@ InsecureOption = Annotated[
         rich_help_panel=_BUS,
     ),
 ]
+JobsOption = Annotated[
+    int, typer.Option("--jobs", min=0, help="Processes; 0 for one per processor.")
+]
 JsonOption = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on stdout and nothing else."),

@@ -25,7 +25,7 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
 
     dcm_kp: Annotated[float, msgspec.Meta(ge=0.0, le=20.0)] = 5.0
     """Gain of the DCM error [Hz]."""
-    dcm_ki: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 10.0
+    dcm_ki: Annotated[float, msgspec.Meta(ge=0.0, le=100.0)] = 5.0
     """Gain of the averaged DCM error, which is in metres [Hz]."""
     dcm_kd: Annotated[float, msgspec.Meta(ge=0.0, le=2.0)] = 0.0
     """Gain of the DCM's velocity error less its average [1]."""
@@ -56,7 +56,7 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     """Difference of the feet's vertical speeds per force difference [m/s per N]."""
     height_stiffness: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.0
     """Pull of the feet's height difference to the stance's [Hz]."""
-    drift_hz: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 1.0
+    drift_hz: Annotated[float, msgspec.Meta(ge=0.0, le=10.0)] = 0.5
     """Pull of the feet's mean height to the stance's [Hz]."""
     rotation_limit_rad_s: Annotated[float, msgspec.Meta(gt=0.0, le=3.0)] = 3.0
     """Fastest foot rotation asked, per axis [rad/s]."""
@@ -66,7 +66,7 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     """Descent of a lifted foot per missing force [m/s per N]."""
     seek_force_n: Positive = 50.0
     """Normal force a lifted foot reaches for [N]."""
-    com_admittance: tuple[ComAdmittance, ComAdmittance] = (0.25, 0.25)
+    com_admittance: tuple[ComAdmittance, ComAdmittance] = (0.5, 0.5)
     """CoM speed per error of the ZMP, x y [1/s]."""
     com_offset_limit_m: Positive = 0.05
     """Largest CoM offset of the CoM admittance, per axis [m]."""

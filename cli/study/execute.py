@@ -36,8 +36,7 @@ def execute(
     from cli.console import count_bar
 
     missing = [cell for cell in cells if cell.key not in store.rows]
-    for group, cell in {cell.group: cell for cell in missing}.items():
-        del group
+    for cell in {cell.group: cell for cell in missing}.values():
         plan_of(cell, robot=robot, overrides=overrides)
     work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
     with count_bar(title, total=len(cells), done=len(cells) - len(missing)) as tell:

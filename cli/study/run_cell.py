@@ -36,14 +36,14 @@ def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
     from cli.run_plan import RunPlan
     from cli.study.variant import find_variant
     from robot_io.robot import load_robot
-    from schemas.scenario_values import with_values
-    from schemas.toml_file import read_toml
+    from schemas.scenario import load_scenario
+    from schemas.scenario_paths import override_scenario
     from sim_robot.catalogue import find_scenario
 
     group = cell.group
     path = find_scenario(group.scenario)
     variant = find_variant(group.variant)
-    scenario = with_values(read_toml(path), dict(group.values), source=str(path))
+    scenario = override_scenario(load_scenario(path), dict(group.values))
     return RunPlan(
         scenario_path=path,
         scenario=scenario,

@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
-Z_95 = 1.959964
-"""Two-sided 95 % of the normal distribution."""
+CONFIDENCE = 0.95
 
 
-def wilson_interval(successes: int, runs: int) -> tuple[float, float]:
-    """95 % confidence interval of a success rate.
+def success_interval(successes: int, runs: int) -> tuple[float, float]:
+    """Wilson's 95 % confidence interval of a success rate.
 
     Args:
         successes: at most ``runs``.
         runs: how many there were; the interval is (0, 1) for none.
 
     Returns:
-        Lower and upper end, after E. B. Wilson (1927), within [0, 1].
+        Lower and upper end, within [0, 1].
     """
+    from scipy.stats import binomtest
+
     if runs == 0:
         return 0.0, 1.0
-    p, z2 = successes / runs, Z_95 * Z_95
-    middle = (p + z2 / (2.0 * runs)) / (1.0 + z2 / runs)
-    half = (
-        Z_95
-        / (1.0 + z2 / runs)
-        * math.sqrt(p * (1.0 - p) / runs + z2 / (4.0 * runs * runs))
-    )
-    return max(0.0, middle - half), min(1.0, middle + half)
+    interval = binomtest(successes, runs).proportion_ci(CONFIDENCE, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def success_limit(

@@ -9,7 +9,7 @@ from typing import Any
 
 from cli.study.cell import Group
 from cli.study.run_cell import Row, group_of
-from cli.study.statistics import wilson_interval
+from cli.study.statistics import success_interval
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def summarise(rows: Iterable[Row]) -> dict[Group, GroupSummary]:
 
 def _summary(rows: list[Row]) -> GroupSummary:
     standing = [row for row in rows if not row["fell"]]
-    low, high = wilson_interval(len(standing), len(rows))
+    low, high = success_interval(len(standing), len(rows))
     if not standing:
         return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
     deviations = [math.sqrt(_mean_square(r["force_deviation_rms_n"])) for r in standing]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from cli.errors import UsageError
 from cli.run_plan import load_settings
@@ -34,7 +35,8 @@ class Variant:
         Raises:
             FileFormatError: a file or an override is malformed.
         """
-        return load_settings(self.settings, overrides=[*self.overrides, *extra])
+        file = None if self.settings is None else Path(self.settings)
+        return load_settings(file, overrides=[*self.overrides, *extra])
 
 
 _KNOWN = (

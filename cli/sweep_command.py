@@ -1,0 +1,88 @@
+"""``surefoot sweep``: many runs of scenarios, varied, over seeds and controllers."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cli import options
+
+
+def sweep(
+    scenarios: Annotated[
+        list[str], typer.Argument(help="Shipped names or paths of scenario files.")
+    ],
+    out: Annotated[
+        Path, typer.Option("--out", help="Folder of the study; a former one goes on.")
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary",
+            metavar="PATH=VALUES",
+            help="Scenario value to vary: A,B,C or FROM:TO:COUNT. May be repeated: "
+            "all combinations. Paths: friction, platform.0.motion.0.amplitude_deg, "
+            "tilt_rate_deg_s, push.0.direction_deg, pace, ...",
+        ),
+    ] = None,
+    seeds: Annotated[
+        str, typer.Option("--seeds", help="FROM:TO or a list, such as 0:50.")
+    ] = "0:10",
+    controllers: Annotated[
+        str,
+        typer.Option(
+            "--controllers",
+            help="Comma-separated: whole-body, paper, zmp-tuned, zmp-stock, hold.",
+        ),
+    ] = "whole-body",
+    servo_profiles: Annotated[
+        str,
+        typer.Option("--servo-profile", help="Comma-separated, of the robot file."),
+    ] = "ideal",
+    robot: options.RobotOption = "walker",
+    overrides: options.SetOption = None,
+    jobs: options.JobsOption = 0,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Run every combination in parallel processes, and say how many stayed up.
+
+    Each finished run is kept in OUT/runs.jsonl; a sweep that was ended goes on where
+    it was. OUT/summary.csv and summary.json hold the figures, one plot per scenario
+    and varied value the success curve.
+    """
+    from cli.console import print_json, print_table
+    from cli.study.execute import execute
+    from cli.study.parse import all_cells, parse_seeds
+    from cli.study.store import StudyStore
+    from cli.study.summarise import summarise
+    from cli.study.tables import terminal_tables
+    from cli.study.write_summary import write_summary
+
+    cells = all_cells(
+        scenarios,
+        vary=vary or [],
+        variants=controllers.split(","),
+        servo_profiles=servo_profiles.split(","),
+        seeds=parse_seeds(seeds),
+    )
+    shared = tuple(overrides or [])
+    with StudyStore(out, about={"robot": robot, "set": list(shared)}) as store:
+        execute(
+            cells,
+            store,
+            robot=robot,
+            overrides=shared,
+            jobs=jobs or os.cpu_count() or 1,
+            title="sweep",
+        )
+        wanted = {cell.key for cell in cells}
+        rows = [row for key, row in store.rows.items() if key in wanted]
+    summaries = summarise(rows)
+    rows_out = write_summary(out, summaries)
+    if as_json:
+        print_json(rows_out)
+    else:
+        print_table(terminal_tables(summaries))
