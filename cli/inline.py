@@ -9,6 +9,7 @@ from pathlib import Path
 from cli.processes import Sides
 from cli.run_files import QP_FAILURE, TICKS, write_arrays
 from cli.run_plan import RunPlan
+from robot_io.delivery import Delivery
 from robot_io.gate import CommandGate
 from robot_io.quiet import quiet_interpreter
 from schemas.messages import SCHEMA_VERSION, JointCommand
@@ -16,6 +17,7 @@ from schemas.result import ControllerResult, Distribution, PlantResult
 from sim_robot.simulated_robot import SimulatedRobot
 from stabilizer.factory import make_controller
 from stabilizer.failure_dump import save_failure
+from stabilizer.safety import Safety
 from stabilizer.telemetry import ControllerTelemetry
 
 COMMANDER = "inline"
@@ -48,7 +50,7 @@ def run_inline(
         write_arrays(folder / TICKS, loop.simulated.recording())
     if loop.controller.failure is not None:
         save_failure(loop.controller.failure, folder / QP_FAILURE)
-    controller = loop.telemetry.result("run over")
+    controller = loop.telemetry.result(loop.safety.reason or "run over")
     return Sides(loop.plant_result(controller, elapsed_s=elapsed_s), controller)
 
 
@@ -65,18 +67,21 @@ class _InlineLoop:
         self.controller = make_controller(plan.controller, robot, plan.settings)
         self._gate = CommandGate(robot, self.simulated.held_posture)
         self._commands: dict[int, JointCommand] = {}
+        self.safety = Safety(self.controller, robot, plan.settings.safety)
+        self._delivery = Delivery()
         for action in ("take", "enable"):
             self._gate.request(action, COMMANDER, now_s=0.0)
-        self.controller.start(self.simulated.sense(), self._gate.posture.copy())
+        self.safety.start(self.simulated.sense(), self._gate.posture.copy())
 
     def tick(self) -> None:
         """One tick of plant and controller."""
         simulated = self.simulated
         tick, now_s = simulated.tick, simulated.time_s
-        self._gate.begin_tick(now_s=now_s)
-        self._commands[tick] = self._answer(tick)
+        self._gate.begin_tick(now_s=now_s, tick=tick)
+        if not self.safety.is_done:
+            self._commands[tick] = self._answer(tick)
         due = simulated.commands_needed(tick)
-        if due is not None:
+        if due in self._commands:
             self._gate.check(self._commands.pop(due), tick=tick, now_s=now_s)
             simulated.apply(self._gate.posture, tick=due)
         simulated.step()
@@ -96,10 +101,17 @@ class _InlineLoop:
 
     def _answer(self, tick: int) -> JointCommand:
         began_ns = time.perf_counter_ns()
-        output = self.controller.step(self.simulated.sense())
-        self.telemetry.add(
-            output, duration_ns=time.perf_counter_ns() - began_ns, is_stale=False
+        simulated = self.simulated
+        snapshot, ages = self._delivery.deliver(
+            simulated.sense(), simulated.unread_sensors
         )
+        output = self.safety.step(snapshot, ages)
+        self.telemetry.add(
+            output,
+            duration_ns=time.perf_counter_ns() - began_ns,
+            is_stale=any(ages),
+        )
+        self.telemetry.note(self.safety.state, self.safety.reason)
         return JointCommand(
             schema=SCHEMA_VERSION,
             tick=tick,

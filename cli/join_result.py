@@ -39,6 +39,8 @@ def join_result(
         period_jitter_ms=plant.period_jitter_ms,
         deadline_misses=plant.deadline_misses,
         qp_failures=controller.qp_failures,
+        degraded_ticks=controller.degraded_ticks,
+        reason=controller.reason,
         refused=plant.refused,
         clipped=plant.clipped,
         ticks=plant.ticks,

@@ -70,6 +70,7 @@ def stabilizer(
         failure_file=folder / QP_FAILURE,
         settings=resolved,
         stop=stop,
+        safety=resolved.safety,
     )
     if result_file is not None:
         write_struct(result_file, result)
@@ -80,6 +81,8 @@ def stabilizer(
             print_table(controller_table(result, controller))
     if stop.is_set:
         raise typer.Exit(ExitCode.INTERRUPTED)
+    if child and result.reason.startswith("held"):
+        raise typer.Exit(ExitCode.OK)  # in order; the robot tells how the run ends
     raise typer.Exit(_verdict(result.reason))
 
 
@@ -87,6 +90,8 @@ def _verdict(reason: str) -> ExitCode:
     """Why the stabilizer ended, as an exit code."""
     if reason.startswith("run over"):
         return ExitCode.OK
+    if reason.startswith("fell"):
+        return ExitCode.FELL
     if reason.startswith(("the robot is gone", "the robot ended", "no news")):
         return ExitCode.UNREACHABLE
     return ExitCode.FAILED

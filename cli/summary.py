@@ -32,6 +32,10 @@ def run_table(result: RunResult) -> Table:
     table.add_row("controller tick", _times(result.tick_ms))
     _add_gate(table, result)
     table.add_row("QP failures", str(result.qp_failures))
+    if result.degraded_ticks:
+        table.add_row("ticks without a sensor", str(result.degraded_ticks))
+    if not result.reason.startswith("run over"):
+        table.add_row("stabilizer", result.reason)
     if result.out is not None:
         table.add_section()
         table.add_row("kept in", result.out)

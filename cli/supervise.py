@@ -46,6 +46,8 @@ def supervise(
             break
         if isinstance(event, Progress):
             on_tick(event.tick)
+            if until is not None and all(code in _WELL for code in codes.values()):
+                until = time.monotonic() + _PARTNER_S  # held in order: it goes on
             continue
         if isinstance(event, Said) or event.child not in (robot, stabilizer):
             continue  # whoever looks on may come and go

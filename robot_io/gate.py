@@ -10,11 +10,14 @@ import numpy as np
 from robot_io.authority import Authority
 from robot_io.limits import CommandLimits
 from robot_io.robot import Robot
-from robot_io.verdict import Answer, Refusal, Verdict
+from robot_io.verdict import Answer, Limit, Refusal, Verdict
 from schemas.arrays import Array
 from schemas.messages import SCHEMA_VERSION, JointCommand, RobotMode, RobotStatus
 
 _ACCEPTED = Verdict(accepted=True)
+NEVER = -1
+ROUNDING_S = 1e-9
+"""A command exactly as old as allowed must not be refused for its last bit."""
 
 
 class CommandGate:
@@ -23,13 +26,15 @@ class CommandGate:
     Pure: no clock and no I/O, time is passed in on one monotonic scale. At each tick
     of the robot::
 
-        gate.begin_tick(now_s=now)                  # watchdog
+        gate.begin_tick(now_s=now, tick=tick)       # watchdog
         gate.check(command, tick=tick, now_s=now)   # any number of commands
         follow(gate.posture)
 
     However many commands come within a tick, the posture moves by one tick's step at
     most. When the commander falls silent the gate holds the last posture; the same
-    commander may go on from there, until the silence has become a fault.
+    commander may go on from there, until the silence has become a fault. What goes
+    beyond a limit is clipped to it, refused, or in ``warn_only`` followed and counted,
+    as the robot file says.
 
     Attributes:
         authority: mode, fault, reason and lease.
@@ -49,11 +54,16 @@ class CommandGate:
         self.clipped: Counter[str] = Counter()
         self._settings = robot.file.gate
         self._names = robot.joint_names
-        self._oldest = math.ceil(self._settings.hold_after_s / robot.period_s)
+        age_s = self._settings.max_command_age_s
+        self._max_age_s = self._settings.hold_after_s if age_s is None else age_s
+        self._oldest = math.ceil(self._max_age_s / robot.period_s)
+        self._began = [(NEVER, 0.0)] * (self._oldest + 1)
+        """When the last ticks began, by tick modulo its length: (tick, time [s])."""
         self._limits = CommandLimits(robot)
         self._posture = np.array(posture, dtype=np.float64)
         self._before = self._posture.copy()
         self._wanted = self._posture.copy()
+        self._allowed = self._posture.copy()
         self._visible = self._posture.view()
         self._visible.setflags(write=False)
         self._sequence = -1
@@ -83,12 +93,16 @@ class CommandGate:
             self._heard_s = now_s
         return answer
 
-    def begin_tick(self, *, now_s: float) -> None:
+    def begin_tick(self, *, now_s: float, tick: int | None = None) -> None:
         """Begins a tick: watchdog and lease.
 
         Args:
             now_s: the robot's time, never going back [s].
+            tick: the tick; from then on the age of a command that answers it counts
+                by time as well, which ticks of a loop that is late do not tell.
         """
+        if tick is not None:
+            self._began[tick % len(self._began)] = (tick, now_s)
         np.copyto(self._before, self._posture)
         if self._listens():
             self._watch(now_s - self._heard_s)
@@ -120,6 +134,13 @@ class CommandGate:
             refusal = Refusal.LATE if age > 0 else Refusal.FUTURE
             detail = f"answers tick {command.tick} at tick {tick}"
             return self.refuse(refusal, detail)
+        began_tick, began_s = self._began[command.tick % len(self._began)]
+        if (
+            began_tick == command.tick
+            and now_s - began_s > self._max_age_s + ROUNDING_S
+        ):
+            detail = f"answers sensors {now_s - began_s:.3f} s old"
+            return self.refuse(Refusal.LATE, detail)
         return self._check_posture(command.q, now_s)
 
     def refuse(self, refusal: Refusal, detail: str) -> Verdict:
@@ -175,22 +196,30 @@ class CommandGate:
         return self._follow(now_s)
 
     def _follow(self, now_s: float) -> Verdict:
+        clipped = self._limits.clip(self._wanted, self._before, out=self._allowed)
+        settings = self._settings
+        if clipped and settings.beyond_limits == "refuse" and not settings.warn_only:
+            self.clipped.update(clipped)
+            return self.refuse(Refusal.LIMIT, f"{self._excess(clipped)}")
         if self.authority.is_silent:
             self.authority.go_on()
         self._is_first = False
         self._is_commanded = True
         self._heard_s = now_s
         self.authority.lease.renew(now_s=now_s)
-        clipped = self._limits.clip(self._wanted, self._before, out=self._posture)
+        follows_all = bool(clipped) and settings.warn_only
+        np.copyto(self._posture, self._wanted if follows_all else self._allowed)
         if not clipped:
             return _ACCEPTED
         self.clipped.update(clipped)
-        joint, excess = self._limits.worst_joint()
-        self.authority.reason = (
-            f"command clipped ({', '.join(clipped)}): {self._names[joint]} by "
-            f"{excess:.4f} rad"
-        )
+        done = "followed beyond its limits" if follows_all else "clipped"
+        self.authority.reason = f"command {done}: {self._excess(clipped)}"
         return Verdict(accepted=True, clipped=clipped)
+
+    def _excess(self, limits: tuple[Limit, ...]) -> str:
+        """The limits a command ran into, and how far beyond them it is."""
+        joint, excess = self._limits.worst_joint()
+        return f"{', '.join(limits)}: {self._names[joint]} by {excess:.4f} rad"
 
     def _listens(self) -> bool:
         return self.mode is RobotMode.ACTIVE or self.authority.is_silent

@@ -11,6 +11,7 @@ from typing import Self
 from robot_io.bus import Bus
 from robot_io.command_inbox import CommandInbox, Judged
 from robot_io.gate import CommandGate
+from robot_io.pace import Pace
 from robot_io.robot import Robot
 from robot_io.sensor_messages import sensor_messages
 from robot_io.services import RobotServices
@@ -49,6 +50,7 @@ class RobotServer:
         endpoints: Endpoints,
         stop: StopRequest,
         push: Callable[[PushRequest], Answer] | None = None,
+        pace: Pace = Pace.REALTIME,
     ) -> None:
         """Prepares; entering the context opens the bus.
 
@@ -58,9 +60,11 @@ class RobotServer:
             endpoints: where to listen.
             stop: ends waits.
             push: answers pushes; None on a robot that is not simulated.
+            pace: told to whoever asks for command; hardware knows real time only.
         """
         self._push = push
         self._robot = robot
+        self._pace = pace
         self._gate = gate
         self._stop = stop
         self._bus = Bus(
@@ -124,20 +128,26 @@ class RobotServer:
         if self._services.serve(now_s=now_s):
             self.publish_status(now_s=now_s)
 
-    def publish_sensors(self, snapshot: Snapshot, *, stamp_ns: int) -> None:
+    def publish_sensors(
+        self, snapshot: Snapshot, *, stamp_ns: int, missing: tuple[str, ...] = ()
+    ) -> None:
         """Sends the four sensor messages of a tick, in the order of the topic table.
 
         Args:
             snapshot: sensors of the tick.
             stamp_ns: the robot's monotonic clock when they were taken [ns].
+            missing: channels with nothing to send.
         """
         self._tick = snapshot.tick
         # Encoded first, so that all four are likely to leave in one batch.
         encoded = [
             encode(message) for message in sensor_messages(snapshot, stamp_ns=stamp_ns)
         ]
-        for publisher, data in zip(self._sensors, encoded, strict=True):
-            publisher.put(data)
+        for name, publisher, data in zip(
+            TICK_SENSORS, self._sensors, encoded, strict=True
+        ):
+            if name not in missing:
+                publisher.put(data)
 
     def wait_answer(
         self, tick: int, *, now_s: float, timeout_s: float
@@ -223,6 +233,6 @@ class RobotServer:
             joint_count=self._robot.n_a,
         )
         self._services = RobotServices(
-            self._bus, self._robot, self._gate, push=self._push
+            self._bus, self._robot, self._gate, push=self._push, pace=self._pace
         )
         self._bus.announce(ALIVE_ROBOT)

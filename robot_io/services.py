@@ -11,6 +11,7 @@ import zenoh
 
 from robot_io.bus import Bus
 from robot_io.gate import CommandGate
+from robot_io.pace import Pace
 from robot_io.robot import Robot
 from robot_io.verdict import Answer
 from schemas.codec import decode, encode
@@ -50,6 +51,7 @@ class RobotServices:
         gate: CommandGate,
         *,
         push: Callable[[PushRequest], Answer] | None = None,
+        pace: Pace,
     ) -> None:
         """Declares the services.
 
@@ -58,8 +60,10 @@ class RobotServices:
             robot: names the keys.
             gate: answers.
             push: answers pushes; None on a robot that is not simulated.
+            pace: told with every answer.
         """
         self._push = push
+        self._pace = pace
         self._bus = bus
         self._gate = gate
         self._asked: deque[_Asked] = deque()
@@ -166,6 +170,7 @@ class RobotServices:
             mode=authority.mode,
             commander=authority.lease.holder,
             q_command=self._gate.posture.tolist(),
+            pace=self._pace,
         )
         query.reply(query.key_expr, encode(reply))
 

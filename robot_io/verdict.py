@@ -20,19 +20,21 @@ class Refusal(StrEnum):
     SEQUENCE = "sequence"
     """Repeated or out of order."""
     LATE = "late"
-    """Answers a tick too long ago."""
+    """Answers sensors too long ago, by ticks or by the robot's clock."""
     FUTURE = "future"
     """Answers a tick that has not been."""
     SIZE = "size"
     """Not one number per joint."""
     NOT_FINITE = "not_finite"
     """A NaN or an infinity."""
+    LIMIT = "limit"
+    """Beyond a limit, where the robot file says to refuse and not to clip."""
     FIRST_COMMAND = "first_command"
     """The first one after enabling is far from the held posture."""
 
 
 class Limit(StrEnum):
-    """What a command was clipped to; the keys of ``clipped`` on status."""
+    """What a command ran into; the keys of ``clipped`` on status."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -43,7 +45,7 @@ class Verdict(NamedTuple):
     """Outcome of one command.
 
     Attributes:
-        accepted: whether the servos follow it, clipped or not.
+        accepted: whether the servos follow it, clipped or as it is.
         refusal: why not.
         clipped: limits it ran into.
     """

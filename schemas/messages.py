@@ -16,7 +16,7 @@ import msgspec
 
 from schemas.arrays import Floats, Floats3, Floats4, Floats6, Pair
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """What a signed 64-bit integer holds, in any language."""
 
@@ -155,8 +155,9 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
 
     controller: str
     state: str
-    """One word: ``active``; ``degraded`` when a sensor is silent; ``hold`` when a QP
-    failed and the posture is kept."""
+    """One word: ``active``; ``degraded`` when a sensor is silent or lost; ``hold`` when
+    a QP failed and the posture is kept; ``stopping`` while the command fades out;
+    ``held`` when it stands still for good."""
     reason: str
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""
@@ -257,6 +258,9 @@ class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Who holds the lease now; empty when nobody does."""
     q_command: Floats
     """Posture the servos follow: what a new commander starts from [rad]."""
+    pace: str
+    """``lockstep``: the robot waits for the answer to each tick; ``realtime``: it goes
+    by the clock."""
 
 
 class SettingsRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

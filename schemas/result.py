@@ -60,6 +60,8 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """Measured against wanted normal force, left and right."""
     qp_failures: int
     stale_snapshots: int
+    degraded_ticks: int
+    """Ticks answered without a sensor, or while giving up."""
     reason: str
     """Why it ended."""
     settings_changes: list[SettingsChange] = []
@@ -92,6 +94,10 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     period_jitter_ms: Distribution
     deadline_misses: int
     qp_failures: int
+    degraded_ticks: int
+    """Ticks answered without a sensor, or while giving up."""
+    reason: str
+    """Why the stabilizer ended, or gave up."""
     refused: dict[str, int]
     clipped: dict[str, int]
     ticks: int

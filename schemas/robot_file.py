@@ -56,6 +56,14 @@ class Gate(FileStruct, frozen=True, kw_only=True):
     """Silence of the commander after which the last posture is held [s]."""
     fault_after_s: Positive = 1.0
     """Silence after which the robot goes to fault [s]."""
+    max_command_age_s: Positive | None = None
+    """A command that answers older sensors is refused [s]; ``hold_after_s`` when
+    absent."""
+    beyond_limits: Literal["clip", "refuse"] = "clip"
+    """What becomes of a command beyond a position, velocity or step limit."""
+    warn_only: bool = False
+    """For prototypes in simulation: commands beyond a limit are followed, and
+    counted; what is no posture at all, or nobody's, is refused still."""
     first_command_tolerance_rad: Positive = 0.05
     """How far from the held posture the first command may be, per joint."""
     lease_s: Positive = 1.0

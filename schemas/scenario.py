@@ -13,6 +13,7 @@ import msgspec
 
 from schemas.arrays import Floats3
 from schemas.robot_file import NonNegative, Positive
+from schemas.sensor_fault import SensorFault
 from schemas.toml_file import FileStruct, convert, read_toml
 
 Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
@@ -149,7 +150,7 @@ class ModelError(FileStruct, frozen=True, kw_only=True):
 
 
 class Scenario(FileStruct, frozen=True, kw_only=True):
-    """A run: its ground, pushes, sensors, delays and model errors."""
+    """A run: its ground, pushes, sensors and their faults, delays, model errors."""
 
     name: str
     duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
@@ -160,6 +161,7 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     sensors: Sensors = Sensors()
     delay: Delay = Delay()
     model_error: ModelError = ModelError()
+    fault: list[SensorFault] = []
 
     def __post_init__(self) -> None:
         """Checks that every foot has at most one platform."""

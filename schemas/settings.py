@@ -173,6 +173,56 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
     """A foot just back takes its full share after this time."""
 
 
+class SafetySettings(FileStruct, frozen=True, kw_only=True):
+    """What the stabilizer believes of its sensors, and when it gives up."""
+
+    ft_lost: Literal["degrade", "hold"] = "degrade"
+    """One ankle sensor lost: go on without its force terms, or hold the posture."""
+    both_ft_lost: Literal["degrade", "hold"] = "hold"
+    """The same for both of them."""
+    bridge_s: Positive = 0.01
+    """A missing or impossible reading is bridged with the last good one for so long,
+    then the sensor is lost [s]."""
+    frozen_after_s: Positive = 0.02
+    """A sensor that repeats itself to the last bit for so long, while others move, is
+    lost [s]."""
+    recover_s: Positive = 0.1
+    """A lost ankle sensor that is good again for so long is believed again [s]."""
+    force_range_n: Positive = 12000.0
+    """Largest force an ankle sensor can report, each axis [N]. A foot that hits ground
+    coming up at it feels 5000 for some ms."""
+    moment_range_nm: Positive = 1500.0
+    """Largest moment an ankle sensor can report, each axis [N m]."""
+    force_jump_n: Positive = 7000.0
+    """Largest change of an ankle force in one tick, each axis [N]."""
+    moment_jump_nm: Positive = 1000.0
+    """Largest change of an ankle moment in one tick, each axis [N m]."""
+    overload_n: Positive = 1500.0
+    """A foot carries more than this only while something hits it [N]."""
+    overload_after_s: Positive = 0.03
+    """Its sensor is lost when it says so for longer [s]."""
+    gyro_range_rad_s: Positive = 35.0
+    """Largest rate of turn the inertial unit can report, each axis [rad/s]."""
+    accel_range_m_s2: Positive = 300.0
+    """Largest specific force it can report, each axis [m/s^2]."""
+    gyro_jump_rad_s: Positive = 4.0
+    """Largest change of the rate of turn in one tick, each axis [rad/s]."""
+    accel_jump_m_s2: Positive = 200.0
+    """Largest change of the specific force in one tick, each axis [m/s^2]."""
+    joint_margin_rad: Positive = 0.2
+    """A joint reported farther than this outside its range is impossible [rad]."""
+    joint_jump_rad: Positive = 0.1
+    """Largest change of any joint in one tick [rad]."""
+    tilt_limit_rad: Positive = 0.8
+    """Leaning farther than this from how it started, the robot has fallen [rad]."""
+    unloaded_n: Positive = 30.0
+    """Feet that carry less than this together carry nothing [N]."""
+    unloaded_after_s: Positive = 1.0
+    """Feet that carry nothing for so long: the robot has fallen [s]."""
+    ramp_out_s: Positive = 0.05
+    """Commands fade out over this time before the posture is held [s]."""
+
+
 class WholeBodySettings(FileStruct, frozen=True, kw_only=True):
     """Which law the whole-body stabilizer follows."""
 
@@ -190,6 +240,7 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     ground: GroundSettings = GroundSettings()
     estimator: EstimatorSettings = EstimatorSettings()
     contact: ContactSettings = ContactSettings()
+    safety: SafetySettings = SafetySettings()
     zmp: ZmpSettings = ZmpSettings()
 
 

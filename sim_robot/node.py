@@ -83,7 +83,7 @@ def run_robot(
     with (
         stop.on_signals(),
         RobotServer(
-            robot, gate, endpoints=endpoints, stop=stop, push=simulated.push
+            robot, gate, endpoints=endpoints, stop=stop, pace=pace, push=simulated.push
         ) as server,
     ):
         loop = RobotLoop(

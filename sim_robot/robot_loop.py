@@ -88,11 +88,14 @@ class RobotLoop:
     def _tick(self, stop: StopRequest) -> None:
         simulated, server = self._simulated, self._server
         tick, now_s = simulated.tick, simulated.time_s
-        self._gate.begin_tick(now_s=now_s)
+        self._gate.begin_tick(now_s=now_s, tick=tick)
         server.serve_requests(now_s=now_s)
         self._note_mode(tick)
         stamp_ns = time.monotonic_ns()
-        server.publish_sensors(simulated.sense(), stamp_ns=stamp_ns)
+        snapshot = simulated.sense()
+        server.publish_sensors(
+            snapshot, stamp_ns=stamp_ns, missing=simulated.missing_sensors
+        )
         self._sent_ns[tick % ROUND_TRIPS_KEPT] = stamp_ns
         if self._is_lockstep and self._gate.mode is RobotMode.ACTIVE:
             self._take_answer(tick, now_s, stop)

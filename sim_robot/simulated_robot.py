@@ -17,6 +17,7 @@ from sim_robot.errors import ScenarioError, SimulationError
 from sim_robot.metrics import PlantMetrics
 from sim_robot.plant import Plant
 from sim_robot.run_record import RunRecord
+from sim_robot.sensor_faults import SensorFaults
 from sim_robot.ticks import whole_ticks
 from sim_robot.truth import PlantTruth
 
@@ -64,6 +65,8 @@ class SimulatedRobot:
             posture=robot.nominal,
         )
         self.plant = Plant(robot, scenario, seed=seed)
+        self._faults = SensorFaults(scenario.fault, period_s=period_s)
+        self._sensed: Snapshot | None = None
         self._robot, self._period_s = robot, period_s
         self._last_tick = math.ceil(
             scenario.duration_s / period_s - _RUN_LENGTH_TOLERANCE
@@ -118,7 +121,19 @@ class SimulatedRobot:
 
     def sense(self) -> Snapshot:
         """Reads the sensors at the present tick; the same reading if asked again."""
-        return self.plant.sense()
+        if self._sensed is None:
+            self._sensed = self._faults.apply(self.plant.sense())
+        return self._sensed
+
+    @property
+    def missing_sensors(self) -> tuple[str, ...]:
+        """Channels whose message of the present tick is not sent, by a fault."""
+        return self._faults.missing
+
+    @property
+    def unread_sensors(self) -> tuple[str, ...]:
+        """Those that a controller hears nothing of: not sent, or not readable."""
+        return self._faults.unread
 
     def truth(self) -> PlantTruth:
         """True state at the present tick."""
@@ -166,6 +181,7 @@ class SimulatedRobot:
         self.plant.step(q_command)
         self._digest.add(snapshot, q_command)
         self._truth = None
+        self._sensed = None
         if self._fell_at_s is None and self.plant.fell:
             self._fell_at_s = self.time_s
 

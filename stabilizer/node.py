@@ -12,6 +12,7 @@ import msgspec
 
 from robot_io.assembler import SnapshotReading
 from robot_io.client import RobotClient
+from robot_io.errors import RequestRefusedError
 from robot_io.pace import Pace
 from robot_io.quiet import quiet_interpreter
 from robot_io.robot import Robot
@@ -20,10 +21,11 @@ from schemas.arrays import Array
 from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.result import ControllerResult
-from schemas.settings import ControllerSettings
+from schemas.settings import ControllerSettings, SafetySettings
 from stabilizer.controller import Controller, ControllerOutput
 from stabilizer.desk import Desk
 from stabilizer.failure_dump import save_failure
+from stabilizer.safety import Safety
 from stabilizer.telemetry import GOOD, ControllerTelemetry
 
 _LOG = logging.getLogger(__name__)
@@ -48,6 +50,7 @@ def run_stabilizer(
     failure_file: Path | None = None,
     settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
+    safety: SafetySettings | None = None,
 ) -> ControllerResult:
     """Waits for the robot, takes command of it and answers its ticks.
 
@@ -65,6 +68,7 @@ def run_stabilizer(
         failure_file: where the first QP that cannot be solved is kept (.npz).
         settings: the controller was made with; None refuses changes on the bus.
         stop: ends the run from outside, besides signals.
+        safety: limits of the sensors and what their loss leads to; None for defaults.
 
     Returns:
         Figures of the run and why it ended.
@@ -88,11 +92,18 @@ def run_stabilizer(
     ):
         if not client.connect(timeout_s=connect_timeout_s):
             return telemetry.result(f"stopped: {stop.cause}")
-        client.take_lease()
+        robots_pace = client.take_lease().pace
+        if robots_pace != pace:
+            raise RequestRefusedError(
+                f"the robot runs in {robots_pace}, this stabilizer in {pace}; start it "
+                f"with --{robots_pace}",
+                reason=f"pace {pace}",
+            )
         q_held = client.enable()
         with quiet_interpreter():
             desk = Desk(controller, client, settings, period_s=robot.period_s)
-            loop = _Loop(controller, client, telemetry, desk, robot.period_s)
+            watched = Safety(controller, robot, safety or SafetySettings())
+            loop = _Loop(watched, client, telemetry, desk, robot.period_s)
             loop.failure_file = failure_file
             reason = loop.run(q_held, stop)
     result = telemetry.result(reason)
@@ -116,7 +127,7 @@ class _Loop:
 
     def __init__(
         self,
-        controller: Controller,
+        safety: Safety,
         client: RobotClient,
         telemetry: ControllerTelemetry,
         desk: Desk,
@@ -125,10 +136,12 @@ class _Loop:
         """Joins controller and bus."""
         self._desk = desk
         self._output: ControllerOutput | None = None
-        self._controller, self._client = controller, client
+        self._safety, self._controller = safety, safety.controller
+        self._client = client
         self._telemetry = telemetry
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
         self._is_started = False
+        self._began_ns = 0
         self._answered = 0
         self.failure_file: Path | None = None
 
@@ -139,7 +152,12 @@ class _Loop:
             reading = self._client.wait_snapshot(timeout_s=SILENCE_POLL_S)
             if reading is not None:
                 heard_s = time.monotonic()
-                if not self._attend(reading, q_held):
+                is_time = self._attend(reading, q_held)
+                if self._safety.is_done and self._output is not None:
+                    self._tell(reading, self._output)
+                    self._client.request_mode("hold")
+                    return self._safety.reason
+                if not is_time:
                     continue
             reason = self._why_end(time.monotonic() - heard_s)
             if reason:
@@ -175,15 +193,19 @@ class _Loop:
 
     def _answer(self, reading: SnapshotReading, q_held: Array) -> ControllerOutput:
         if not self._is_started:
-            self._controller.start(reading.snapshot, q_held)
+            self._safety.start(reading.snapshot, q_held)
             self._is_started = True
-        output = self._controller.step(reading.snapshot, self._client.reference())
+            self._began_ns = reading.snapshot.stamp_ns
+        output = self._safety.step(
+            reading.snapshot, reading.ages, self._client.reference()
+        )
         self._client.send(output.q_command, tick=reading.snapshot.tick)
         self._telemetry.add(
             output,
             duration_ns=time.perf_counter_ns() - reading.complete_ns,
             is_stale=bool(reading.stale),
         )
+        self._telemetry.note(self._safety.state, self._safety.reason)
         self._answered += 1
         if output.qp_status != GOOD and self.failure_file is not None:
             self._keep_failure(self.failure_file)
@@ -223,7 +245,9 @@ class _Loop:
                 return f"the robot is in fault: {status.fault}"
             if status.mode is RobotMode.OFF:
                 return _why_off(status.reason)
-            if status.commander != client.identity:
+            # On a busy machine, one from before the lease may come after it.
+            is_news = self._is_started and status.stamp_ns >= self._began_ns
+            if is_news and status.commander != client.identity:
                 return f"lost command of the robot: {status.reason}"
         if not client.robot_is_here:
             return "the robot is gone"

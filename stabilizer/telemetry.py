@@ -36,6 +36,8 @@ class ControllerTelemetry:
         self._recent = TimingLog(TICKS_IN_STATUS)
         self._recent_ms = Distribution(median=0.0, p99=0.0, max=0.0)
         self._ticks = self._qp_failures = self._stale = self._statuses = 0
+        self._state, self._why = "active", ""
+        self._degraded = 0
         self._squares_left = self._squares_right = 0.0
         self._settled = 0
 
@@ -62,6 +64,16 @@ class ControllerTelemetry:
             self._squares_right += right * right
             self._settled += 1
 
+    def note(self, state: str, why: str) -> None:
+        """Notes what the safety layer is doing, once per tick.
+
+        Args:
+            state: ``active``, ``degraded``, ``stopping`` or ``held``.
+            why: why it is not active.
+        """
+        self._state, self._why = state, why
+        self._degraded += state != "active"
+
     def status(
         self,
         output: ControllerOutput,
@@ -82,6 +94,8 @@ class ControllerTelemetry:
             self._recent_ms = self._recent.distribution()
         self._statuses += 1
         state, reason = _state(output, stale)
+        if self._state != "active":
+            state, reason = self._state, self._why
         return StabilizerStatus(
             schema=SCHEMA_VERSION,
             tick=tick,
@@ -119,6 +133,7 @@ class ControllerTelemetry:
             qp_failures=self._qp_failures,
             stale_snapshots=self._stale,
             reason=reason,
+            degraded_ticks=self._degraded,
         )
 
 

@@ -16,7 +16,7 @@ from schemas.settings import ControllerSettings
 from stabilizer.contact import ContactMonitor
 from stabilizer.controller import ControllerOutput
 from stabilizer.dik import Dik
-from stabilizer.dynamics import Dynamics
+from stabilizer.dynamics import SOLE_ROWS, Dynamics
 from stabilizer.estimator import Estimator
 from stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from stabilizer.qp import QpData
@@ -66,7 +66,9 @@ class WholeBodyController:
         self.dik = Dik(self.model, settings.dik)
         self.failure: QpData | None = None
         self._q_command: Array = np.zeros(self.model.n_a)
+        self._weight = weight
         self._normals = [0.5 * weight] * 2
+        self._lost = (False, False)
         self._since_start_s = 0.0
         self._reference: Reference | None = None
 
@@ -87,6 +89,17 @@ class WholeBodyController:
         self.estimator.calibrate(snapshot)
         self._q_command[:] = q_command[self.model.to_model]
         self._since_start_s = 0.0
+
+    def degrade(self, lost: tuple[bool, bool]) -> None:
+        """Goes on without ankle sensors.
+
+        A foot without its sensor is taken to feel what it should, so that its force
+        terms vanish, and to carry what the other one does not.
+
+        Args:
+            lost: whether the left and the right sensor are to be left out.
+        """
+        self._lost = lost
 
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
@@ -110,6 +123,8 @@ class WholeBodyController:
         F_meas = self.wrenches.update(
             snapshot.ft_left, snapshot.ft_right, self.dynamics.R_world_sole
         )
+        if any(self._lost):
+            self._assume(F_meas)
         self._normals = [float(F_meas[NORMAL]), float(F_meas[6 + NORMAL])]
         self.contacts.update(*self._normals)
         self.stance.limit_height(
@@ -139,6 +154,16 @@ class WholeBodyController:
         left, right = self._normals
         self.estimator.update(snapshot, normal_left=left, normal_right=right)
 
+    def _assume(self, F_meas: Array) -> None:
+        """Puts what may be assumed in the place of what is not measured."""
+        normals = (F_meas.item(NORMAL), F_meas.item(6 + NORMAL))
+        for side, rows in enumerate(SOLE_ROWS):
+            if self._lost[side]:
+                F_meas[rows] = self.tsid.F_id[rows]
+                if not self._lost[1 - side]:
+                    rest = self._weight - max(normals[1 - side], 0.0)
+                    F_meas[rows.start + NORMAL] = max(rest, 0.0)
+
     def _command(self, F_meas: Array) -> str:
         """Both QPs and the integration; the posture is held when one fails."""
         contacts, dynamics, stance = self.contacts, self.dynamics, self.stance
@@ -148,6 +173,9 @@ class WholeBodyController:
         if not tsid.ok and tsid.status != NO_CONTACT:
             self._keep_failure(self.tsid.problem(contacts.in_contact).data(tsid.status))
             return f"tsid {tsid.status}"
+        for side, rows in enumerate(SOLE_ROWS):
+            if self._lost[side]:
+                F_meas[rows] = self.tsid.F_id[rows]  # no error, no force term
         r = self.law.update(
             dynamics,
             stance,

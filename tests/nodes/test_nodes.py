@@ -270,3 +270,12 @@ def test_no_robot_is_an_error_of_the_stabilizer(endpoints: Endpoints) -> None:
             pace=Pace.LOCKSTEP,
             connect_timeout_s=0.2,
         )
+
+
+def test_a_stabilizer_at_another_pace_is_told_which_one(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.REALTIME),
+        running(stabilizer, endpoints, Pace.LOCKSTEP) as controller,
+        pytest.raises(ProcessError, match=r"start it with --realtime"),
+    ):
+        controller.result()

@@ -1,0 +1,120 @@
+"""Ten thousand commands that must not reach a servo, against a running robot."""
+
+from __future__ import annotations
+
+from collections import Counter
+from itertools import cycle
+
+import numpy as np
+
+from robot_io.bus import Bus
+from robot_io.latest import Latest
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from robot_io.session import Role
+from schemas.codec import decode, encode
+from schemas.endpoints import Endpoints
+from schemas.errors import MessageError, SchemaVersionError
+from schemas.messages import SCHEMA_VERSION, JointCommand, RobotStatus
+from schemas.topics import topic
+from tests.nodes.processes import robot, running, stabilizer
+from tests.nodes.test_nodes import NOISE, in_one_process, is_running
+from tests.support import wait_until
+
+WALKER = load_robot("walker")
+COUNT = 10_000
+BATCH = 200
+"""Fewer than the robot's inbox keeps, so that each one is judged."""
+TABLE = {"duration_s": 8.0, "sensors": NOISE}
+
+
+def hostile_commands(heard: bytes) -> list[bytes]:
+    """Fuzzed, wild, replayed, of another commander and of another version.
+
+    Args:
+        heard: a command of the commander's that was followed.
+    """
+    rng = np.random.default_rng(0)
+    followed = decode(heard, JointCommand, joint_count=WALKER.n_a)
+    common = {
+        "stamp_ns": followed.stamp_ns,
+        "tick": followed.tick,
+        "sequence": followed.sequence + 10**6,
+    }
+
+    def command(q: np.ndarray, *, schema: int, commander: str) -> bytes:
+        return encode(
+            JointCommand(schema=schema, q=q.tolist(), commander=commander, **common)
+        )
+
+    def mutated() -> bytes:
+        data = bytearray(
+            command(WALKER.nominal, schema=SCHEMA_VERSION, commander="bob")
+        )
+        data[rng.integers(len(data))] = rng.integers(256)
+        return bytes(data)
+
+    def wild() -> np.ndarray:
+        return rng.normal(size=WALKER.n_a) * 10.0 ** rng.integers(-3, 300)
+
+    nothing = np.full(WALKER.n_a, np.nan)
+    kinds = cycle(
+        (
+            lambda: rng.bytes(int(rng.integers(1, 300))),
+            mutated,
+            lambda: command(wild(), schema=SCHEMA_VERSION, commander="bob"),
+            lambda: command(nothing, schema=SCHEMA_VERSION, commander="ann"),
+            lambda: command(wild(), schema=SCHEMA_VERSION + 1, commander="ann"),
+            lambda: heard,
+        )
+    )
+    return [next(kinds)() for _ in range(COUNT)]
+
+
+def why_refused(data: bytes) -> str:
+    """Reason the robot must count a hostile command under."""
+    try:
+        command = decode(data, JointCommand, joint_count=WALKER.n_a)
+    except SchemaVersionError:
+        return "schema"
+    except MessageError:
+        return "malformed"
+    return "sequence" if command.commander == "ann" else "lease"
+
+
+def test_no_hostile_command_reaches_a_servo_and_each_is_counted(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        running(robot, endpoints, TABLE, Pace.LOCKSTEP) as plant,
+        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus,
+    ):
+        statuses = Latest(bus.channel(topic("status").key, depth=1), RobotStatus)
+        commands = bus.channel("cmd/joints", depth=1)
+        publisher = bus.publisher("cmd/joints", urgent=True)
+        wait_until(lambda: publisher.matching_status.matching, what="the robot")
+
+        def refused() -> int:
+            status = statuses.poll()
+            return sum(status.refused.values()) if status else 0
+
+        with running(stabilizer, endpoints, Pace.LOCKSTEP) as controller:
+            wait_until(
+                lambda: (status := statuses.poll()) and is_running(status),
+                what="the run",
+            )
+            heard = wait_until(commands.poll, what="a command")
+            assert heard is not None
+            hostile = hostile_commands(heard)
+            for end in range(BATCH, COUNT + 1, BATCH):
+                for data in hostile[end - BATCH : end]:
+                    publisher.put(data)
+                wait_until(lambda end=end: refused() >= end, what=f"{end} refusals")
+            answered = controller.result()
+        run = plant.result()
+    assert run.result.refused == Counter(map(why_refused, hostile))
+    assert set(run.result.refused) == {"malformed", "schema", "lease", "sequence"}
+    assert run.result.clipped == {}
+    assert run.result.deadline_misses == 0
+    assert answered.ticks == run.result.ticks == 8000
+    assert run.result.log_sha256 == in_one_process(TABLE)

@@ -1,0 +1,100 @@
+"""The whole-body stabilizer killed on the standing robot, again and again."""
+
+from __future__ import annotations
+
+import signal
+import time
+from typing import Any
+
+import numpy as np
+
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode
+from schemas.scenario import scenario_from_table
+from schemas.settings import ControllerSettings
+from sim_robot.node import RobotRun, run_robot
+from stabilizer.node import run_stabilizer
+from stabilizer.whole_body import WholeBodyController
+from tests.nodes.processes import SEED, robot, running
+from tests.nodes.test_nodes import LONG, NOISE, is_running, observer
+from tests.support import DEADLINE_S
+
+WALKER = load_robot("walker")
+TABLE = {"duration_s": 90.0, "sensors": NOISE}
+KILLS = 3
+ROUNDING_RAD = 1e-12
+NOTICED_WITHIN_S = 1.0
+
+
+def recorded_robot(endpoints: Endpoints) -> RobotRun:
+    scenario = scenario_from_table({"name": "test", **TABLE}, source="test")
+    return run_robot(
+        WALKER,
+        scenario,
+        seed=SEED,
+        endpoints=endpoints,
+        pace=Pace.LOCKSTEP,
+        record=True,
+        wait_s=DEADLINE_S,
+    )
+
+
+def whole_body(endpoints: Endpoints, identity: str) -> Any:
+    return run_stabilizer(
+        WholeBodyController(WALKER, ControllerSettings()),
+        WALKER,
+        endpoints=endpoints,
+        pace=Pace.LOCKSTEP,
+        identity=identity,
+        connect_timeout_s=DEADLINE_S,
+    )
+
+
+def test_a_killed_stabilizer_never_makes_the_robot_jump_and_the_next_one_goes_on(
+    endpoints: Endpoints,
+) -> None:
+    rng = np.random.default_rng(0)
+    with (
+        running(recorded_robot, endpoints) as plant,
+        observer(endpoints) as when,
+    ):
+        for index in range(KILLS + 1):
+            name = f"ann-{index}"
+            with running(whole_body, endpoints, name) as controller:
+                first = when(
+                    lambda s, name=name: s.commander == name and is_running(s),
+                    what=f"{name} in command",
+                )
+                end = first.tick + int(rng.integers(50, 800))
+                when(lambda s, end=end: s.tick >= end, what=f"tick {end}")
+                if index == KILLS:
+                    controller.signal(signal.SIGTERM)
+                    assert controller.result().reason == "stopped: SIGTERM"
+                else:
+                    controller.kill()
+            held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
+            assert name in held.reason
+        plant.signal(signal.SIGINT)
+        run = plant.result()
+    assert not run.result.fell
+    assert run.result.clipped == {}
+    steps = np.abs(np.diff(run.recording["q_command"], axis=0))
+    limit = WALKER.file.gate.step_limit_rad
+    assert 0.0 < steps.max() <= limit + ROUNDING_RAD
+    up = run.recording["base_quat_xyzw"][-1]
+    assert 2.0 * np.linalg.norm(up[:2]) < 0.05  # leans by less than 3 deg
+
+
+def test_a_killed_robot_is_noticed_within_a_second(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant,
+        observer(endpoints) as when,
+        running(whole_body, endpoints, "ann") as controller,
+    ):
+        when(is_running, what="the run")
+        plant.kill()
+        killed_s = time.monotonic()
+        assert controller.result().reason == "the robot is gone"
+        assert time.monotonic() - killed_s < NOTICED_WITHIN_S

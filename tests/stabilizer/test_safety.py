@@ -1,0 +1,186 @@
+"""What the safety layer makes of healthy runs, of lost sensors and of a fall."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from robot_io.snapshot import Snapshot
+from schemas.scenario import scenario_from_table
+from schemas.settings import SafetySettings
+from sim_robot.simulated_robot import SimulatedRobot
+from stabilizer.health import FRESH
+from stabilizer.hold import HoldController
+from stabilizer.safety import Safety, SafetyState
+from tests.stabilizer.closed_loop import NOISE
+from tests.stabilizer.watched_run import watched_run
+
+ACTIVE, DEGRADED = SafetyState.ACTIVE, SafetyState.DEGRADED
+STOPPING, HELD = SafetyState.STOPPING, SafetyState.HELD
+FEET = ("left_ankle_ft", "right_ankle_ft")
+SILENT = dict.fromkeys(NOISE, 0.0)
+
+
+def motion(axis: str, kind: str, **more: float) -> dict[str, Any]:
+    return {"axis": axis, "kind": kind, "start_s": 0.3, **more}
+
+
+def sine(axis: str, amplitude_deg: float, frequency_hz: float) -> dict[str, Any]:
+    return motion(axis, "sine", amplitude_deg=amplitude_deg, frequency_hz=frequency_hz)
+
+
+DROP = [
+    motion("z", "drop", amplitude_m=-0.08),
+    motion("roll", "ramp", amplitude_deg=10.0, rate_deg_s=100.0),
+]
+RAMP = [motion("roll", "ramp", amplitude_deg=15.0, rate_deg_s=180.0)]
+PUSH = {"body": "torso", "force_n": [0.0, 200.0, 0.0], "start_s": 0.3}
+HEALTHY: dict[str, dict[str, Any]] = {
+    "standing": {"duration_s": 1.0},
+    "slow": {
+        "duration_s": 2.0,
+        "platform": [{"foot": "both", "motion": [sine("roll", 6.0, 0.25)]}],
+    },
+    "fast": {
+        "duration_s": 2.0,
+        "platform": [{"foot": "both", "motion": [sine("pitch", 6.0, 0.8)]}],
+    },
+    "drop": {
+        "duration_s": 1.5,
+        "platform": [{"foot": "left", "motion": DROP}, {"foot": "right"}],
+    },
+    "ramp": {"duration_s": 1.0, "platform": [{"foot": "both", "motion": RAMP}]},
+    "push": {"duration_s": 1.2, "push": [{**PUSH, "duration_s": 0.1}]},
+}
+
+
+@pytest.mark.parametrize("sensors", [NOISE, SILENT], ids=["noise", "no noise"])
+@pytest.mark.parametrize("name", HEALTHY)
+def test_healthy_runs_do_not_know_that_they_are_watched(
+    walker: Robot, name: str, sensors: dict[str, float]
+) -> None:
+    scenario = {**HEALTHY[name], "sensors": sensors}
+    watched = watched_run(walker, **scenario)
+    alone = watched_run(walker, is_watched=False, **scenario)
+    assert watched.reasons == [""]
+    assert watched.log_sha256 == alone.log_sha256
+
+
+def fault(sensor: str, kind: str, **more: float) -> dict[str, Any]:
+    row = {"sensor": sensor, "kind": kind, "start_s": 0.3, "duration_s": 10.0}
+    return row | more
+
+
+WORDS = {
+    "drop": "missing",
+    "freeze": "frozen",
+    "nan": "missing",
+    "jump": "jumped",
+    "range": "beyond its range",
+}
+
+
+@pytest.mark.parametrize("kind", WORDS)
+@pytest.mark.parametrize("sensor", ["joints", "imu", *FEET])
+def test_a_lost_sensor_is_named_and_the_robot_stands(
+    walker: Robot, sensor: str, kind: str
+) -> None:
+    size = {"size": 9000.0} if kind == "jump" and sensor in FEET else {}
+    run = watched_run(walker, duration_s=1.0, fault=[fault(sensor, kind, **size)])
+    assert not run.fell
+    if sensor in FEET:
+        assert run.states == [ACTIVE, DEGRADED]
+        assert run.reason == f"{sensor} {WORDS[kind]}"
+    else:
+        assert run.states == [ACTIVE, STOPPING, HELD]
+        assert run.reason == f"held: {sensor} {WORDS[kind]}"
+
+
+@pytest.mark.parametrize("sensor", FEET)
+def test_an_offset_as_large_as_an_impact_is_told_by_its_length(
+    walker: Robot, sensor: str
+) -> None:
+    run = watched_run(walker, duration_s=1.0, fault=[fault(sensor, "jump")])
+    assert not run.fell
+    assert run.states == [ACTIVE, DEGRADED]
+    assert run.reason == f"{sensor} overloaded"
+
+
+@pytest.mark.parametrize("sensor", ["joints", "imu", *FEET])
+@pytest.mark.parametrize("kind", ["drop", "nan", "range"])
+def test_a_moment_without_a_sensor_is_bridged(
+    walker: Robot, sensor: str, kind: str
+) -> None:
+    short = fault(sensor, kind, duration_s=0.009)
+    run = watched_run(walker, duration_s=0.6, fault=[short])
+    assert not run.fell
+    assert run.reasons == [""]
+
+
+@pytest.mark.parametrize("kind", ["drop", "freeze", "range"])
+def test_an_ankle_sensor_that_is_back_is_believed_again(
+    walker: Robot, kind: str
+) -> None:
+    short = fault("right_ankle_ft", kind, duration_s=0.1)
+    run = watched_run(walker, duration_s=0.8, fault=[short])
+    assert not run.fell
+    assert run.states == [ACTIVE, DEGRADED, ACTIVE]
+    assert run.reasons == ["", f"right_ankle_ft {WORDS[kind]}", ""]
+
+
+def test_both_ankle_sensors_lost_hold_the_posture(walker: Robot) -> None:
+    both = [fault(sensor, "drop") for sensor in FEET]
+    run = watched_run(walker, duration_s=1.0, fault=both)
+    assert not run.fell
+    assert run.states == [ACTIVE, STOPPING, HELD]
+    assert run.reason == "held: left_ankle_ft missing, right_ankle_ft missing"
+
+
+# A fall ----------------------------------------------------------------------------
+
+
+def standing_readings(walker: Robot, ticks: int) -> list[Snapshot]:
+    table = {"name": "test", "duration_s": 10.0, "sensors": NOISE}
+    scenario = scenario_from_table(table, source="test")
+    simulated = SimulatedRobot(walker, scenario, seed=0)
+    readings = []
+    for _ in range(ticks):
+        readings.append(simulated.sense())
+        simulated.step()
+    return readings
+
+
+def answer(walker: Robot, readings: list[Snapshot]) -> Safety:
+    safety = Safety(HoldController(walker.n_a), walker, SafetySettings())
+    safety.start(readings[0], walker.nominal)
+    for reading in readings:
+        safety.step(reading, FRESH)
+    return safety
+
+
+@pytest.mark.parametrize(("lean", "fell"), [(0.75, False), (0.85, True)])
+def test_leaning_too_far_is_a_fall(walker: Robot, lean: float, fell: bool) -> None:
+    readings = standing_readings(walker, 20)
+    attitude = np.array([math.sin(0.5 * lean), 0.0, 0.0, math.cos(0.5 * lean)])
+    leaning = [replace(reading, quat_xyzw=attitude) for reading in readings[1:]]
+    safety = answer(walker, [readings[0], *leaning])
+    assert safety.has_fallen == fell
+    assert safety.reason == ("fell: leans by 49 deg" if fell else "")
+
+
+@pytest.mark.parametrize(("ticks", "fell"), [(900, False), (1100, True)])
+def test_feet_without_load_for_a_second_are_a_fall(
+    walker: Robot, ticks: int, fell: bool
+) -> None:
+    readings = standing_readings(walker, ticks)
+    lift = np.array([0.0, 0.0, 400.0, 0.0, 0.0, 0.0])
+    lifted = [
+        replace(r, ft_left=r.ft_left - lift, ft_right=r.ft_right - lift)
+        for r in readings
+    ]
+    assert answer(walker, lifted).has_fallen == fell

@@ -1,0 +1,86 @@
+"""The real controller, watched or not, on the simulated robot in one process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from robot_io.delivery import Delivery
+from robot_io.robot import Robot
+from schemas.result import Distribution
+from schemas.scenario import scenario_from_table
+from schemas.settings import ControllerSettings
+from sim_robot.simulated_robot import SimulatedRobot
+from stabilizer.controller import Controller
+from stabilizer.safety import Safety, SafetyState
+from stabilizer.whole_body import WholeBodyController
+from tests.stabilizer.closed_loop import DELAY, NOISE
+
+
+@dataclass(frozen=True)
+class WatchedRun:
+    """How a run went.
+
+    Attributes:
+        log_sha256: fingerprint of all readings and commands.
+        fell: whether the robot did.
+        states: what the safety layer went through, each stay once.
+        reason: its last word.
+        reasons: all it gave, each once, in order.
+    """
+
+    log_sha256: str
+    fell: bool
+    states: list[SafetyState]
+    reason: str
+    reasons: list[str]
+
+
+def watched_run(
+    robot: Robot, *, is_watched: bool = True, seed: int = 0, **scenario: Any
+) -> WatchedRun:
+    """Runs a scenario; other keywords are its keys, noise and delay as shipped."""
+    table = {"name": "test", "sensors": NOISE, "delay": DELAY, **scenario}
+    simulated = SimulatedRobot(
+        robot, scenario_from_table(table, source="test"), seed=seed
+    )
+    settings = ControllerSettings()
+    controller: Controller = WholeBodyController(robot, settings)
+    safety = Safety(controller, robot, settings.safety)
+    safety.start(simulated.sense(), simulated.held_posture)
+    delivery, commands = Delivery(), {}
+    states, reasons = [safety.state], [safety.reason]
+    while not simulated.finished:
+        tick = simulated.tick
+        snapshot, ages = delivery.deliver(simulated.sense(), simulated.unread_sensors)
+        if not is_watched:
+            commands[tick] = controller.step(snapshot).q_command.copy()
+        elif not safety.is_done:
+            commands[tick] = safety.step(snapshot, ages).q_command.copy()
+        if safety.state is not states[-1]:
+            states.append(safety.state)
+        if safety.reason != reasons[-1]:
+            reasons.append(safety.reason)
+        due = simulated.commands_needed(tick)
+        if due in commands:
+            simulated.apply(commands.pop(due), tick=due)
+        simulated.step()
+    return WatchedRun(
+        log_sha256=_fingerprint(simulated),
+        fell=simulated.fell,
+        states=states,
+        reason=safety.reason,
+        reasons=reasons,
+    )
+
+
+def _fingerprint(simulated: SimulatedRobot) -> str:
+    nothing = Distribution(median=0.0, p99=0.0, max=0.0)
+    return simulated.result(
+        real_time_factor=0.0,
+        round_trip_ms=nothing,
+        period_jitter_ms=nothing,
+        deadline_misses=0,
+        refused={},
+        clipped={},
+    ).log_sha256
