@@ -6,7 +6,10 @@ from typing import Annotated
 
 import typer
 
+from cli.certs_command import certs
+from cli.check_robot_command import check_robot
 from cli.robot_command import robot
+from cli.router_command import router
 from cli.run_command import run
 from cli.scenarios_command import scenarios
 from cli.stabilizer_command import stabilizer
@@ -50,3 +53,6 @@ app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
 app.command()(scenarios)
+app.command()(router)
+app.command()(certs)
+app.command("check-robot")(check_robot)

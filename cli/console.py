@@ -71,3 +71,30 @@ def progress_bar(
             bar.update(task, completed=tick, simulated=text)
 
         yield advance
+
+
+@contextmanager
+def count_bar(title: str, *, total: int, done: int) -> Iterator[Callable[[], None]]:
+    """Shows how many of many runs are done, and the time left, on a terminal only.
+
+    Args:
+        title: what is running.
+        total: of all runs.
+        done: already, before now.
+
+    Yields:
+        A function to be called after each.
+    """
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed:.0f} of {task.total:.0f} runs"),
+        TimeRemainingColumn(),
+        console=_stderr,
+        refresh_per_second=REFRESH_HZ,
+        disable=not _stderr.is_terminal,
+        transient=True,
+    )
+    with bar:
+        task = bar.add_task(title, total=total, completed=done)
+        yield lambda: bar.advance(task)

@@ -7,28 +7,39 @@ from pathlib import Path
 
 import msgspec
 
-from schemas.endpoints import Endpoints
-from schemas.toml_file import load
+from schemas.endpoints import Endpoints, load_endpoints
 
 
 def choose_endpoints(
-    file: Path | None, *, listen: list[str], connect: list[str]
+    file: Path | None,
+    *,
+    listen: list[str],
+    connect: list[str],
+    router: list[str] | None = None,
+    insecure: bool = False,
 ) -> Endpoints:
     """Joins an endpoint file and the command line.
 
     Args:
         file: endpoint file, or None for the defaults.
         listen: replaces the file's ``listen`` unless empty.
-        connect: replaces the file's ``connect`` unless empty.
+        connect: replaces the file's ``connect`` and ``router`` unless empty.
+        router: replaces the file's ``router`` unless empty.
+        insecure: listen on other addresses than loopback without TLS.
 
     Raises:
         FileFormatError: the file cannot be used.
     """
-    endpoints = Endpoints() if file is None else load(file, Endpoints)
+    endpoints = Endpoints() if file is None else load_endpoints(file)
     if listen:
         endpoints = msgspec.structs.replace(endpoints, listen=list(listen))
     if connect:
         endpoints = msgspec.structs.replace(endpoints, connect=list(connect))
+        endpoints = msgspec.structs.replace(endpoints, router=[])
+    if router:
+        endpoints = msgspec.structs.replace(endpoints, router=list(router))
+    if insecure:
+        endpoints = msgspec.structs.replace(endpoints, insecure=True)
     return endpoints
 
 

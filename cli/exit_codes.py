@@ -32,6 +32,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     """
     from cli.errors import ChildFailedError, UsageError
     from robot_io.errors import (
+        CertificateError,
         EndpointError,
         LocatorError,
         RobotFileError,
@@ -49,7 +50,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
         return ExitCode.UNREACHABLE
     if isinstance(error, (UsageError, SchemaError, RobotFileError, ScenarioError)):
         return ExitCode.USAGE
-    if isinstance(error, LocatorError):
+    if isinstance(error, (LocatorError, CertificateError)):
         return ExitCode.USAGE
     if isinstance(error, EndpointError):
         return ExitCode.ENVIRONMENT

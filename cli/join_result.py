@@ -32,6 +32,7 @@ def join_result(
         force_deviation_rms_n=plant.force_deviation_rms_n,
         force_peak_n=plant.force_peak_n,
         contact_lost_s=plant.contact_lost_s,
+        contact_gap_s=plant.contact_gap_s,
         real_time_factor=plant.real_time_factor,
         tick_ms=controller.tick_ms,
         round_trip_ms=plant.round_trip_ms,

@@ -13,6 +13,7 @@ class ControllerName(StrEnum):
     """Controllers there are."""
 
     WHOLE_BODY = "whole-body"
+    ZMP = "zmp"
     HOLD = "hold"
 
 
@@ -48,7 +49,7 @@ SettingsOption = Annotated[
     typer.Option(
         "--settings",
         metavar="FILE",
-        help="Controller settings (.toml); any subset.",
+        help="Shipped settings (zmp-stock, zmp-tuned), or a file (.toml); any subset.",
         rich_help_panel=_CONTROLLER,
     ),
 ]
@@ -85,6 +86,24 @@ ConnectOption = Annotated[
         "--connect",
         metavar="LOCATOR",
         help="Dial the robot here. May be repeated.",
+        rich_help_panel=_BUS,
+    ),
+]
+RouterOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--router",
+        metavar="LOCATOR",
+        help="Dial a router here instead of listening. May be repeated.",
+        rich_help_panel=_BUS,
+    ),
+]
+InsecureOption = Annotated[
+    bool,
+    typer.Option(
+        "--insecure",
+        help="Listen on other addresses than loopback without TLS: anyone on that "
+        "network can then command the robot.",
         rich_help_panel=_BUS,
     ),
 ]

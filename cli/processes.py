@@ -79,13 +79,12 @@ def run_processes(
 
 
 def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
-    profile = plan.servo_profile
     return [
         *("robot", str(plan.scenario_path)),
         *("--seed", str(plan.seed)),
         *_shared_words(plan),
-        *(("--servo-profile", profile) if profile is not None else ()),
         *(word for locator in endpoints.listen for word in ("--listen", locator)),
+        *(["--insecure"] if endpoints.insecure else []),
     ]
 
 
@@ -98,4 +97,8 @@ def _stabilizer_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
 
 
 def _shared_words(plan: RunPlan) -> list[str]:
-    return ["--robot", plan.robot_name, f"--{plan.mode}"]
+    profile = plan.servo_profile
+    return [
+        *("--robot", plan.robot_name, f"--{plan.mode}"),
+        *(("--servo-profile", profile) if profile is not None else ()),
+    ]

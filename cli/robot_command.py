@@ -24,6 +24,8 @@ def robot(
     lockstep: options.LockstepOption = True,
     endpoints: options.EndpointsOption = None,
     listen: options.ListenOption = None,
+    router: options.RouterOption = None,
+    insecure: options.InsecureOption = False,
     as_json: options.JsonOption = False,
     child: options.ChildOption = False,
     result_file: options.ResultFileOption = None,
@@ -45,10 +47,16 @@ def robot(
         begin_as_child()
     model = load_robot(robot, servo_profile=servo_profile)
     world = open_scenario(scenario)
-    meeting = choose_endpoints(endpoints, listen=listen or [], connect=[])
+    meeting = choose_endpoints(
+        endpoints,
+        listen=listen or [],
+        connect=[],
+        router=router,
+        insecure=insecure,
+    )
     log_note(
         f"{model.file.name} in {scenario!r} waits for a stabilizer at "
-        f"{', '.join(meeting.listen)}"
+        f"{', '.join(meeting.router or meeting.listen)}"
     )
     from sim_robot.node import run_robot  # heavy: a wrong file is told first
 

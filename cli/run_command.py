@@ -96,7 +96,13 @@ def _meeting(
 
     if file is None and not listen and not connect:
         return None
-    return choose_endpoints(file, listen=listen, connect=connect or listen)
+    meeting = choose_endpoints(file, listen=listen, connect=connect or listen)
+    if meeting.tls is not None or meeting.router:
+        raise UsageError(
+            "an endpoint file with [tls] or a router is for one process; start "
+            "surefoot robot and surefoot stabilizer, each with its own file"
+        )
+    return meeting
 
 
 def _execute(

@@ -14,6 +14,7 @@ from schemas.scenario import Scenario, load_scenario
 from schemas.settings import ControllerSettings, build_settings
 from schemas.toml_file import read_toml
 from sim_robot.catalogue import find_scenario
+from stabilizer.shipped_settings import find_settings
 
 Mode = Literal["lockstep", "realtime", "inline"]
 
@@ -90,12 +91,17 @@ def make_plan(
 def load_settings(file: Path | None, *, overrides: list[str]) -> ControllerSettings:
     """Joins defaults, a settings file and overrides ``section.name=value``.
 
+    Args:
+        file: path, or name of shipped settings.
+        overrides: texts ``section.name=value``.
+
     Raises:
         FileFormatError: an unknown key, a wrong type, a value out of range.
     """
-    table = {} if file is None else read_toml(file)
-    source = "--set" if file is None else str(file)
-    return build_settings(table, overrides=overrides, source=source)
+    if file is None:
+        return build_settings({}, overrides=overrides, source="--set")
+    path = find_settings(file)
+    return build_settings(read_toml(path), overrides=overrides, source=str(path))
 
 
 def settings_text(settings: ControllerSettings) -> str:

@@ -14,6 +14,7 @@ from cli.exit_codes import ExitCode
 def stabilizer(
     controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     lockstep: options.LockstepOption = True,
     wait_s: Annotated[
         float,
@@ -47,12 +48,12 @@ def stabilizer(
     set_up_logging("stabilizer")
     if child:
         begin_as_child()
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     resolved = load_settings(settings, overrides=overrides or [])
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     log_note(
-        f"{controller} for {model.file.name} dials {', '.join(meeting.connect)} for "
-        f"{wait_s:g} s at most"
+        f"{controller} for {model.file.name} dials "
+        f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
     )
     # Heavy: a wrong file is told first.
     from stabilizer.factory import make_controller

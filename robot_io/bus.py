@@ -39,6 +39,7 @@ class Bus:
         *,
         namespace: str,
         timeout_s: float = CONNECT_TIMEOUT_S,
+        keys: dict[str, str] | None = None,
     ) -> None:
         """Prepares; entering the context opens the session.
 
@@ -47,9 +48,11 @@ class Bus:
             role: robot or client.
             namespace: the robot's.
             timeout_s: how long a client dials before it gives up [s].
+            keys: the robot's keys, for access control; the usual ones when None.
         """
         self._endpoints, self._role, self._namespace = endpoints, role, namespace
         self._timeout_s = timeout_s
+        self._keys = keys
         self._stack = ExitStack()
         self._tokens: list[zenoh.LivelinessToken] = []
         """Kept: one that nobody holds is withdrawn at once."""
@@ -68,6 +71,7 @@ class Bus:
                     self._role,
                     namespace=self._namespace,
                     timeout_s=self._timeout_s,
+                    keys=self._keys,
                 )
             )
             self.waker = Waker(self.session, granularity_s=GRANULARITY_S)

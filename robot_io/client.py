@@ -19,7 +19,7 @@ from robot_io.latest import Latest
 from robot_io.robot import Robot
 from robot_io.sensor import Sensor
 from robot_io.service_caller import ServiceCaller
-from robot_io.session import Role
+from robot_io.session import Role, unreachable
 from robot_io.stop_request import StopRequest
 from schemas.arrays import Array
 from schemas.codec import encode
@@ -302,10 +302,7 @@ class RobotClient:
         return True
 
     def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
-        return RobotUnreachableError(
-            f"{what} at {', '.join(self._endpoints.connect)} within {timeout_s:g} s; "
-            "is the robot running (surefoot robot), and does it listen there?"
-        )
+        return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
 
     def _ask_lease(self, action: str) -> ServiceReply:
         request = LeaseRequest(

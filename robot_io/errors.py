@@ -35,3 +35,7 @@ class RequestRefusedError(RobotIoError):
         """Keeps the robot's reason beside the message."""
         super().__init__(message)
         self.reason = reason
+
+
+class CertificateError(RobotIoError, ValueError):
+    """Certificates cannot be made as asked; nothing was overwritten."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -18,9 +19,11 @@ from robot_io.robot_check import check_robot
 from schemas.arrays import Array
 from schemas.errors import FileFormatError
 from schemas.robot_file import Foot, RobotFile, ServoProfile
-from schemas.toml_file import load
+from schemas.toml_file import convert, read_toml
 from schemas.topics import resolve_keys
 
+EXTENDS = "extends"
+"""Key of a robot file: another one, relative to it, that it changes."""
 ROBOTS_DIR = Path(__file__).parent / "robots"
 
 
@@ -170,10 +173,10 @@ def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
         FileFormatError: the TOML is malformed.
     """
     path = find_robot(name_or_path)
-    file = load(path, RobotFile)
+    file, urdf_folder = _read(path)
     if servo_profile is not None:
         file = _with_profile(file, servo_profile)
-    urdf_path = (path.parent / file.urdf).resolve()
+    urdf_path = (urdf_folder / file.urdf).resolve()
     if not urdf_path.is_file():
         raise RobotFileError(f"{path}: urdf: no such file: {urdf_path}")
     ranges = check_robot(file, path, urdf_path)
@@ -185,6 +188,35 @@ def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
         lower=ranges.lower,
         upper=ranges.upper,
     )
+
+
+def _read(path: Path) -> tuple[RobotFile, Path]:
+    """The file, on top of the one it extends, and the folder of its URDF."""
+    table = read_toml(path)
+    folder = path.parent
+    if EXTENDS in table:
+        below = path.parent / str(table.pop(EXTENDS))
+        table, folder = _merged(path, table, below=below)
+    return convert(table, RobotFile, source=str(path)), folder
+
+
+def _merged(
+    path: Path, table: dict[str, Any], *, below: Path
+) -> tuple[dict[str, Any], Path]:
+    """A table over that of another file; tables in it are merged, all else replaced."""
+    base = read_toml(below)
+    if EXTENDS in base:
+        raise FileFormatError(
+            f"{path}: {EXTENDS}: {below} itself extends another file; extend that one",
+            field=EXTENDS,
+        )
+    folder = path.parent if "urdf" in table else below.parent
+    for name, value in table.items():
+        if isinstance(value, dict) and isinstance(base.get(name), dict):
+            base[name] = {**base[name], **value}
+        else:
+            base[name] = value
+    return base, folder
 
 
 def _with_profile(file: RobotFile, profile: str) -> RobotFile:

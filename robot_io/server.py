@@ -58,7 +58,9 @@ class RobotServer:
         self._robot = robot
         self._gate = gate
         self._stop = stop
-        self._bus = Bus(endpoints, Role.ROBOT, namespace=robot.file.namespace)
+        self._bus = Bus(
+            endpoints, Role.ROBOT, namespace=robot.file.namespace, keys=robot.keys
+        )
         self._stack = ExitStack()
         self._tick = 0
         self._status_due_s = 0.0

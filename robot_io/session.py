@@ -10,20 +10,25 @@ from __future__ import annotations
 
 import json
 import logging
-import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 
 import zenoh
 
-from robot_io.errors import EndpointError, LocatorError, RobotUnreachableError
+from robot_io.access import access_control
+from robot_io.errors import EndpointError, RobotUnreachableError
+from robot_io.exposure import (
+    SECURED,
+    check_encryption,
+    check_exposure,
+    check_locators,
+)
 from schemas.arrays import JsonObject
 from schemas.codec import MAX_MESSAGE_BYTES
-from schemas.endpoints import DEFAULT_LOCATOR, Endpoints
+from schemas.endpoints import Endpoints
+from schemas.topics import resolve_keys
 
-PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
-LOCATOR = re.compile(r"(?:(?:tcp|tls|quic|udp|ws)/\S+:\d+|unixsock-stream/\S+)")
 CONNECT_TIMEOUT_S = 5.0
 MS_PER_S = 1e3
 QUERY_TIMEOUT_MS = 1000
@@ -43,9 +48,11 @@ class Role(StrEnum):
     """Which end of the bus a process is."""
 
     ROBOT = "robot"
-    """Listens."""
+    """Listens; dials only where there is a router."""
     CLIENT = "client"
-    """Dials the robot: stabilizer, planner, tools."""
+    """Dials the robot, or the router: stabilizer, planner, tools."""
+    ROUTER = "router"
+    """Listens for all the others, the robot included."""
 
 
 @contextmanager
@@ -55,6 +62,7 @@ def open_session(
     *,
     namespace: str,
     timeout_s: float = CONNECT_TIMEOUT_S,
+    keys: dict[str, str] | None = None,
 ) -> Iterator[zenoh.Session]:
     """Opens a session and closes it whatever happens.
 
@@ -65,14 +73,18 @@ def open_session(
         endpoints: both sides of the bus; the role picks its own.
         role: robot or client.
         namespace: put before every key on the wire, such as ``walker``.
-        timeout_s: how long a client dials before it gives up [s].
+        timeout_s: how long who dials does so before it gives up [s].
+        keys: channel name to key, for access control; the usual ones when None.
 
     Raises:
-        EndpointError: the robot cannot listen there, or a locator is malformed.
-        RobotUnreachableError: nobody answers where a client dials.
+        EndpointError: cannot listen there, or a locator is malformed.
+        LocatorError: a locator is malformed, or open to a network without TLS.
+        RobotUnreachableError: nobody answers where it dials.
     """
-    _check_locators(endpoints, role)
-    config = session_config(endpoints, role, namespace=namespace, timeout_s=timeout_s)
+    _check(endpoints, role)
+    config = session_config(
+        endpoints, role, namespace=namespace, timeout_s=timeout_s, keys=keys
+    )
     try:
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
@@ -83,31 +95,46 @@ def open_session(
         _close(session)
 
 
+def listens(endpoints: Endpoints, role: Role) -> bool:
+    """Whether a process waits for the others to come."""
+    return role is Role.ROUTER or (role is Role.ROBOT and not endpoints.router)
+
+
+def dialed(endpoints: Endpoints) -> list[str]:
+    """Where those dial that do not listen."""
+    return endpoints.router or endpoints.connect
+
+
 def session_config(
-    endpoints: Endpoints, role: Role, *, namespace: str, timeout_s: float
+    endpoints: Endpoints,
+    role: Role,
+    *,
+    namespace: str,
+    timeout_s: float,
+    keys: dict[str, str] | None = None,
 ) -> JsonObject:
     """Zenoh's configuration for a process.
 
     Args:
         endpoints: both sides of the bus.
-        role: robot or client.
+        role: robot, client or router.
         namespace: put before every key on the wire.
-        timeout_s: how long a client dials before it gives up [s].
+        timeout_s: how long who dials does so before it gives up [s].
+        keys: channel name to key, for access control; the usual ones when None.
 
     Returns:
         What Zenoh's JSON5 file would hold.
     """
-    listens = role is Role.ROBOT
-    return {
-        "mode": "peer" if listens else "client",
-        "namespace": namespace,
+    is_listening = listens(endpoints, role)
+    config: JsonObject = {
+        "mode": _mode(role, is_listening=is_listening),
         "metadata": {"name": namespace, "role": role.value},
         "listen": {
-            "endpoints": endpoints.listen if listens else [],
+            "endpoints": endpoints.listen if is_listening else [],
             "exit_on_failure": True,
         },
         "connect": {
-            "endpoints": [] if listens else endpoints.connect,
+            "endpoints": [] if is_listening else dialed(endpoints),
             "timeout_ms": round(timeout_s * MS_PER_S),
             "exit_on_failure": True,
             "retry": {
@@ -125,6 +152,31 @@ def session_config(
         "queries_default_timeout": QUERY_TIMEOUT_MS,
         "transport": _transport(endpoints),
     }
+    if role is not Role.ROUTER:  # a router hears the keys as they are on the wire
+        config["namespace"] = namespace
+    if is_listening:
+        config["low_pass_filter"] = [_size_limit(endpoints)]
+    if is_listening and endpoints.tls is not None:
+        config["access_control"] = access_control(
+            endpoints.access, keys=keys or resolve_keys({}), namespace=namespace
+        )
+    return config
+
+
+def _mode(role: Role, *, is_listening: bool) -> str:
+    if role is Role.ROUTER:
+        return "router"
+    return "peer" if is_listening else "client"
+
+
+def _size_limit(endpoints: Endpoints) -> JsonObject:
+    return {
+        "id": "incoming",
+        "flows": ["ingress"],
+        "messages": ["put", "query", "reply", "delete"],
+        "key_exprs": ["**"],
+        "size_limit": endpoints.max_bytes,
+    }
 
 
 def _transport(endpoints: Endpoints) -> JsonObject:
@@ -137,6 +189,7 @@ def _transport(endpoints: Endpoints) -> JsonObject:
             "qos": {"enabled": True},  # without it a dropping publisher never recovers
         },
         "link": {
+            **_tls(endpoints),
             "rx": {"max_message_size": MAX_MESSAGE_BYTES},
             "tx": {
                 "lease": endpoints.lease_ms,
@@ -148,6 +201,26 @@ def _transport(endpoints: Endpoints) -> JsonObject:
                     },
                 },
             },
+        },
+    }
+
+
+def _tls(endpoints: Endpoints) -> JsonObject:
+    """Certificates on both ends, and no other protocol beside."""
+    tls = endpoints.tls
+    if tls is None:
+        return {}
+    return {
+        "protocols": list(SECURED),
+        "tls": {
+            "root_ca_certificate": tls.ca,
+            "listen_certificate": tls.certificate,
+            "listen_private_key": tls.key,
+            "connect_certificate": tls.certificate,
+            "connect_private_key": tls.key,
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
         },
     }
 
@@ -165,30 +238,21 @@ def _cause(error: zenoh.ZError) -> str:
     return str(error).split(" at /")[0]
 
 
-def _check_locators(endpoints: Endpoints, role: Role) -> None:
-    """Zenoh would go on dialing a malformed one until the time is up."""
-    locators = endpoints.listen if role is Role.ROBOT else endpoints.connect
-    bad = [locator for locator in locators if not LOCATOR.match(locator)]
-    if bad or not locators:
-        raise LocatorError(
-            f"cannot {_verb(role)} {', '.join(bad) or 'nowhere'}; expected "
-            f"protocol/address with one of {', '.join(PROTOCOLS)}, such as "
-            f"{DEFAULT_LOCATOR}",
-            locators=locators,
-        )
-
-
-def _verb(role: Role) -> str:
-    return "listen on" if role is Role.ROBOT else "dial"
+def _check(endpoints: Endpoints, role: Role) -> None:
+    is_listening = listens(endpoints, role)
+    locators = endpoints.listen if is_listening else dialed(endpoints)
+    check_locators(locators, verb="listen on" if is_listening else "dial")
+    check_encryption(endpoints, locators)
+    if is_listening:
+        check_exposure(endpoints)
 
 
 def _open_error(
     endpoints: Endpoints, role: Role, error: zenoh.ZError, timeout_s: float
 ) -> EndpointError | RobotUnreachableError:
-    if role is Role.CLIENT:
+    if not listens(endpoints, role):
         return RobotUnreachableError(
-            f"nobody answers at {', '.join(endpoints.connect)} within {timeout_s:g} s; "
-            "is the robot running (surefoot robot), and does it listen there?"
+            unreachable(endpoints, "nobody answers", timeout_s)
         )
     why = _cause(error)
     if "in use" in why:
@@ -197,3 +261,20 @@ def _open_error(
         f"cannot listen on {', '.join(endpoints.listen)}: {why}",
         locators=endpoints.listen,
     )
+
+
+def unreachable(endpoints: Endpoints, what: str, timeout_s: float) -> str:
+    """Words for a bus on which the other side is not found.
+
+    Args:
+        endpoints: where it was dialed.
+        what: what was found instead.
+        timeout_s: how long was waited [s].
+    """
+    if endpoints.router:
+        hint = "are router and robot running (surefoot router, surefoot robot)"
+    else:
+        hint = "is the robot running (surefoot robot), and does it listen there"
+    if endpoints.tls is not None:
+        hint += "; is our certificate of its authority, and not expired"
+    return f"{what} at {', '.join(dialed(endpoints))} within {timeout_s:g} s; {hint}?"

@@ -1,26 +1,108 @@
-"""Endpoint file: where a process meets the others on the network."""
+"""Endpoint file: where a process meets the others on the network, and as whom."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import msgspec
 
-from schemas.toml_file import FileStruct
+from schemas.errors import FileFormatError
+from schemas.toml_file import FileStruct, load
 
 DEFAULT_LOCATOR = "tcp/127.0.0.1:7447"
+MAX_INCOMING_BYTES = 16384
+_READABLE_BY_OTHERS = 0o007
+
+
+class Tls(FileStruct, frozen=True, kw_only=True):
+    """Certificates of this process, as ``surefoot certs`` makes them.
+
+    Paths are relative to the endpoint file. Both ends show a certificate; one that the
+    authority did not sign, or that has expired, is turned away.
+    """
+
+    ca: str
+    """Certificate of the authority that signs everyone's (PEM)."""
+    certificate: str
+    """Certificate of this process (PEM); its common name is its identity."""
+    key: str
+    """Private key of this process (PEM); nobody else may read it."""
+
+
+class Access(FileStruct, frozen=True, kw_only=True):
+    """Common names by what they may do; used with TLS by who listens.
+
+    An identity without a place here may call the e-stop, and nothing else.
+    """
+
+    stabilizer: list[str] = msgspec.field(default_factory=lambda: ["stabilizer"])
+    """May command: ``cmd/**``, ``srv/**``, its own status; and read everything."""
+    planner: list[str] = msgspec.field(default_factory=lambda: ["planner"])
+    """May send references, and read everything."""
+    observer: list[str] = msgspec.field(default_factory=lambda: ["observer"])
+    """May read everything."""
+    robot: list[str] = msgspec.field(default_factory=lambda: ["robot"])
+    """May be the robot; a router asks."""
+    router: list[str] = msgspec.field(default_factory=lambda: ["router"])
+    """Passes on what others say, so it may do what they may; it checks them."""
 
 
 class Endpoints(FileStruct, frozen=True, kw_only=True):
     """Zenoh locators. The robot listens, everyone else dials.
 
     A file holds both sides; each process uses its own: the robot ``listen``, the
-    others ``connect``.
+    others ``connect``. With ``router``, all of them dial that instead, and it is the
+    router that listens.
     """
 
     listen: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
     connect: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
+    router: list[str] = []
+    """Where a router listens, when there is one: everyone dials it, also the robot."""
     lease_ms: Annotated[int, msgspec.Meta(ge=50, le=60000)] = 500
     """A peer silent for so long is gone."""
     retry_ms: Annotated[int, msgspec.Meta(ge=10, le=10000)] = 50
     """First pause between two attempts to connect; doubles up to four times."""
+    max_bytes: Annotated[int, msgspec.Meta(ge=1024, le=65536)] = MAX_INCOMING_BYTES
+    """Whoever listens drops longer messages before anything reads them [bytes]."""
+    insecure: bool = False
+    """Listen on other addresses than loopback although there is no TLS."""
+    tls: Tls | None = None
+    """Certificates; every locator must then be tls/ or quic/."""
+    access: Access = Access()
+    """Who may do what, by the common name of the certificate."""
+
+
+def load_endpoints(path: Path) -> Endpoints:
+    """Reads an endpoint file; paths in it become absolute.
+
+    Args:
+        path: of the TOML.
+
+    Raises:
+        FileFormatError: malformed, a certificate is missing, or others can read the
+            private key.
+    """
+    endpoints = load(path, Endpoints)
+    if endpoints.tls is None:
+        return endpoints
+    found = {}
+    for name, file in msgspec.structs.asdict(endpoints.tls).items():
+        place = (path.parent / file).absolute()
+        if not place.is_file():
+            raise FileFormatError(
+                f"{path}: tls.{name}: no such file: {place}; make it with surefoot "
+                "certs, or copy it here",
+                field=f"tls.{name}",
+            )
+        found[name] = place
+    mode = found["key"].stat().st_mode
+    if mode & _READABLE_BY_OTHERS:
+        raise FileFormatError(
+            f"{path}: tls.key: everyone can read {found['key']} (mode "
+            f"{mode & 0o777:o}); chmod 600 it, or make a new one if it got around",
+            field="tls.key",
+        )
+    tls = Tls(**{name: str(place) for name, place in found.items()})
+    return msgspec.structs.replace(endpoints, tls=tls)

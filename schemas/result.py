@@ -34,6 +34,8 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """True normal force against half the robot's weight, left and right."""
     force_peak_n: Pair
     contact_lost_s: Pair
+    contact_gap_s: Pair
+    """Longest time at a stretch without the ground, left and right."""
     real_time_factor: float
     round_trip_ms: Distribution
     """Sensors sent to command received, per tick."""
@@ -77,6 +79,8 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     force_deviation_rms_n: Pair
     force_peak_n: Pair
     contact_lost_s: Pair
+    contact_gap_s: Pair
+    """Longest time at a stretch without the ground, left and right."""
     real_time_factor: float
     tick_ms: Distribution
     round_trip_ms: Distribution

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 
 from schemas.errors import FileFormatError
 from schemas.robot_file import NonNegative, Positive
 from schemas.toml_file import FileStruct, convert
+from schemas.zmp_settings import ZmpSettings
 
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
@@ -70,6 +71,9 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     k_force: NegativeSix = (-50.0, -50.0, -50.0, -50.0, -50.0, -50.0)
     """Diagonal of K per foot, [x y z roll pitch yaw], negative. A wrench error moves
     the sole by Lambda_c^-1 / |K|: a smaller magnitude yields faster."""
+    k_lag_s: Positive = 0.01
+    """The servo profile's lag that doubles K: the loop through the feet must stay
+    slower than its delays [s]."""
     contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """Weight of the wrench law per foot axis."""
     yield_limit_m_s: Positive = 1.0
@@ -115,6 +119,11 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     """Lead that makes up for the low-pass and the damping of the drives [s]."""
     firm_force_n: Positive = 100.0
     """Feed-forward is whole above this normal force, and in proportion below [N]."""
+    edge_begins: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.7
+    """Rotations are fed forward whole while the centre of pressure keeps within this
+    part of the sole, and not at all at its edge, over which the foot may tip."""
+    edge_recovery_s: Positive = 0.03
+    """Time it takes to return after the pressure has left the edge [s]."""
     recovery_s: Positive = 0.2
     """Time it takes to return after a foot was unloaded [s]."""
 
@@ -164,14 +173,35 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
     """A foot just back takes its full share after this time."""
 
 
+class WholeBodySettings(FileStruct, frozen=True, kw_only=True):
+    """Which law the whole-body stabilizer follows."""
+
+    preset: Literal["surefoot", "paper"] = "surefoot"
+    """``paper`` is the published law alone: no motion of the ground fed forward,
+    one posture weight for all joints. Settings given besides it win."""
+
+
 class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     """All settings of all controllers."""
 
+    whole_body: WholeBodySettings = WholeBodySettings()
     tsid: TsidSettings = TsidSettings()
     dik: DikSettings = DikSettings()
     ground: GroundSettings = GroundSettings()
     estimator: EstimatorSettings = EstimatorSettings()
     contact: ContactSettings = ContactSettings()
+    zmp: ZmpSettings = ZmpSettings()
+
+
+PRESETS: dict[str, dict[str, dict[str, Any]]] = {
+    "surefoot": {},
+    "paper": {
+        "ground": {"gain": 0.0},
+        "tsid": {"leg_posture_weight": TsidSettings().posture_weight},
+        "dik": {"leg_posture_weight": DikSettings().posture_weight},
+    },
+}
+"""What each preset sets, where neither file nor command line says otherwise."""
 
 
 def build_settings(
@@ -204,7 +234,18 @@ def build_settings(
         part[name] = value
     if overrides:
         source = f"{source} with --set" if table else "--set"
-    return convert(_spread(merged), ControllerSettings, source=source)
+    return convert(_spread(_with_preset(merged)), ControllerSettings, source=source)
+
+
+def _with_preset(table: dict[str, Any]) -> dict[str, Any]:
+    """The table over the values of the preset it asks for, if it names a valid one."""
+    choice = table.get("whole_body")
+    name = choice.get("preset") if isinstance(choice, dict) else None
+    for section, values in PRESETS.get(str(name), {}).items():
+        part = table.setdefault(section, {})
+        if isinstance(part, dict):
+            table[section] = {**values, **part}
+    return table
 
 
 def _spread(table: dict[str, Any]) -> dict[str, Any]:

@@ -29,7 +29,8 @@ class StandingFigures:
         base_tilt_max: [rad].
         force_deviation_rms: (2,) normal force against half the weight [N].
         force_peak: (2,) normal force [N].
-        contact_lost_s: (2,) [s].
+        contact_lost_s: (2,) in all [s].
+        contact_gap_s: (2,) longest at a stretch: how long the ground was searched [s].
     """
 
     com_error_rms: Vec3
@@ -38,6 +39,7 @@ class StandingFigures:
     force_deviation_rms: Array
     force_peak: Array
     contact_lost_s: Array
+    contact_gap_s: Array
 
 
 class StandingState(Protocol):
@@ -88,6 +90,8 @@ class PlantMetrics:
         self._force_squares = [0.0, 0.0]
         self._force_peak = [0.0, 0.0]
         self._lost_ticks = [0, 0]
+        self._gap_ticks = [0, 0]
+        self._longest_gap = [0, 0]
 
     def update(self, state: StandingState, *, tick: int) -> None:
         """Takes in one tick; each tick once."""
@@ -96,6 +100,11 @@ class PlantMetrics:
         for foot, force in enumerate(forces):
             if force < CONTACT_LOST_N:
                 self._lost_ticks[foot] += 1
+                self._gap_ticks[foot] += 1
+                if self._gap_ticks[foot] > self._longest_gap[foot]:
+                    self._longest_gap[foot] = self._gap_ticks[foot]
+            else:
+                self._gap_ticks[foot] = 0
             if tick >= self._peak_from and force > self._force_peak[foot]:
                 self._force_peak[foot] = force
         if tick >= self._com_from:
@@ -111,6 +120,7 @@ class PlantMetrics:
             force_deviation_rms=np.sqrt(np.array(self._force_squares) / count),
             force_peak=np.array(self._force_peak),
             contact_lost_s=np.array(self._lost_ticks) * self._period_s,
+            contact_gap_s=np.array(self._longest_gap) * self._period_s,
         )
 
     def _count_errors(self, state: StandingState, forces: tuple[float, float]) -> None:

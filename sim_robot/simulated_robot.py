@@ -200,6 +200,7 @@ class SimulatedRobot:
             force_deviation_rms_n=figures.force_deviation_rms.tolist(),
             force_peak_n=figures.force_peak.tolist(),
             contact_lost_s=figures.contact_lost_s.tolist(),
+            contact_gap_s=figures.contact_gap_s.tolist(),
             real_time_factor=real_time_factor,
             round_trip_ms=round_trip_ms,
             period_jitter_ms=period_jitter_ms,

@@ -7,8 +7,9 @@ from schemas.settings import ControllerSettings
 from stabilizer.controller import Controller
 from stabilizer.hold import HoldController
 from stabilizer.whole_body import WholeBodyController
+from stabilizer.zmp.zmp_controller import ZmpController
 
-CONTROLLERS = (WholeBodyController.name, HoldController.name)
+CONTROLLERS = (WholeBodyController.name, ZmpController.name, HoldController.name)
 
 
 def make_controller(
@@ -26,6 +27,8 @@ def make_controller(
     """
     if name == WholeBodyController.name:
         return WholeBodyController(robot, settings)
+    if name == ZmpController.name:
+        return ZmpController(robot, settings)
     if name == HoldController.name:
         return HoldController(robot.n_a)
     raise ValueError(

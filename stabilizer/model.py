@@ -47,6 +47,7 @@ class RobotModel:
         sole_ids: frame ids of left and right sole.
         T_sensor_sole: placement of each sole in its sensor frame.
         plates: what hangs below each sensor.
+        half_sizes: half length and half width of left and right sole [m].
         is_leg: (n_a,) whether a joint lies between base and a sole.
         T_base_imu: placement of the inertial unit in the base.
     """
@@ -89,6 +90,9 @@ class RobotModel:
         self.velocity_limit = robot.velocity_limit[self.to_model]
         self.nominal = robot.nominal[self.to_model]
         self.com_travel = robot.file.com_travel_m
+        self.half_sizes = [
+            (foot.half_length_m, foot.half_width_m) for foot in robot.file.foot
+        ]
         self.is_leg = self._leg_joints()
 
     def _read_fixed_frames(self, robot: Robot) -> None:

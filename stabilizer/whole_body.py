@@ -6,8 +6,6 @@ Data flows one way: snapshot -> estimator -> dynamics -> wrenches -> contacts ->
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from robot_io.robot import Robot
@@ -23,6 +21,7 @@ from stabilizer.estimator import Estimator
 from stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from stabilizer.qp import QpData
 from stabilizer.references import standing
+from stabilizer.sensor_check import is_finite
 from stabilizer.tsid import NO_CONTACT, Tsid
 from stabilizer.wrench import WrenchCompensation
 from stabilizer.wrench_law import NORMAL, WrenchLaw
@@ -57,7 +56,12 @@ class WholeBodyController:
         )
         self.tsid = Tsid(self.model, settings.tsid)
         self.law = WrenchLaw(
-            settings.dik, settings.ground, settings.contact, period_s=robot.period_s
+            settings.dik,
+            settings.ground,
+            settings.contact,
+            half_sizes=self.model.half_sizes,
+            period_s=robot.period_s,
+            lag_s=robot.servo_profile.lag_s,
         )
         self.dik = Dik(self.model, settings.dik)
         self.failure: QpData | None = None
@@ -89,7 +93,7 @@ class WholeBodyController:
         Returns:
             Joint command in bus order, and what led to it.
         """
-        if not _is_finite(snapshot):
+        if not is_finite(snapshot):
             return self._answer("sensors not finite")
         if reference is not None and reference is not self._reference:
             self.stance.set(reference, self.model)
@@ -168,12 +172,3 @@ class WholeBodyController:
     def _keep_failure(self, data: QpData) -> None:
         if self.failure is None:
             self.failure = data
-
-
-def _is_finite(snapshot: Snapshot) -> bool:
-    """Whether every reading used is a number: sums of squares cannot cancel out."""
-    q, dq = snapshot.q, snapshot.dq
-    gyro, accel = snapshot.angular_velocity, snapshot.linear_acceleration
-    left, right = snapshot.ft_left, snapshot.ft_right
-    total = q.dot(q) + dq.dot(dq) + gyro.dot(gyro) + accel.dot(accel)
-    return math.isfinite(total + left.dot(left) + right.dot(right))

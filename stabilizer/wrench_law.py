@@ -10,6 +10,7 @@ foot descends at a bounded speed, its moment terms frozen, until it finds the gr
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -37,20 +38,37 @@ class WrenchLaw:
         ground: GroundSettings,
         contact: ContactSettings,
         *,
+        half_sizes: Sequence[tuple[float, float]],
         period_s: float,
+        lag_s: float = 0.0,
     ) -> None:
-        """Precomputes gains."""
-        self._minus_K_inv = -1.0 / np.array(dik.k_force * 2)
+        """Precomputes gains.
+
+        Args:
+            dik: gains of the law.
+            ground: feed-forward of the ground's motion.
+            contact: search for the ground.
+            half_sizes: half length and half width of left and right sole [m].
+            period_s: time between two updates [s].
+            lag_s: lag of the drives' set-points beside the servo law's own [s]. The
+                loop through the feet is slower by it, so K grows with it.
+        """
+        stiffer = 1.0 + lag_s / dik.k_lag_s
+        self._minus_K_inv = -1.0 / (stiffer * np.array(dik.k_force * 2))
+        self._half_sizes = half_sizes
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
         self._leak = dik.stance_leak
         self._contact = contact
-        self._ground_gain = np.array(ground.gain * 2)
+        self._ground_gain = ground.gain
         self._firm_force = ground.firm_force_n
+        self._edge_begins = ground.edge_begins
         self._recovery = period_s / ground.recovery_s
+        self._turn_recovery = period_s / ground.edge_recovery_s
         self._share = [1.0, 1.0]
+        self._turn_share = [[1.0, 1.0], [1.0, 1.0]]
         self._blend = -math.expm1(-2.0 * math.pi * ground.cutoff_hz * period_s)
-        self._lead = ground.lead_s / period_s
+        self._lead = (ground.lead_s + lag_s) / period_s
         self._low_passed = np.zeros(12)
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
@@ -91,25 +109,56 @@ class WrenchLaw:
         self._low_passed += change
         np.multiply(change, self._lead, out=self.ground_twist)
         self.ground_twist += self._low_passed
-        for side in (0, 1):
+        for side, rows in enumerate(SOLE_ROWS):
+            F = F_meas[rows].tolist()
             if in_contact[side]:
-                self._feed_forward(side, float(F_meas[6 * side + NORMAL]))
+                self._feed_forward(side, F)
             else:
-                self._search(side, dynamics, float(F_meas[6 * side + NORMAL]))
+                self._search(side, dynamics, F[NORMAL])
             self._pull_to_stance(side, dynamics, stance)
         return self.r
 
-    def _feed_forward(self, side: int, normal: float) -> None:
+    def _feed_forward(self, side: int, F: list[float]) -> None:
         """A foot that stands firmly moves with its ground.
 
         A foot that bounces does not show the ground's motion but its own, so its
-        share drops at once and returns slowly.
+        share drops at once and returns slowly. The same holds for the rotation of a
+        foot pressed at its edge: it may be tipping over that edge. What is on the
+        ground then is the centre of pressure alone, and only its velocity is the
+        ground's.
         """
-        share = min(max(normal / self._firm_force, 0.0), 1.0)
-        self._share[side] = min(share, self._share[side] + self._recovery)
-        rows = SOLE_ROWS[side]
-        gain = self._share[side] * self._ground_gain[rows]
-        self.r[rows] += gain * self.ground_twist[rows]
+        normal = F[NORMAL]
+        firmness = min(max(normal / self._firm_force, 0.0), 1.0)
+        self._share[side] = min(firmness, self._share[side] + self._recovery)
+        v_x, v_y, v_z, w_x, w_y, w_z = self.ground_twist[SOLE_ROWS[side]].tolist()
+        if normal > 0.0:
+            x, y = -F[4] / normal, F[3] / normal
+            half_length, half_width = self._half_sizes[side]
+            roll = self._turning(side, 0, abs(y) / half_width)
+            pitch = self._turning(side, 1, abs(x) / half_length)
+            y = min(max(y, -half_width), half_width)
+            x = min(max(x, -half_length), half_length)
+            v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
+            w_x *= roll
+            w_y *= pitch
+        share, gain = self._share[side], self._ground_gain
+        start = 6 * side
+        for i, rate in enumerate((v_x, v_y, v_z, w_x, w_y, w_z)):
+            self.r[start + i] += share * gain[i] * rate
+
+    def _turning(self, side: int, axis: int, outward: float) -> float:
+        """Part of a rotation that is the ground's, falling at once, rising slowly.
+
+        Args:
+            side: left or right.
+            axis: 0 for roll, 1 for pitch.
+            outward: centre of pressure from the sole's middle (0) to its edge (1).
+        """
+        room = (1.0 - outward) / (1.0 - self._edge_begins)
+        shares = self._turn_share[side]
+        share = min(max(room, 0.0), 1.0, shares[axis] + self._turn_recovery)
+        shares[axis] = share
+        return share
 
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
         """A lifted foot goes down, along the world's vertical."""

@@ -7,8 +7,25 @@ import pytest
 
 from tests.cli.conftest import Surefoot, environment
 
-HEAVY = {"numpy", "mujoco", "pinocchio", "piqp", "zenoh", "scipy", "msgspec"}
-COMMANDS = ("run", "robot", "stabilizer", "scenarios")
+HEAVY = {
+    "numpy",
+    "mujoco",
+    "pinocchio",
+    "piqp",
+    "zenoh",
+    "scipy",
+    "msgspec",
+    "cryptography",
+}
+COMMANDS = (
+    "run",
+    "robot",
+    "stabilizer",
+    "scenarios",
+    "router",
+    "certs",
+    "check-robot",
+)
 SHOW_MODULES = """
 import sys
 from cli.__main__ import main

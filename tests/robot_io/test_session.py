@@ -65,7 +65,7 @@ def test_a_malformed_locator_is_refused_on_both_ends(role: Role, locator: str) -
 
 
 def test_a_name_that_does_not_resolve_cannot_be_listened_on() -> None:
-    endpoints = Endpoints(listen=["tcp/nowhere.invalid:7447"])
+    endpoints = Endpoints(listen=["tcp/nowhere.invalid:7447"], insecure=True)
     with (
         pytest.raises(EndpointError, match=r"nowhere.invalid:7447: failed to lookup"),
         open_session(endpoints, Role.ROBOT, namespace="walker"),

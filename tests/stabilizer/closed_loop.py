@@ -13,6 +13,7 @@ from schemas.arrays import Array
 from schemas.scenario import scenario_from_table
 from schemas.settings import ControllerSettings
 from sim_robot.simulated_robot import SimulatedRobot
+from stabilizer.controller import Controller
 from stabilizer.whole_body import WholeBodyController
 
 NOISE = {
@@ -53,13 +54,22 @@ class Run:
     fell: bool
 
 
-def run_closed_loop(robot: Robot, *, seed: int = 0, **scenario: Any) -> Run:
-    """Runs a scenario; keywords are its keys, noise and delay as shipped."""
+def run_closed_loop(
+    robot: Robot,
+    *,
+    seed: int = 0,
+    controller: Controller | None = None,
+    **scenario: Any,
+) -> Run:
+    """Runs a scenario; other keywords are its keys, noise and delay as shipped.
+
+    The controller is the whole-body one with its defaults unless another is given.
+    """
     table = {"name": "test", "sensors": NOISE, "delay": DELAY, **scenario}
     simulated = SimulatedRobot(
         robot, scenario_from_table(table, source="test"), seed=seed
     )
-    controller = WholeBodyController(robot, ControllerSettings())
+    controller = controller or WholeBodyController(robot, ControllerSettings())
     controller.start(simulated.sense(), simulated.held_posture)
     rows: dict[str, list[Any]] = {
         name: []

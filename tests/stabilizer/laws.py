@@ -11,6 +11,8 @@ from stabilizer.wrench_law import WrenchLaw
 
 PERIOD_S = 0.001
 NO_GAIN = (0.0,) * 6
+HALF_SIZES = ((0.1357, 0.0774), (0.1357, 0.0774))
+"""Of the Walker's soles [m]."""
 
 
 def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
@@ -22,8 +24,15 @@ def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
     return settings
 
 
-def make_law(settings: ControllerSettings) -> WrenchLaw:
-    return WrenchLaw(settings.dik, settings.ground, settings.contact, period_s=PERIOD_S)
+def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> WrenchLaw:
+    return WrenchLaw(
+        settings.dik,
+        settings.ground,
+        settings.contact,
+        half_sizes=HALF_SIZES,
+        period_s=PERIOD_S,
+        lag_s=lag_s,
+    )
 
 
 PAPER = settings_with(ground={"gain": NO_GAIN}, dik={"stance_leak": 0.0})

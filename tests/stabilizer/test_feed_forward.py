@@ -8,7 +8,7 @@ import pytest
 from schemas.arrays import Array
 from stabilizer.dynamics import SOLE_ROWS
 from stabilizer.model import RobotModel
-from tests.stabilizer.laws import PERIOD_S, make_law, settings_with
+from tests.stabilizer.laws import HALF_SIZES, PERIOD_S, make_law, settings_with
 from tests.stabilizer.rig import BOTH, LEFT, RIGHT, Rig
 from tests.stabilizer.states import State, nominal_state
 
@@ -118,3 +118,65 @@ def test_lead_answers_a_change_before_the_low_pass_does(moving: Rig) -> None:
     low_passed = blend * moving.dynamics.v_sole
     assert (np.abs(first) >= np.abs(low_passed)).all()
     assert (np.sign(first) == np.sign(moving.dynamics.v_sole)).all()
+
+
+X, Y = HALF_SIZES[0]
+EDGE_BEGINS = SETTINGS.ground.edge_begins
+
+
+def pressed_at(x: float, y: float) -> Array:
+    """(12,) both feet firm, centre of pressure at x, y of each sole [m]."""
+    foot = [0.0, 0.0, FIRM, FIRM * y, -FIRM * x, 0.0]
+    return np.array(foot * 2)
+
+
+def twist_fed_forward(rig: Rig, F: Array) -> Array:
+    """(12,) after everything has settled, without wrench error, gain one."""
+    law = make_law(settings_with(ground={"gain": (1.0,) * 6}, dik={"stance_leak": 0.0}))
+    for _ in range(LONG):
+        r = law.update(rig.dynamics, rig.stance, F_meas=F, F_id=F, in_contact=BOTH)
+    return r
+
+
+@pytest.mark.parametrize("inward", [0.0, 0.5, EDGE_BEGINS - 0.01])
+def test_foot_pressed_inside_its_edges_moves_with_all_of_its_twist(
+    moving: Rig, inward: float
+) -> None:
+    r = twist_fed_forward(moving, pressed_at(inward * X, -inward * Y))
+    np.testing.assert_allclose(r, moving.dynamics.v_sole, atol=SETTLED)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "axis"),
+    [(0.0, Y, 3), (0.0, -Y, 3), (X, 0.0, 4), (-X, 0.0, 4)],
+    ids=["left edge", "right edge", "toe", "heel"],
+)
+def test_foot_pressed_at_its_edge_may_tip_and_only_that_edge_is_the_ground(
+    moving: Rig, x: float, y: float, axis: int
+) -> None:
+    """No rotation about the edge, and no more speed than the edge itself has."""
+    r = twist_fed_forward(moving, pressed_at(x, y))[:6]
+    v = moving.dynamics.v_sole[:6]
+    assert r[axis] == pytest.approx(0.0, abs=SETTLED)
+    edge_speed = v[2] + v[3] * y - v[4] * x
+    fed_speed = r[2] + r[3] * y - r[4] * x
+    assert fed_speed == pytest.approx(edge_speed, abs=SETTLED)
+
+
+def test_rotation_fed_forward_fades_towards_the_edge_and_returns_in_time(
+    moving: Rig,
+) -> None:
+    law = make_law(settings_with(ground={"gain": (1.0,) * 6}, dik={"stance_leak": 0.0}))
+
+    def share(y: float) -> float:
+        F = pressed_at(0.0, y)
+        law.update(moving.dynamics, moving.stance, F_meas=F, F_id=F, in_contact=BOTH)
+        return float(law.r[3] / law.ground_twist[3])
+
+    for _ in range(LONG):
+        share(0.0)
+    shares = [share(y) for y in np.linspace(EDGE_BEGINS * Y, Y, 8)]
+    np.testing.assert_allclose(shares, np.linspace(1.0, 0.0, 8), atol=SETTLED)
+    ticks = round(SETTINGS.ground.edge_recovery_s / PERIOD_S)
+    back = [share(0.0) for _ in range(ticks)]
+    np.testing.assert_allclose(back, np.arange(1, ticks + 1) / ticks, atol=SETTLED)

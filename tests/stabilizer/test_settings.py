@@ -126,3 +126,27 @@ def test_section_that_is_no_table_is_refused() -> None:
     with pytest.raises(FileFormatError) as error:
         build({"dik": 3.0}, ["dik.base_gain=1.0"])
     assert error.value.field == "dik"
+
+
+def test_paper_preset_is_the_published_law_alone() -> None:
+    paper = build(overrides=["whole_body.preset=paper"])
+    assert paper.ground.gain == (0.0,) * 6
+    assert paper.tsid.leg_posture_weight == paper.tsid.posture_weight
+    assert paper.dik.leg_posture_weight == paper.dik.posture_weight
+
+
+def test_settings_beside_a_preset_win() -> None:
+    table = {"whole_body": {"preset": "paper"}, "tsid": {"leg_posture_weight": 0.5}}
+    paper = build(table, ["ground.gain=0.25"])
+    assert paper.tsid.leg_posture_weight == 0.5
+    assert paper.ground.gain == (0.25,) * 6
+
+
+def test_resolved_preset_reads_back_the_same() -> None:
+    paper = build(overrides=["whole_body.preset=paper", "dik.leg_posture_weight=0.2"])
+    assert build(msgspec.to_builtins(paper)) == paper
+
+
+def test_unknown_preset_is_refused_with_the_valid_ones() -> None:
+    with pytest.raises(FileFormatError, match=r"whole_body\.preset"):
+        build(overrides=["whole_body.preset=papr"])

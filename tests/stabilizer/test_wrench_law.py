@@ -198,3 +198,17 @@ def test_what_a_lifted_foot_feels_does_not_move_the_other(
         )
         answers.append(r[standing].copy())
     np.testing.assert_array_equal(answers[0], answers[1])
+
+
+def test_drives_with_more_lag_yield_less_to_the_same_error(model: RobotModel) -> None:
+    """The loop through the feet stays slower than its delays."""
+    rig = Rig(model, PAPER)
+    rig.go(nominal_state(model))
+    F_id = np.zeros(12)
+    brisk, slow = (
+        make_law(PAPER, lag_s=lag_s)
+        .update(rig.dynamics, rig.stance, F_meas=ERROR, F_id=F_id, in_contact=BOTH)
+        .copy()
+        for lag_s in (0.0, 2.0 * PAPER.dik.k_lag_s)
+    )
+    np.testing.assert_allclose(3.0 * slow, brisk, atol=TOLERANCE)

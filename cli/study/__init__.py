@@ -1,0 +1,1 @@
+"""Many runs: what to run, running it, keeping it, and what it amounts to."""

@@ -1,0 +1,49 @@
+"""Runs what is missing in a study, in parallel processes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from cli.study.cell import Cell
+from cli.study.run_cell import plan_of, run_cell
+from cli.study.store import StudyStore
+
+
+def execute(
+    cells: Sequence[Cell],
+    store: StudyStore,
+    *,
+    robot: str,
+    overrides: tuple[str, ...] = (),
+    jobs: int,
+    title: str,
+) -> None:
+    """Does every run that the store does not have yet, and keeps each when done.
+
+    Args:
+        cells: all runs of the study.
+        store: open for writing.
+        robot: shipped robot or a robot file.
+        overrides: settings for all, ``section.name=value``.
+        jobs: processes.
+        title: for the progress bar.
+
+    Raises:
+        FileFormatError: a value does not fit its scenario; nothing has been run.
+    """
+    from joblib import Parallel, delayed
+
+    from cli.console import count_bar
+
+    missing = [cell for cell in cells if cell.key not in store.rows]
+    for group, cell in {cell.group: cell for cell in missing}.items():
+        del group
+        plan_of(cell, robot=robot, overrides=overrides)
+    work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+    with count_bar(title, total=len(cells), done=len(cells) - len(missing)) as tell:
+        for row in work(
+            delayed(run_cell)(cell, robot=robot, overrides=overrides)
+            for cell in missing
+        ):
+            store.add(row)
+            tell()

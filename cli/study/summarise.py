@@ -1,0 +1,95 @@
+"""What the runs of a group amount to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from cli.study.cell import Group
+from cli.study.run_cell import Row, group_of
+from cli.study.statistics import wilson_interval
+
+
+@dataclass(frozen=True)
+class GroupSummary:
+    """Figures of a group; means and worst are over the runs that stayed up.
+
+    Attributes:
+        runs: how many there were.
+        up: how many stayed up.
+        up_from: lower end of the 95 % interval of the success rate.
+        up_to: its upper end.
+        com_rms_mm: mean over seeds of the CoM error, x y z.
+        com_rms_worst_mm: worst seed.
+        com_max_mm: worst seed's largest error, x y z.
+        tilt_max_deg: worst seed.
+        force_deviation_n: mean over seeds; of both feet, root mean square.
+        force_peak_n: worst seed, either foot.
+        contact_gap_s: worst seed, either foot.
+    """
+
+    runs: int
+    up: int
+    up_from: float
+    up_to: float
+    com_rms_mm: list[float] | None = None
+    com_rms_worst_mm: list[float] | None = None
+    com_max_mm: list[float] | None = None
+    tilt_max_deg: float | None = None
+    force_deviation_n: float | None = None
+    force_peak_n: float | None = None
+    contact_gap_s: float | None = None
+
+    @property
+    def horizontal_mm(self) -> float | None:
+        """CoM error along the ground, rms of x and y together."""
+        return None if self.com_rms_mm is None else math.hypot(*self.com_rms_mm[:2])
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def summarise(rows: Iterable[Row]) -> dict[Group, GroupSummary]:
+    """Summaries by group, in the order in which the groups first come."""
+    groups: dict[Group, list[Row]] = {}
+    for row in rows:
+        groups.setdefault(group_of(row), []).append(row)
+    return {group: _summary(rows) for group, rows in groups.items()}
+
+
+def _summary(rows: list[Row]) -> GroupSummary:
+    standing = [row for row in rows if not row["fell"]]
+    low, high = wilson_interval(len(standing), len(rows))
+    if not standing:
+        return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
+    deviations = [math.sqrt(_mean_square(r["force_deviation_rms_n"])) for r in standing]
+    return GroupSummary(
+        runs=len(rows),
+        up=len(standing),
+        up_from=low,
+        up_to=high,
+        com_rms_mm=_over(standing, "com_error_rms_mm", _mean),
+        com_rms_worst_mm=_over(standing, "com_error_rms_mm", max),
+        com_max_mm=_over(standing, "com_error_max_mm", max),
+        tilt_max_deg=max(row["base_tilt_max_deg"] for row in standing),
+        force_deviation_n=_mean(deviations),
+        force_peak_n=max(max(row["force_peak_n"]) for row in standing),
+        contact_gap_s=max(max(row["contact_gap_s"]) for row in standing),
+    )
+
+
+def _over(rows: list[Row], name: str, what: Any) -> list[float]:
+    return [
+        float(what(column)) for column in zip(*(r[name] for r in rows), strict=True)
+    ]
+
+
+def _mean(values: Sequence[float]) -> float:
+    return sum(values) / len(values)
+
+
+def _mean_square(values: Sequence[float]) -> float:
+    return sum(v * v for v in values) / len(values)

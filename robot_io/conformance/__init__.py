@@ -1,0 +1,1 @@
+"""What any robot behind the bus must do, tried out on a live one."""

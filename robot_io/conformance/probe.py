@@ -1,0 +1,290 @@
+"""A commander that listens closely and can misbehave on purpose."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from robot_io.bus import Bus
+from robot_io.conformance.recording import Recording
+from robot_io.errors import RequestRefusedError, RobotUnreachableError
+from robot_io.robot import Robot
+from robot_io.service_caller import ServiceCaller
+from robot_io.session import Role, unreachable
+from robot_io.verdict import Answer
+from schemas.arrays import Array
+from schemas.codec import decode, encode
+from schemas.endpoints import Endpoints
+from schemas.errors import MessageError
+from schemas.messages import (
+    SCHEMA_VERSION,
+    EstopRequest,
+    JointCommand,
+    LeaseRequest,
+    ModeRequest,
+    RobotMode,
+    RobotStatus,
+    ServiceReply,
+)
+from schemas.topics import ALIVE_STABILIZER, TICK_SENSORS, topic
+
+KEPT = 512
+ANSWER_S = 2.0
+STREAM_S = 0.1
+GAP_S = 0.2
+"""A tick may be so late before the stream is given up for this time."""
+Offset = Callable[[float], Array]
+"""Of the time since the stream began [s] to (n_a,) beside the held posture [rad]."""
+
+
+class Probe:
+    """Holds the robot's posture as a commander would.
+
+    Attributes:
+        identity: who commands.
+        robot: what the files say.
+        q_held: (n_a,) the posture that is held [rad].
+        q_first: (n_a,) first measured posture; None before it [rad].
+        moved_rad: furthest any joint has been from there.
+        tick: newest tick heard.
+        status: newest status.
+        status_errors: statuses that could not be read.
+        status_error: what was wrong with the last of these.
+    """
+
+    def __init__(self, robot: Robot, bus: Bus, *, identity: str) -> None:
+        """Declares everything; :func:`probing` opens the bus."""
+        self.identity, self.robot = identity, robot
+        self.q_held: Array = robot.nominal
+        self.q_first: Array | None = None
+        self.moved_rad = 0.0
+        self.tick = 0
+        self.status: RobotStatus | None = None
+        self.status_errors, self.status_error = 0, ""
+        self._sequence = 0
+        keys = robot.keys
+        self._sensors = {
+            name: bus.channel(keys[name], depth=KEPT) for name in TICK_SENSORS
+        }
+        self._kinds = {name: topic(name).message for name in TICK_SENSORS}
+        self._statuses = bus.channel(keys["status"], depth=KEPT)
+        self._command = bus.publisher(keys["joint_command"], urgent=True)
+        self._services = ServiceCaller(
+            bus.session,
+            joint_count=robot.n_a,
+            timeout_s=ANSWER_S,
+            robot_is_here=lambda: True,  # one that has gone just does not answer
+        )
+        bus.announce(f"{ALIVE_STABILIZER}/{identity}")
+
+    def ask(self, service: str, action: str, *, who: str | None = None) -> Answer:
+        """Asks for a lease or a mode, or stops the robot.
+
+        Args:
+            service: ``lease``, ``mode`` or ``estop``.
+            action: what to do; nothing for the e-stop.
+            who: in whose name; our own when None.
+        """
+        name = self.identity if who is None else who
+        request: msgspec.Struct = EstopRequest(schema=SCHEMA_VERSION, source=name)
+        if service != "estop":
+            kind = LeaseRequest if service == "lease" else ModeRequest
+            request = kind(schema=SCHEMA_VERSION, action=action, commander=name)
+        try:
+            reply = self._services.ask(self.robot.keys[service], request)
+        except RequestRefusedError as error:
+            return Answer(accepted=False, reason=error.reason)
+        except (RobotUnreachableError, MessageError) as error:
+            return Answer(accepted=False, reason=f"no valid answer: {error}")
+        self._note(reply)
+        return Answer(accepted=True)
+
+    def start(self) -> Answer:
+        """Has the robot follow; from then on it must be streamed to."""
+        answer = self.ask("mode", "enable")
+        for channel in self._sensors.values():
+            channel.discard()
+        return answer
+
+    def command(self, **changes: Any) -> bytes:
+        """A command to hold the posture, with some fields otherwise."""
+        self._sequence += 1
+        fields: dict[str, Any] = {
+            "schema": SCHEMA_VERSION,
+            "tick": self.tick,
+            "stamp_ns": time.monotonic_ns(),
+            "q": self.q_held.tolist(),
+            "commander": self.identity,
+            "sequence": self._sequence,
+            **changes,
+        }
+        return encode(JointCommand(**fields))
+
+    def put(self, data: bytes) -> None:
+        """Sends bytes where commands belong."""
+        self._command.put(data)
+
+    def stream(
+        self,
+        duration_s: float,
+        *,
+        offset: Offset | None = None,
+        extra: Callable[[int], bytes | None] = lambda count: None,
+    ) -> Recording:
+        """Answers the newest tick with the held posture, again and again, and listens.
+
+        Args:
+            duration_s: how long [s].
+            offset: what to command beside the held posture.
+            extra: asked at each tick, by its number in this stream, for something
+                to send before the answer.
+        """
+        recording = Recording()
+        begin = time.monotonic()
+        count = 0
+        while (now := time.monotonic()) < begin + duration_s:
+            if not self._hear(recording, deadline=now + GAP_S):
+                continue
+            more = extra(count)
+            if more is not None:
+                self.put(more)
+            if offset is None:
+                self.put(self.command())
+            else:
+                self.put(self.command(q=(self.q_held + offset(now - begin)).tolist()))
+            count += 1
+            self._hear_status()
+        return recording
+
+    def stream_until_active(self, *, timeout_s: float = ANSWER_S) -> bool:
+        """Answers until the robot says that it follows.
+
+        On a busy machine it may hold for a moment, for silence, and go on by itself.
+        """
+        end = time.monotonic() + timeout_s
+        while time.monotonic() < end:
+            self.stream(STREAM_S)
+            if self.status is not None and self.status.mode is RobotMode.ACTIVE:
+                return True
+        return False
+
+    def wait_status(
+        self, condition: Callable[[RobotStatus], bool], *, timeout_s: float
+    ) -> float | None:
+        """Waits for a status without commanding.
+
+        Returns:
+            How long it took [s]; None when it did not come.
+        """
+        begin = time.monotonic()
+        while time.monotonic() < begin + timeout_s:
+            data = self._statuses.wait(begin + timeout_s)
+            if data is not None and self._read_status(data):
+                assert self.status is not None
+                if condition(self.status):
+                    return time.monotonic() - begin
+        return None
+
+    def count_statuses(self, duration_s: float) -> int:
+        """Statuses that come in a time [s]."""
+        self._statuses.discard()
+        end, count = time.monotonic() + duration_s, 0
+        while time.monotonic() < end:
+            data = self._statuses.wait(end)
+            count += data is not None and self._read_status(data)
+        return count
+
+    def is_mode(self, mode: RobotMode, *, timeout_s: float = ANSWER_S) -> bool:
+        """Whether the robot gets into a mode in time."""
+        return (
+            self.wait_status(lambda s: s.mode is mode, timeout_s=timeout_s) is not None
+        )
+
+    def listen(self) -> Recording:
+        """Takes what has come meanwhile, without commanding."""
+        recording = Recording()
+        while self._hear(recording, deadline=0.0):
+            pass
+        return recording
+
+    def wait_for_robot(self, *, timeout_s: float) -> bool:
+        """Waits for the robot's first status."""
+        return self.wait_status(lambda s: True, timeout_s=timeout_s) is not None
+
+    def _hear(self, recording: Recording, *, deadline: float) -> bool:
+        """Takes all ticks that have come, and waits for one when there is none."""
+        data = self._sensors["joints"].wait(deadline)
+        if data is None:
+            self._hear_others(recording)
+            return False
+        self._take(recording, "joints", data)
+        while (data := self._sensors["joints"].poll()) is not None:  # catch up
+            self._take(recording, "joints", data)
+        self._hear_others(recording)
+        messages = recording.messages["joints"]
+        if messages:
+            self.tick = messages[-1].tick
+            self._watch_motion(np.array(messages[-1].q))
+        return True
+
+    def _hear_others(self, recording: Recording) -> None:
+        for name in TICK_SENSORS[1:]:
+            while (data := self._sensors[name].poll()) is not None:
+                self._take(recording, name, data)
+
+    def _take(self, recording: Recording, name: str, data: bytes) -> None:
+        try:
+            message = decode(data, self._kinds[name], joint_count=self.robot.n_a)
+        except MessageError as error:
+            recording.malformed[name] += 1
+            recording.error[name] = str(error)
+        else:
+            recording.messages[name].append(message)
+
+    def _watch_motion(self, q: Array) -> None:
+        if self.q_first is None:
+            self.q_first = q
+        self.moved_rad = max(self.moved_rad, float(np.abs(q - self.q_first).max()))
+
+    def _hear_status(self) -> None:
+        while (data := self._statuses.poll()) is not None:
+            self._read_status(data)
+
+    def _read_status(self, data: bytes) -> bool:
+        try:
+            self.status = decode(data, RobotStatus, joint_count=self.robot.n_a)
+        except MessageError as error:
+            self.status_errors += 1
+            self.status_error = str(error)
+            return False
+        return True
+
+    def _note(self, reply: ServiceReply) -> None:
+        self.q_held = np.array(reply.q_command)
+
+
+@contextmanager
+def probing(
+    robot: Robot, *, endpoints: Endpoints, identity: str, timeout_s: float
+) -> Iterator[Probe]:
+    """Dials a robot and waits until it says something.
+
+    Raises:
+        EndpointError: a locator is malformed.
+        RobotUnreachableError: nobody there, or no status in time.
+    """
+    with Bus(
+        endpoints, Role.CLIENT, namespace=robot.file.namespace, timeout_s=timeout_s
+    ) as bus:
+        probe = Probe(robot, bus, identity=identity)
+        if not probe.wait_for_robot(timeout_s=timeout_s):
+            what = f"no status of a robot {robot.file.namespace!r}"
+            if probe.status_errors:
+                what += f" that can be read ({probe.status_error})"
+            raise RobotUnreachableError(unreachable(endpoints, what, timeout_s))
+        yield probe

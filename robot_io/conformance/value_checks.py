@@ -1,0 +1,136 @@
+"""Are the sensors' values those of a robot that stands: units, signs, frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robot_io.conformance.finding import Findings
+from robot_io.conformance.recording import Recording
+from robot_io.conformance.skeleton import GRAVITY_M_S2, Skeleton
+from robot_io.robot import Robot
+from schemas.arrays import Array, Vec3
+
+ACCELERATION_TOLERANCE_M_S2 = 0.5
+TILT_TOLERANCE_RAD = 0.2
+GYRO_TOLERANCE_RAD_S = 0.2
+WEIGHT_TOLERANCE = 0.15
+LEAST_SHARE = 0.1
+"""Of the weight, that each foot carries when the robot stands."""
+SERVO_ERROR_RAD = 0.1
+QUATERNION_TOLERANCE = 0.01
+
+
+def check_values(
+    robot: Robot, recording: Recording, q_held: Array, findings: Findings
+) -> None:
+    """Checks a recording of a robot that stands still on both feet, upright.
+
+    Args:
+        robot: what the files say.
+        recording: of a second or so.
+        q_held: (n_a,) what its servos follow [rad].
+        findings: takes the result.
+    """
+    _check_joints(robot, recording, q_held, findings)
+    _check_imu(recording, findings)
+    _check_feet(robot, recording, findings)
+
+
+def _check_joints(
+    robot: Robot, recording: Recording, q_held: Array, findings: Findings
+) -> None:
+    q = recording.mean("joints", "q")
+    names = robot.joint_names
+    beyond = np.maximum(robot.lower - q, q - robot.upper)
+    worst = int(beyond.argmax())
+    findings.add(
+        "joints.range",
+        beyond[worst] <= 0.0,
+        got=f"{names[worst]} at {q[worst]:.4f}",
+        expected=f"within {robot.lower[worst]:.4f} to {robot.upper[worst]:.4f} rad",
+    )
+    error = np.abs(q - q_held)
+    worst = int(error.argmax())
+    ratio = q[worst] / q_held[worst] if q_held[worst] else 0.0
+    hint = "; degrees?" if 40.0 < ratio < 75.0 else "; sign?" if ratio < 0.0 else ""
+    findings.add(
+        "joints.position",
+        error[worst] < SERVO_ERROR_RAD,
+        got=f"{names[worst]} at {q[worst]:.4f}{hint}",
+        expected=f"within {SERVO_ERROR_RAD:g} rad of the held {q_held[worst]:.4f}",
+    )
+    effort = np.abs(recording.mean("joints", "effort")) / robot.torque_limit
+    worst = int(effort.argmax())
+    findings.add(
+        "joints.effort",
+        effort[worst] <= 1.0,
+        got=f"{names[worst]} at {effort[worst]:.0%} of its limit",
+        expected="torques in N m, within the limits",
+    )
+
+
+def _check_imu(recording: Recording, findings: Findings) -> None:
+    quaternions = recording.column("imu", "quat_xyzw")
+    norms = np.linalg.norm(quaternions, axis=1)
+    findings.add(
+        "imu.quaternion",
+        bool(np.abs(norms - 1.0).max() < QUATERNION_TOLERANCE),
+        got=f"norm {norms.min():.4f} to {norms.max():.4f}",
+        expected="a unit quaternion",
+    )
+    acceleration = recording.mean("imu", "linear_acceleration")
+    size = float(np.linalg.norm(acceleration))
+    hint = "; in g?" if abs(size - 1.0) < 0.1 else ""
+    findings.add(
+        "imu.gravity",
+        abs(size - GRAVITY_M_S2) < ACCELERATION_TOLERANCE_M_S2,
+        got=f"{size:.3f} m/s^2{hint}",
+        expected=f"{GRAVITY_M_S2} m/s^2 at rest",
+    )
+    up = _turned(quaternions.mean(axis=0), acceleration) / max(size, 1e-9)
+    tilt = float(np.arccos(np.clip(up[2], -1.0, 1.0)))
+    findings.add(
+        "imu.attitude",
+        tilt < TILT_TOLERANCE_RAD,
+        got=f"quaternion and accelerometer differ by {np.degrees(tilt):.1f} deg",
+        expected=f"below {np.degrees(TILT_TOLERANCE_RAD):.1f} deg (order x y z w; "
+        "specific force points up)",
+    )
+    rate = float(np.linalg.norm(recording.mean("imu", "angular_velocity")))
+    findings.add(
+        "imu.gyroscope",
+        rate < GYRO_TOLERANCE_RAD_S,
+        got=f"{rate:.4f} rad/s",
+        expected=f"below {GYRO_TOLERANCE_RAD_S} rad/s at rest",
+    )
+
+
+def _turned(quat_xyzw: Array, v: Vec3) -> Vec3:
+    """A vector turned by a quaternion, which need not be quite a unit."""
+    xyz, w = quat_xyzw[:3], quat_xyzw[3]
+    turned: Vec3 = v + 2.0 * np.cross(xyz, np.cross(xyz, v) + w * v)
+    return turned
+
+
+def _check_feet(robot: Robot, recording: Recording, findings: Findings) -> None:
+    skeleton = Skeleton(robot)
+    below_kg = sum(map(skeleton.mass_below_sensor_kg, robot.file.foot))
+    weight_n = (skeleton.mass_kg - below_kg) * GRAVITY_M_S2
+    loads = [
+        float(recording.mean(f"{foot.side}_ankle_ft", "force")[2])
+        for foot in robot.file.foot
+    ]
+    for foot, load_n in zip(robot.file.foot, loads, strict=True):
+        findings.add(
+            f"{foot.side}_ankle_ft.sign",
+            load_n > LEAST_SHARE * weight_n,
+            got=f"Fz {load_n:.1f} N",
+            expected="positive: the ground pushes the ankle up, by a share of "
+            f"{weight_n:.0f} N",
+        )
+    findings.add(
+        "feet.weight",
+        abs(sum(loads) / weight_n - 1.0) < WEIGHT_TOLERANCE,
+        got=f"{sum(loads):.1f} N in all",
+        expected=f"{weight_n:.1f} N, the weight above the sensors",
+    )

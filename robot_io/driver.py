@@ -1,0 +1,112 @@
+"""The loop of a hardware driver: a vendor's SDK on one side, the bus on the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from robot_io.gate import CommandGate
+from robot_io.pacer import Pacer
+from robot_io.quiet import quiet_interpreter
+from robot_io.robot import Robot
+from robot_io.server import RobotServer
+from robot_io.snapshot import Snapshot
+from robot_io.stop_request import StopRequest
+from robot_io.timing import TimingLog
+from schemas.arrays import Array
+from schemas.endpoints import Endpoints
+
+LATENESS_KEPT = 10_000
+
+
+class VendorAdapter(Protocol):
+    """What a vendor's robot must offer; in our joint order, units, signs and frames.
+
+    Both are called once per tick, by the loop alone, and must not block for longer
+    than a fraction of it.
+    """
+
+    def read(self, tick: int, stamp_ns: int) -> Snapshot:
+        """Takes a reading of all sensors.
+
+        Args:
+            tick: counts the robot's periods; passed on.
+            stamp_ns: monotonic clock now; a better one may be put instead [ns].
+        """
+        ...
+
+    def write(self, q_command: Array) -> None:
+        """Has the servos follow a posture.
+
+        Args:
+            q_command: (n_a,) what the gate let pass, every tick, also in HOLD [rad].
+        """
+        ...
+
+
+class GateFactory(Protocol):
+    """Makes the guard in front of the servos."""
+
+    def __call__(self, robot: Robot, posture: Array) -> CommandGate:
+        """Starts in HOLD at a posture."""
+        ...
+
+
+def run_driver(
+    adapter: VendorAdapter,
+    robot: Robot,
+    *,
+    endpoints: Endpoints,
+    stop: StopRequest | None = None,
+    make_gate: GateFactory = CommandGate,
+    ready: Callable[[], None] = lambda: None,
+) -> str:
+    """Serves a robot until it is asked to stop: sense, publish, guard, command.
+
+    It begins in HOLD at the measured posture. Commands go through the same gate as in
+    the simulator. When it ends, the servos have been told to hold.
+
+    Args:
+        adapter: the vendor's robot.
+        robot: what its files say; also the control rate.
+        endpoints: where to listen.
+        stop: ends it, besides SIGINT and SIGTERM.
+        make_gate: the guard.
+        ready: called once the bus is open.
+
+    Returns:
+        Why it ended.
+
+    Raises:
+        EndpointError: cannot listen there.
+    """
+    stop = stop or StopRequest()
+    first = adapter.read(0, time.monotonic_ns())
+    gate = make_gate(robot, np.clip(first.q, robot.lower, robot.upper))
+    begin_s = time.monotonic()
+    with (
+        stop.on_signals(),
+        RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server,
+    ):
+        pacer = Pacer(robot.period_s, lateness=TimingLog(LATENESS_KEPT))
+        ready()
+        tick = 0
+        with quiet_interpreter():
+            while not stop.is_set:
+                now_s = time.monotonic() - begin_s
+                gate.begin_tick(now_s=now_s)
+                server.serve_requests(now_s=now_s)
+                stamp_ns = time.monotonic_ns()
+                server.publish_sensors(adapter.read(tick, stamp_ns), stamp_ns=stamp_ns)
+                server.take_newest(now_s=now_s)
+                adapter.write(gate.posture)
+                server.publish_status(now_s=now_s)
+                tick += 1
+                pacer.wait()
+        reason = f"stopped: {stop.cause}"
+        gate.authority.finish(reason)
+        server.publish_status(now_s=time.monotonic() - begin_s, at_once=True)
+    return reason

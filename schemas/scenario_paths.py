@@ -1,0 +1,238 @@
+"""Overrides scenario values by path, such as ``platform.0.motion.1.rate_deg_s``.
+
+Beside the keys of the file there are derived ones, where what one wants to vary is
+not one number of the file: the direction of a push at constant impulse, the peak rate
+of a sine, the rate of a tilt about a diagonal, the pace of everything that moves.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import msgspec
+
+from schemas.errors import FileFormatError
+from schemas.scenario import ROTATIONS, Scenario, scenario_from_table
+
+Table = dict[str, Any]
+_PACE, _TILT_RATE = "pace", "tilt_rate_deg_s"
+_NOT_SWEPT = ("name", "description")
+
+
+def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
+    """A scenario with some of its values changed, in the order given.
+
+    Args:
+        scenario: to start from; stays as it is.
+        values: path to new value; see :func:`scenario_paths` for the paths.
+
+    Raises:
+        FileFormatError: no such path in this scenario (with the nearest valid one),
+            or a value of the wrong type or out of range.
+    """
+    if not values:
+        return scenario
+    known = scenario_paths(scenario)
+    table: Table = msgspec.to_builtins(scenario)
+    for path, value in values.items():
+        if path not in known:
+            raise FileFormatError(_unknown(path, scenario, known), field=path)
+        _set(table, path, value)
+    words = ", ".join(f"{path}={value}" for path, value in values.items())
+    return scenario_from_table(table, source=f"{scenario.name} with {words}")
+
+
+def scenario_paths(scenario: Scenario) -> list[str]:
+    """Every path of a scenario that can be overridden, derived ones included."""
+    table: Table = msgspec.to_builtins(scenario)
+    paths = [path for path in _leaves(table) if path not in _NOT_SWEPT]
+    for index, _ in enumerate(scenario.push):
+        paths += [f"push.{index}.direction_deg", f"push.{index}.impulse_n_s"]
+    moving = False
+    for at, platform in enumerate(table["platform"]):
+        for index, motion in enumerate(platform["motion"]):
+            moving = True
+            if motion["kind"] == "sine":
+                rate = "peak_rate_deg_s" if _turns(motion) else "peak_rate_m_s"
+                paths.append(f"platform.{at}.motion.{index}.{rate}")
+    if moving:
+        paths.append(_PACE)
+    if any(True for _ in _tilts(table)):
+        paths.append(_TILT_RATE)
+    return paths
+
+
+def parse_override(text: str, *, option: str) -> tuple[str, Any]:
+    """Takes ``PATH=VALUE`` apart; the value is written as in TOML.
+
+    Args:
+        text: as typed.
+        option: named in errors.
+
+    Raises:
+        FileFormatError: there is no ``=``, or the value is no TOML value.
+    """
+    path, equals, value = text.partition("=")
+    if not equals or not path.strip():
+        raise FileFormatError(
+            f"{option} {text!r}: expected PATH=VALUE, such as friction=0.4", field=text
+        )
+    return path.strip(), parse_value(value, what=f"{option} {path.strip()}")
+
+
+def parse_value(text: str, *, what: str) -> Any:
+    """Reads one TOML value; a bare word is a text.
+
+    Raises:
+        FileFormatError: neither.
+    """
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError as error:
+        if text.strip().replace("-", "").replace("_", "").isalnum():
+            return text.strip()
+        raise FileFormatError(
+            f"{what}: got {text!r}, expected a number, a text or a list such as "
+            "[0.0, 120.0, 0.0]",
+            field=what,
+        ) from error
+
+
+def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:
+    near = difflib.get_close_matches(path, known, n=1, cutoff=0.5)
+    hint = f"did you mean {near[0]!r}?" if near else f"valid are {', '.join(known)}"
+    return f"{path}: no such value in scenario {scenario.name!r}; {hint}"
+
+
+def _leaves(value: Any, path: str = "") -> Iterable[str]:
+    """Paths of all values; a list of numbers is one value, and so is each number."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            if inner is not None and key not in ("kind", "axis", "foot"):
+                yield from _leaves(inner, f"{path}.{key}" if path else key)
+        return
+    if isinstance(value, list):
+        if value and not isinstance(value[0], dict):
+            yield path
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, f"{path}.{index}")
+        return
+    yield path
+
+
+def _set(table: Table, path: str, value: Any) -> None:
+    """Sets one known path in a table of :func:`msgspec.to_builtins`."""
+    if path in (_PACE, _TILT_RATE):
+        (_set_pace if path == _PACE else _set_tilt_rate)(table, _positive(path, value))
+        return
+    *parents, name = path.split(".")
+    place: Any = table
+    for parent in parents:
+        place = place[int(parent)] if isinstance(place, list) else place[parent]
+    derived = _DERIVED.get(name)
+    if derived is not None:
+        derived(place, _number(path, value))
+    elif isinstance(place, list):
+        place[int(name)] = value
+    else:
+        place[name] = value
+
+
+def _set_direction(push: Table, direction_deg: float) -> None:
+    """Turns a push about the vertical; 0 is forwards, 90 to the left."""
+    x, y, z = push["force_n"]
+    size, angle = math.hypot(x, y), math.radians(direction_deg)
+    push["force_n"] = [size * math.cos(angle), size * math.sin(angle), z]
+
+
+def _set_impulse(push: Table, impulse_n_s: float) -> None:
+    """Scales the force; the push keeps its direction and its duration."""
+    size = math.hypot(*push["force_n"])
+    if size == 0.0:
+        raise FileFormatError(
+            "impulse_n_s: the push has no force and so no direction; set force_n",
+            field="impulse_n_s",
+        )
+    scale = impulse_n_s / (size * push["duration_s"])
+    push["force_n"] = [scale * part for part in push["force_n"]]
+
+
+def _set_peak_rate(motion: Table, rate: float) -> None:
+    """Frequency at which the sine's greatest rate is this, at its amplitude."""
+    amplitude = motion["amplitude_deg" if _turns(motion) else "amplitude_m"]
+    if amplitude == 0.0:
+        raise FileFormatError(
+            "peak_rate: a sine without amplitude has no rate; set its amplitude",
+            field="peak_rate",
+        )
+    motion["frequency_hz"] = rate / (math.tau * abs(amplitude))
+
+
+def _set_tilt_rate(table: Table, rate: float) -> None:
+    """All turning about horizontal axes: ramps together at this rate, sines each.
+
+    A ramp about a diagonal is one about roll and one about pitch: each gets its share
+    so that both end together and the rates add up, as vectors, to the one asked for.
+    """
+    for platform in table["platform"]:
+        ramps = [m for m in _horizontal(platform) if m["kind"] != "sine"]
+        size = math.hypot(*(m["amplitude_deg"] for m in ramps))
+        for motion in ramps:
+            if size > 0.0 and motion["amplitude_deg"]:
+                motion["rate_deg_s"] = rate * abs(motion["amplitude_deg"]) / size
+        for motion in _horizontal(platform):
+            if motion["kind"] == "sine":
+                _set_peak_rate(motion, rate)
+
+
+def _set_pace(table: Table, factor: float) -> None:
+    """How fast everything moves, against the file; a free fall stays one."""
+    for platform in table["platform"]:
+        for motion in platform["motion"]:
+            for key in ("frequency_hz", "rate_m_s", "rate_deg_s"):
+                if motion.get(key) is not None:
+                    motion[key] *= factor
+
+
+def _tilts(table: Table) -> Iterable[Table]:
+    for platform in table["platform"]:
+        yield from _horizontal(platform)
+
+
+def _horizontal(platform: Table) -> list[Table]:
+    return [m for m in platform["motion"] if m["axis"] in ("roll", "pitch")]
+
+
+def _turns(motion: Table) -> bool:
+    return motion["axis"] in ROTATIONS
+
+
+def _number(path: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise FileFormatError(f"{path}: got {value!r}, expected a number", field=path)
+    if not math.isfinite(value):
+        raise FileFormatError(
+            f"{path}: got {value}, expected a finite number", field=path
+        )
+    return float(value)
+
+
+def _positive(path: str, value: Any) -> float:
+    number = _number(path, value)
+    if number <= 0.0:
+        raise FileFormatError(
+            f"{path}: got {number:g}, expected more than 0", field=path
+        )
+    return number
+
+
+_DERIVED: dict[str, Callable[[Table, float], None]] = {
+    "direction_deg": _set_direction,
+    "impulse_n_s": _set_impulse,
+    "peak_rate_deg_s": _set_peak_rate,
+    "peak_rate_m_s": _set_peak_rate,
+}

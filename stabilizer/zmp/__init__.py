@@ -1,0 +1,1 @@
+"""The ZMP baseline: DCM feedback, wrench distribution, foot admittance."""

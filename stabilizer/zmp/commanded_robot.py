@@ -1,0 +1,204 @@
+"""The commanded robot: inverse kinematics at acceleration level, integrated twice.
+
+In words: find the acceleration of base and joints with which
+
+    the soles take up the admittance's twists       weight 1e4
+    the centre of mass follows the pendulum         weight 1000, legs and base only
+    the base turns to its wanted orientation        weight 200
+    the joints return to the posture                weight 10
+
+within the joints' position and velocity limits. The base of the Walker is pelvis and
+torso in one, so their two tasks of weight 100 are one here.
+
+The unknown of the QP is the velocity after the tick, v + a dt, and the cost is divided
+by the contact weight and by dt^-2: the same optimum in numbers of size one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from schemas.arrays import Array, Mat, Vec3
+from schemas.settings import DikSettings
+from schemas.zmp_settings import ZmpSettings
+from stabilizer.model import N_BASE_V, RobotModel
+from stabilizer.qp import DenseQp, QpSolution
+from stabilizer.zmp.kinematics import Kinematics
+
+CONTACT_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 200.0, 10.0
+COM_STIFFNESS = np.array([1000.0, 1000.0, 100.0])
+BASE_STIFFNESS = 10.0
+POSTURE_STIFFNESS = 1.0
+SINGLE_SUPPORT_STIFFNESS = 1000.0
+"""Of the standing foot's position while the other one is lifted [1/s^2]."""
+CONTACT, COM, BASE = slice(0, 12), slice(12, 15), slice(3, 6)
+
+
+@dataclass
+class ComTarget:
+    """Where the commanded centre of mass should be: (3,) each [m, m/s, m/s^2]."""
+
+    position: Vec3
+    velocity: Vec3
+    acceleration: Vec3
+
+
+class CommandedRobot:
+    """Configuration and velocity that are commanded, base included.
+
+    Attributes:
+        q: (7 + n_a,) configuration in the stance frame.
+        v: (n_v,) velocity.
+        kinematics: at that state.
+        qp: the last problem.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        zmp: ZmpSettings,
+        limits: DikSettings,
+        *,
+        period_s: float,
+    ) -> None:
+        """Begins in the nominal stance."""
+        self._model = model
+        self._limits = limits
+        self._dt = period_s
+        n_v = model.n_v
+        self.q: Array = model.nominal_configuration()
+        self.v: Array = np.zeros(n_v)
+        self.kinematics = Kinematics(model)
+        self.kinematics.update_jacobians(self.q, self.v)
+        self.qp = DenseQp("zmp ik", n=n_v, m=0)
+        self._T: Mat = np.zeros((15, n_v))
+        self._t: Array = np.zeros(15)
+        self._roots = np.sqrt([1.0] * 12 + [zmp.com_weight / CONTACT_WEIGHT] * 3)
+        self._upper_body = N_BASE_V + np.flatnonzero(~model.is_leg)
+        self._diagonal = np.zeros(n_v)
+        self._diagonal[BASE] = BASE_WEIGHT / CONTACT_WEIGHT
+        self._diagonal[N_BASE_V:] = POSTURE_WEIGHT / CONTACT_WEIGHT
+        self._wanted: Array = np.zeros(n_v)
+        self._stiffness = zmp.contact_stiffness
+        self._damping = zmp.contact_damping
+        self._speed = np.minimum(model.velocity_limit, limits.velocity_limit_rad_s)
+        self._R_stance: list[Mat] = []
+        self.p_stance: list[Vec3] = []
+        self.take_stance()
+
+    def start(self, q_joint: Array) -> None:
+        """Begins at rest in a posture, its soles where they stand.
+
+        Args:
+            q_joint: (n_a,) joints, model order [rad].
+        """
+        self.q = self._model.nominal_configuration()
+        self.q[N_BASE_V + 1 :] = q_joint
+        self.v[:] = 0.0
+        self.kinematics.update_jacobians(self.q, self.v)
+        self.take_stance()
+
+    def take_stance(self) -> None:
+        """Makes the present soles the ones to return to."""
+        self._R_stance = [R.copy() for R in self.kinematics.R_world_sole]
+        self.p_stance = [p.copy() for p in self.kinematics.p_sole]
+
+    def solve(
+        self,
+        *,
+        twist: Array,
+        in_contact: list[bool],
+        com: ComTarget,
+        R_base: Mat,
+        posture: Array,
+    ) -> QpSolution:
+        """Computes the velocity after this tick.
+
+        Args:
+            twist: (12,) wanted sole twists, commanded sole frames.
+            in_contact: which feet stand.
+            com: reference of the centre of mass.
+            R_base: (3, 3) wanted base rotation.
+            posture: (n_a,) joints to return to, model order [rad].
+
+        Returns:
+            The QP's solution, x = velocity of base and joints.
+        """
+        kinematics, T, t, qp = self.kinematics, self._T, self._t, self.qp
+        T[CONTACT] = kinematics.J_contact
+        T[COM] = kinematics.J_com
+        T[COM, self._upper_body] = 0.0
+        t[CONTACT] = self._damping * (twist - kinematics.v_sole)
+        t[CONTACT] -= kinematics.Jdot_v_contact
+        self._add_stance_pull(t, in_contact)
+        t[COM] = com.acceleration + COM_STIFFNESS * (com.position - kinematics.p_com)
+        t[COM] += 2.0 * np.sqrt(COM_STIFFNESS) * (com.velocity - kinematics.v_com)
+        t[COM] -= kinematics.Jdot_v_com
+        t *= self._dt
+        t += T @ self.v
+        T *= self._roots[:, None]
+        t *= self._roots
+        T.T.dot(T, out=qp.P)
+        qp.P.flat[:: self._model.n_v + 1] += self._diagonal
+        t.dot(T, out=qp.q_lin)
+        qp.q_lin += self._diagonal * self._velocity_wanted(R_base, posture)
+        np.negative(qp.q_lin, out=qp.q_lin)
+        self._set_limits()
+        return qp.solve()
+
+    def _velocity_wanted(self, R_base: Mat, posture: Array) -> Array:
+        """(n_v,) next velocity as base orientation and posture ask."""
+        wanted = self._wanted
+        R = pin.Quaternion(self.q[3:7]).toRotationMatrix()
+        wanted[BASE] = BASE_STIFFNESS * pin.log3(R.T @ R_base)
+        wanted[BASE] -= 2.0 * BASE_STIFFNESS**0.5 * self.v[BASE]
+        wanted[N_BASE_V:] = POSTURE_STIFFNESS * (posture - self.q[7:])
+        wanted[N_BASE_V:] -= 2.0 * POSTURE_STIFFNESS**0.5 * self.v[N_BASE_V:]
+        wanted *= self._dt
+        wanted += self.v
+        return wanted
+
+    def integrate(self, velocity: Array, q_measured: Array, *, fade: float) -> None:
+        """Takes up a velocity, never far from the robot.
+
+        Args:
+            velocity: (n_v,) of base and joints.
+            q_measured: (n_a,) joints, model order [rad].
+            fade: part of the motion that is carried out.
+        """
+        model, reach = self._model, self._limits.windup_limit_rad
+        self.v[:] = velocity
+        self.q = pin.integrate(model.pin_model, self.q, (fade * self._dt) * self.v)
+        joints = self.q[7:]
+        low = np.maximum(q_measured - reach, model.lower)
+        high = np.minimum(q_measured + reach, model.upper)
+        kept = np.clip(joints, low, np.maximum(low, high))
+        # Speed into a limit would only be lost later, as a jump.
+        self.v[N_BASE_V:][kept != joints] = 0.0
+        joints[:] = kept
+        self.kinematics.update_jacobians(self.q, self.v)
+
+    def _add_stance_pull(self, t: Array, in_contact: list[bool]) -> None:
+        """The slow return of the soles, stiff for a foot that stands alone."""
+        alone = in_contact[0] != in_contact[1]
+        for side in (0, 1):
+            R, p = self.kinematics.R_world_sole[side], self.kinematics.p_sole[side]
+            is_stiff = alone and in_contact[side]
+            linear = SINGLE_SUPPORT_STIFFNESS if is_stiff else self._stiffness
+            start = 6 * side
+            offset = self.p_stance[side] - p
+            turn = pin.log3(R.T @ self._R_stance[side])
+            t[start : start + 3] += linear * (offset @ R)
+            t[start + 3 : start + 6] += self._stiffness * turn
+
+    def _set_limits(self) -> None:
+        """Velocity limits, and a damper before each end of the joint range."""
+        limits, model, speed = self._limits, self._model, self._speed
+        margin, q = limits.limit_margin_rad, self.q[7:]
+        low = (model.lower + margin - q) / limits.limit_time_s
+        high = (model.upper - margin - q) / limits.limit_time_s
+        self.qp.x_l[N_BASE_V:] = np.clip(low, -speed, speed)
+        self.qp.x_u[N_BASE_V:] = np.clip(high, -speed, speed)

@@ -1,0 +1,151 @@
+"""Distribution QP: how both feet share the wanted net wrench.
+
+In words: find the sole wrenches F = (F_left, F_right) that
+
+    minimise    1e4 |X_l F_l + X_r F_r - w*|^2          net wrench
+              + 100 (|D A_l F_l|^2 + |D A_r F_r|^2)     ankle torques
+              + 1   ((1 - r) Fz_l - r Fz_r)^2           load share
+    subject to  each F_i in its contact-wrench cone, Fz_i >= 15 N.
+
+X maps a sole wrench to world axes about the centre of mass, A shifts it to the ankle.
+The unknowns are in the sole frames, where the cones are constant.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from schemas.arrays import Array, Mat, Vec3
+from schemas.zmp_settings import ZmpSettings
+from stabilizer.model import RobotModel, skew
+from stabilizer.qp import DenseQp, QpSolution
+from stabilizer.zmp.contact_cone import contact_cone
+from stabilizer.zmp.net_wrench import sole_to_world
+
+ANKLE_SCALE = np.array([1e-3, 1e-3, 1e-4, 1.0, 1.0, 1e-4])
+"""D: residual scale of force [1/N] and moment [1/(N m)] at the ankle."""
+CONE_ROWS = 16
+ROWS_PER_FOOT = CONE_ROWS + 1
+NORMAL = 2
+
+
+class WrenchDistribution:
+    """Builds and solves the QP, for both feet or one.
+
+    Attributes:
+        F: (12,) wanted wrenches, sole frames; zero for a foot that does not stand.
+    """
+
+    def __init__(self, model: RobotModel, settings: ZmpSettings) -> None:
+        """Allocates a problem for two feet and one for each foot alone."""
+        # Costs relative to the net wrench's, which keeps the numbers small.
+        self._ankle = settings.ankle_weight / settings.net_weight
+        self._share = settings.share_weight / settings.net_weight
+        self._cones = [
+            contact_cone(
+                friction=settings.friction,
+                half_length=settings.sole_scale * foot.half_length_m,
+                half_width=settings.sole_scale * foot.half_width_m,
+            )
+            for foot in model.robot.file.foot
+        ]
+        self._ankle_cost = np.zeros((12, 12))
+        for side, sole in enumerate(model.sole_ids):
+            rows = slice(6 * side, 6 * side + 6)
+            D = ANKLE_SCALE[:, None] * _to_ankle(model.pin_model.frames[sole].placement)
+            self._ankle_cost[rows, rows] = D.T @ D
+        least = settings.normal_force_min_n
+        self.both = DenseQp("distribution", n=12, m=2 * ROWS_PER_FOOT)
+        self.alone = [
+            DenseQp(f"distribution {side}", n=6, m=ROWS_PER_FOOT)
+            for side in ("left", "right")
+        ]
+        for side, cone in enumerate(self._cones):
+            _limit(self.both, side, cone, least)
+            _limit(self.alone[side], 0, cone, least)
+        self._X = np.zeros((6, 12))
+        self.F: Array = np.zeros(12)
+
+    def solve(
+        self,
+        wrench: Array,
+        *,
+        R_world_sole: list[Mat],
+        p_sole: list[Vec3],
+        point: Vec3,
+        in_contact: list[bool],
+        left_share: float = 0.5,
+    ) -> QpSolution | None:
+        """Distributes a net wrench.
+
+        Args:
+            wrench: (6,) wanted, world axes, moment about ``point``.
+            R_world_sole: rotations of the soles.
+            p_sole: (3,) their positions [m].
+            point: (3,) what moments are about: the centre of mass [m].
+            in_contact: which feet stand.
+            left_share: part of the load the left foot should carry.
+
+        Returns:
+            The QP's solution, None when no foot stands; ``F`` keeps its last value
+            when it failed.
+        """
+        feet = [side for side in (0, 1) if in_contact[side]]
+        if not feet:
+            self.F[:] = 0.0
+            return None
+        for side in feet:
+            self._X[:, 6 * side : 6 * side + 6] = sole_to_world(
+                R_world_sole[side], p_sole[side], point
+            )
+        if len(feet) == 2:
+            qp, X, rows = self.both, self._X, slice(0, 12)
+            X.T.dot(X, out=qp.P)
+            qp.P += self._ankle * self._ankle_cost
+            left, right = 1.0 - left_share, -left_share
+            qp.P[NORMAL, NORMAL] += self._share * left * left
+            qp.P[6 + NORMAL, 6 + NORMAL] += self._share * right * right
+            qp.P[NORMAL, 6 + NORMAL] += self._share * left * right
+            qp.P[6 + NORMAL, NORMAL] += self._share * left * right
+        else:
+            side = feet[0]
+            rows = slice(6 * side, 6 * side + 6)
+            qp, X = self.alone[side], self._X[:, rows]
+            qp.P[:] = X.T @ X
+        qp.q_lin[:] = -(wrench @ X)
+        solution = qp.solve()
+        if solution.ok:
+            self.F[:] = 0.0
+            self.F[rows] = solution.x
+        return solution
+
+    def problem(self, in_contact: list[bool]) -> DenseQp:
+        """The QP of a set of standing feet, as last solved."""
+        if in_contact[0] and in_contact[1]:
+            return self.both
+        return self.alone[0 if in_contact[0] else 1]
+
+
+def centre_of_pressure(F: Array) -> tuple[float, float]:
+    """Of one foot's wrench (6,), in the sole frame [m]; the middle without a force."""
+    normal = F.item(NORMAL)
+    if normal <= 0.0:
+        return 0.0, 0.0
+    return -F.item(4) / normal, F.item(3) / normal
+
+
+def _to_ankle(T_ankle_sole: object) -> Mat:
+    """(6, 6) shift of a sole wrench to the ankle joint's centre, sole axes."""
+    p_ankle: Vec3 = T_ankle_sole.inverse().translation  # type: ignore[attr-defined]
+    shift = np.eye(6)
+    shift[3:, :3] = -skew(p_ankle)
+    return shift
+
+
+def _limit(qp: DenseQp, block: int, cone: Mat, least: float) -> None:
+    """Writes one foot's cone and least normal force into a QP."""
+    start, columns = ROWS_PER_FOOT * block, slice(6 * block, 6 * block + 6)
+    qp.G[start : start + CONE_ROWS, columns] = cone
+    qp.h_u[start : start + CONE_ROWS] = 0.0
+    qp.G[start + CONE_ROWS, 6 * block + NORMAL] = -1.0
+    qp.h_u[start + CONE_ROWS] = -least

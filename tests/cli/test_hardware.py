@@ -1,0 +1,127 @@
+"""From simulator to hardware: robot and endpoint files change, nothing else."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from robot_io.certificates import make_certificates
+from tests.cli.conftest import TIMEOUT_S, environment
+from tests.support import free_port
+
+Start = Callable[..., subprocess.Popen[str]]
+SHORT = """
+name = "short and rocking"
+duration_s = 1.5
+[[platform]]
+foot = "both"
+  [[platform.motion]]
+  axis = "roll"
+  kind = "sine"
+  amplitude_deg = 4.0
+  frequency_hz = 0.7
+[sensors]
+force_noise_n = 2.0
+"""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    path = tmp_path / "rocking.toml"
+    path.write_text(SHORT)
+    return path
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Starts commands; what they say goes to a file each."""
+    processes: list[subprocess.Popen[str]] = []
+
+    def start_one(*arguments: object) -> subprocess.Popen[str]:
+        with (tmp_path / f"{len(processes)}-{arguments[0]}.log").open("w") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "cli", *map(str, arguments)],
+                env=environment(),
+                text=True,
+                stdout=subprocess.PIPE,
+                stderr=log,
+            )
+        processes.append(process)
+        return process
+
+    yield start_one
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def secured(folder: Path, *, router: bool = False) -> Callable[[str], Path]:
+    """Certificates, and a function that writes an identity's endpoint file."""
+    make_certificates(folder / "certs", hosts=[], days=1)
+    locator = f"tls/127.0.0.1:{free_port()}"
+
+    def endpoint_file(identity: str) -> Path:
+        path = folder / f"{identity}.toml"
+        lines = [f'listen = ["{locator}"]', f'connect = ["{locator}"]']
+        if router:
+            lines += [f'router = ["{locator}"]']
+        lines += [
+            "[tls]",
+            'ca = "certs/ca.pem"',
+            f'certificate = "certs/{identity}.pem"',
+            f'key = "certs/{identity}.key.pem"',
+        ]
+        path.write_text("\n".join(lines))
+        return path
+
+    return endpoint_file
+
+
+def run_both(start: Start, robot_words: list, stabilizer_words: list) -> dict:
+    """Plant result of a run of both; both must end well."""
+    robot = start("robot", "--json", *robot_words)
+    stabilizer = start("stabilizer", "--wait", 60, *stabilizer_words)
+    out, _ = robot.communicate(timeout=TIMEOUT_S)
+    stabilizer.communicate(timeout=TIMEOUT_S)
+    assert (robot.returncode, stabilizer.returncode) == (0, 0)
+    plant: dict = json.loads(out)
+    return plant
+
+
+def test_the_real_keys_over_tls_are_the_same_run(
+    start: Start, scenario: Path, tmp_path: Path
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    simulated = run_both(start, [scenario, "--listen", locator], ["--connect", locator])
+    file = secured(tmp_path)
+    hardware = run_both(
+        start,
+        [scenario, "--robot", "walker-real", "--endpoints", file("robot")],
+        ["--robot", "walker-real", "--endpoints", file("stabilizer")],
+    )
+    assert not hardware["fell"]
+    assert hardware["fell"] == simulated["fell"]
+    assert hardware["log_sha256"] == simulated["log_sha256"]
+    assert hardware["ticks"] == 1500
+
+
+def test_robot_and_stabilizer_meet_at_a_router(
+    start: Start, scenario: Path, tmp_path: Path
+) -> None:
+    file = secured(tmp_path, router=True)
+    router = start("router", "--endpoints", file("router"))
+    run = run_both(
+        start,
+        [scenario, "--endpoints", file("robot")],
+        ["--controller", "hold", "--endpoints", file("stabilizer")],
+    )
+    assert run["ticks"] == 1500
+    assert run["deadline_misses"] == 0
+    router.terminate()
+    router.communicate(timeout=TIMEOUT_S)
+    assert router.returncode == 130

@@ -1,0 +1,146 @@
+"""Robots that do one thing wrong each, as processes of their own."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from deploy.driver.acme_driver import AcmeAdapter
+from robot_io.driver import run_driver
+from robot_io.gate import CommandGate
+from robot_io.robot import load_robot
+from robot_io.snapshot import Snapshot
+from robot_io.stop_request import StopRequest
+from robot_io.verdict import Answer, Verdict
+from schemas.endpoints import Endpoints
+from schemas.messages import JointCommand
+
+Twist = Callable[[Snapshot, int], Snapshot]
+GRAVITY_M_S2 = 9.80665
+CHANNELS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
+STUCK: dict[str, Any] = {}
+
+
+def wrong_sign(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, ft_left=-s.ft_left, ft_right=-s.ft_right)
+
+
+def feet_swapped(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, ft_left=s.ft_right, ft_right=s.ft_left)
+
+
+def joints_swapped(s: Snapshot, tick: int) -> Snapshot:
+    """Left arm for right arm: both stand in the same posture."""
+    order = np.arange(s.q.size)
+    order[8:15], order[21:28] = np.arange(21, 28), np.arange(8, 15)
+    return replace(s, q=s.q[order], dq=s.dq[order], effort=s.effort[order])
+
+
+def wired_wrongly(s: Snapshot, tick: int) -> Snapshot:
+    return feet_swapped(joints_swapped(s, tick), tick)
+
+
+def degrees(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, q=np.degrees(s.q))
+
+
+def in_g(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, linear_acceleration=s.linear_acceleration / GRAVITY_M_S2)
+
+
+def wxyz(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, quat_xyzw=s.quat_xyzw[[3, 0, 1, 2]])
+
+
+def tick_stands_still(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, tick=0)
+
+
+def stuck_imu(s: Snapshot, tick: int) -> Snapshot:
+    first = STUCK.setdefault("imu", s)
+    return replace(
+        s,
+        quat_xyzw=first.quat_xyzw,
+        angular_velocity=first.angular_velocity,
+        linear_acceleration=first.linear_acceleration,
+    )
+
+
+def stuck_force(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, ft_right=STUCK.setdefault("force", s.ft_right))
+
+
+def not_finite(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, dq=np.full(s.dq.size, math.nan))
+
+
+def sound(s: Snapshot, tick: int) -> Snapshot:
+    return s
+
+
+class NoWatchdog(CommandGate):
+    """Follows the last posture for ever, in ACTIVE."""
+
+    def _watch(self, silence_s: float) -> None:
+        pass
+
+
+class NoLease(CommandGate):
+    """Does what anyone asks."""
+
+    def request(self, action: str, who: str, *, now_s: float) -> Answer:
+        self.authority.lease.holder = who
+        return super().request(action, who, now_s=now_s)
+
+
+class AcceptsNan(CommandGate):
+    """Does not look at the numbers; its inbox lets NaN through, too."""
+
+    def refuse(self, refusal: Any, detail: str) -> Verdict:
+        if "finite" in detail:
+            return Verdict(accepted=True)
+        return super().refuse(refusal, detail)
+
+
+class AcceptsReplays(CommandGate):
+    """Takes the same command again and again."""
+
+    def check(self, command: JointCommand, *, tick: int, now_s: float) -> Verdict:
+        self._sequence = -1
+        return super().check(command, tick=tick, now_s=now_s)
+
+
+class IgnoresEstop(CommandGate):
+    """Says yes to the e-stop and goes on."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.authority.stop = lambda source: Answer(  # type: ignore[method-assign]
+            accepted=True
+        )
+
+
+def broken_robot(
+    endpoints: Endpoints, twist: Twist, gate: type[CommandGate], period_factor: int
+) -> str:
+    """Serves such a robot until it is killed."""
+    robot = load_robot("walker")
+    inner = AcmeAdapter(robot)
+
+    class Adapter:
+        def read(self, tick: int, stamp_ns: int) -> Snapshot:
+            if period_factor > 1:
+                time.sleep((period_factor - 1) * robot.period_s)
+            return twist(inner.read(tick, stamp_ns), tick)
+
+        def write(self, q_command: np.ndarray) -> None:
+            inner.write(q_command)
+
+    return run_driver(
+        Adapter(), robot, endpoints=endpoints, make_gate=gate, stop=StopRequest()
+    )

@@ -1,0 +1,107 @@
+"""The conformance run tells a sound robot from broken ones, and says what is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+from robot_io.conformance.run import check_conformance
+from robot_io.gate import CommandGate
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from schemas.endpoints import Endpoints
+from tests.cli.conftest import Surefoot
+from tests.cli.conftest import surefoot as surefoot
+from tests.conformance import broken
+from tests.conformance.verdict import check_passes_but_for_time
+from tests.nodes.processes import robot as simulated_robot
+from tests.nodes.processes import running
+from tests.support import DEADLINE_S
+
+NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
+SENSOR_FAULTS = [
+    (broken.wrong_sign, {"left_ankle_ft.sign", "right_ankle_ft.sign", "feet.weight"}),
+    (broken.degrees, {"joints.position", "joints.range"}),
+    (broken.in_g, {"imu.gravity"}),
+    (broken.wxyz, {"imu.attitude"}),
+    (broken.tick_stands_still, {f"{name}.tick" for name in broken.CHANNELS}),
+    (broken.stuck_imu, {"imu.alive"}),
+    (broken.stuck_force, {"right_ankle_ft.alive"}),
+    (broken.not_finite, {"joints.format"}),
+]
+GATE_FAULTS = [
+    (broken.NoWatchdog, "reactions", {"watchdog.hold", "watchdog.fault"}),
+    (broken.NoLease, "", {"lease.second", "lease.mode"}),
+    (broken.AcceptsNan, "refusals", {"command.not_finite"}),
+    (broken.AcceptsReplays, "refusals", {"command.sequence"}),
+    (broken.IgnoresEstop, "reactions", {"estop.reaction"}),
+]
+
+
+def failures(
+    endpoints: Endpoints,
+    *sections: str,
+    twist: broken.Twist = broken.sound,
+    gate: type[CommandGate] = CommandGate,
+    period_factor: int = 1,
+) -> set[str]:
+    """Names of what fails on such a robot."""
+    with running(broken.broken_robot, endpoints, twist, gate, period_factor):
+        report = check_conformance(
+            load_robot("walker"),
+            endpoints=endpoints,
+            sections=sections,
+            timeout_s=DEADLINE_S,
+        )
+    assert report.passed is all(finding.passed for finding in report.findings)
+    return {finding.name for finding in report.findings if not finding.passed}
+
+
+def test_the_simulated_robot_passes(surefoot: Surefoot, endpoints: Endpoints) -> None:
+    table = {"duration_s": 600.0, "sensors": NOISE}
+    with running(simulated_robot, endpoints, table, Pace.REALTIME):
+        words = ["--connect", *endpoints.connect, "--wait", DEADLINE_S]
+        done = surefoot("check-robot", *words, "--json")
+    check_passes_but_for_time(done)
+
+
+@pytest.mark.parametrize(("twist", "expected"), SENSOR_FAULTS)
+def test_a_faulty_sensor_is_named(
+    endpoints: Endpoints, twist: broken.Twist, expected: set[str]
+) -> None:
+    found = failures(endpoints, "sensors", twist=twist)
+    assert expected <= found
+
+
+@pytest.mark.parametrize(("gate", "section", "expected"), GATE_FAULTS)
+def test_a_faulty_gate_is_named(
+    endpoints: Endpoints, gate: type[CommandGate], section: str, expected: set[str]
+) -> None:
+    assert expected <= failures(endpoints, section, gate=gate)
+
+
+def test_half_the_rate_is_seen(endpoints: Endpoints) -> None:
+    found = failures(endpoints, "sensors", period_factor=2)
+    assert {"joints.rate", "imu.rate"} <= found
+
+
+def test_wrong_wiring_is_seen(endpoints: Endpoints) -> None:
+    found = failures(endpoints, "wiring", twist=broken.wired_wrongly)
+    assert found == {"feet.order", "joints.order"}
+
+
+def test_no_robot_is_unreachable(surefoot: Surefoot, endpoints: Endpoints) -> None:
+    done = surefoot("check-robot", "--connect", *endpoints.connect, "--wait", 0.2)
+    assert done.returncode == 4
+    assert done.stdout == ""
+
+
+def test_a_broken_robot_exits_with_1_and_names_the_line(
+    surefoot: Surefoot, endpoints: Endpoints
+) -> None:
+    with running(broken.broken_robot, endpoints, broken.in_g, CommandGate, 1):
+        words = ["--connect", *endpoints.connect, "--wait", DEADLINE_S]
+        done = surefoot("check-robot", *words, "--only", "sensors")
+    assert done.returncode == 1
+    (line,) = (line for line in done.stdout.splitlines() if "FAILED" in line)
+    assert "imu.gravity" in line
+    assert "in g?" in line

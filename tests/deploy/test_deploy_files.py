@@ -1,0 +1,107 @@
+"""Files in deploy/ say what this release understands."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+import typer
+import yaml
+import zenoh
+
+from cli.app import app
+from deploy.zenoh.write import FILES, text
+from robot_io.access import access_control
+from robot_io.exposure import check_encryption, check_exposure, check_locators
+from robot_io.robot import load_robot
+from schemas.endpoints import Endpoints
+from schemas.toml_file import load
+from tests.cli.conftest import REPOSITORY
+
+DEPLOY = REPOSITORY / "deploy"
+NOT_YET = {"record"}
+"""Commands of services behind a profile that may come with another release."""
+
+
+def compose(*names: str) -> list[dict]:
+    return [
+        yaml.safe_load((DEPLOY / "docker" / name).read_text(encoding="utf-8"))
+        for name in names
+    ]
+
+
+def commands() -> set[str]:
+    return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("path", sorted(DEPLOY.rglob("*.toml")), ids=str)
+def test_endpoint_files_can_be_used(path: Path) -> None:
+    endpoints = load(path, Endpoints)
+    for locators in (endpoints.listen, endpoints.router or endpoints.connect):
+        check_locators(locators, verb="use")
+        check_encryption(endpoints, locators)
+    check_exposure(endpoints)
+    if endpoints.tls is not None:
+        assert Path(endpoints.tls.certificate).stem == path.stem
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_zenoh_takes_its_configurations_and_they_are_up_to_date(name: str) -> None:
+    file = DEPLOY / "zenoh" / f"{name}.json5"
+    assert file.read_text(encoding="utf-8") == text(name)
+    config = zenoh.Config.from_file(str(file))
+    assert config.get_json("scouting/multicast/enabled") == "false"
+
+
+def test_access_follows_the_robot_files_keys() -> None:
+    robot = load_robot("walker-real")
+    endpoints = Endpoints()
+    rules = access_control(endpoints.access, keys=robot.keys, namespace="walker")
+    assert rules["default_permission"] == "deny"
+    allowed = {key for rule in rules["rules"] for key in rule["key_exprs"]}
+    assert "walker/sensor/ft/lankle" in allowed
+    assert "walker/state/ft/left_ankle" not in allowed
+
+
+def test_every_service_runs_a_command_with_an_endpoint_file_that_is_there() -> None:
+    (base, routed) = compose("compose.yaml", "routed.yaml")
+    assert set(base["services"]) == {"robot", "stabilizer", "recorder"}
+    assert set(routed["services"]) - set(base["services"]) == {"router"}
+    for services in (base["services"], routed["services"]):
+        for name, service in services.items():
+            command = service["command"]
+            assert command[0] in commands() | NOT_YET, name
+            file = command[command.index("--endpoints") + 1]
+            assert (DEPLOY / "docker" / file.lstrip("/")).is_file()
+            for needed in service.get("depends_on", {}):
+                assert needed in {**base["services"], **routed["services"]}
+            healthy = name == "recorder" or "healthcheck" in service
+            assert healthy or "healthcheck" in base["services"].get(name, {})
+
+
+def test_only_a_profile_needs_what_may_not_be_there() -> None:
+    (base,) = compose("compose.yaml")
+    for service in base["services"].values():
+        assert service["command"][0] in commands() or service.get("profiles")
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
+@pytest.mark.parametrize("unit", sorted((DEPLOY / "systemd").glob("*")), ids=str)
+def test_systemd_understands_the_units(unit: Path, tmp_path: Path) -> None:
+    """With a program that exists here in the place of the installed one."""
+    copy = tmp_path / unit.name
+    copy.write_text(
+        unit.read_text(encoding="utf-8").replace(
+            "/opt/surefoot/venv/bin/surefoot", "/bin/true"
+        )
+    )
+    done = subprocess.run(
+        ["systemd-analyze", "verify", "--man=no", str(copy)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0
+    assert unit.name not in done.stderr

@@ -1,0 +1,35 @@
+"""The example of a driver, as a user would run it, against the conformance run."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.cli.conftest import REPOSITORY, TIMEOUT_S, Surefoot, environment
+from tests.cli.conftest import surefoot as surefoot
+from tests.conformance.verdict import check_passes_but_for_time
+from tests.support import free_port
+
+DRIVER = REPOSITORY / "deploy" / "driver" / "acme_driver.py"
+MOST_LINES = 100
+
+
+def test_the_example_driver_passes(surefoot: Surefoot, tmp_path: Path) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    file = tmp_path / "endpoints.toml"
+    file.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
+    driver = subprocess.Popen([sys.executable, DRIVER, file], env=environment())
+    try:
+        done = surefoot("check-robot", "--endpoints", file, "--json")
+        check_passes_but_for_time(done)
+        driver.send_signal(signal.SIGTERM)
+        assert driver.wait(TIMEOUT_S) == 0
+    finally:
+        driver.kill()
+        driver.wait()
+
+
+def test_the_example_is_short() -> None:
+    assert len(DRIVER.read_text().splitlines()) < MOST_LINES

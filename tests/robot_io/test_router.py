@@ -1,0 +1,59 @@
+"""A router checks what the robot behind it cannot see any more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from robot_io.client import RobotClient
+from robot_io.robot import load_robot
+from robot_io.session import Role, open_session
+from robot_io.stop_request import StopRequest
+from schemas.codec import encode
+from schemas.endpoints import Endpoints
+from schemas.messages import SCHEMA_VERSION, LeaseRequest, RobotMode
+from tests.robot_io.secured import Authority
+from tests.robot_io.served_robot import serving
+from tests.support import wait_until
+
+ATTEMPTS = 5
+
+
+def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
+    robot = load_robot("walker-real")
+    authority = Authority(tmp_path / "certs")
+
+    def as_who(identity: str) -> Endpoints:
+        endpoints = authority.endpoints(identity)
+        return msgspec.structs.replace(endpoints, router=endpoints.listen)
+
+    lease = encode(LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="eve"))
+    with (
+        open_session(
+            as_who("router"), Role.ROUTER, namespace="walker", keys=robot.keys
+        ),
+        serving(robot, as_who("robot")) as served,
+        RobotClient(
+            robot,
+            endpoints=as_who("stabilizer"),
+            identity="ann",
+            in_order=True,
+            stop=StopRequest(),
+        ) as ann,
+        open_session(as_who("observer"), Role.CLIENT, namespace="walker") as observer,
+    ):
+        assert ann.connect(timeout_s=10.0)
+
+        def answers(key: str, data: bytes) -> bool:
+            return any(r.ok for r in observer.get(key, payload=data, timeout=0.3))
+
+        for _ in range(ATTEMPTS):
+            assert not answers(robot.keys["lease"], lease)
+        assert served.do(lambda server, gate: gate.authority.lease.holder) == ""
+        ann.take_lease()
+        ann.enable()
+        assert served.do(lambda server, gate: gate.mode) is RobotMode.ACTIVE
+        wait_until(lambda: answers(robot.keys["estop"], b"stop"), what="the e-stop")
+        assert served.do(lambda server, gate: gate.mode) is RobotMode.FAULT
+        assert served.do(lambda server, gate: gate.authority.lease.holder) == "ann"

@@ -1,0 +1,56 @@
+"""Pushes and fast ground that tip a foot: the controller and robot in one loop."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot, load_robot
+from tests.stabilizer.closed_loop import run_closed_loop
+
+PUSH_S = 0.1
+IMPULSE_NS = 20.0
+HARD_LANDING_N = 1500.0
+"""More than four times a foot's share of the weight."""
+NORMAL_ROWS = (2, 8)
+
+
+def push(direction_deg: float) -> list[dict[str, Any]]:
+    """20 N s on the torso, counted from the front to the left."""
+    angle, force = math.radians(direction_deg), IMPULSE_NS / PUSH_S
+    force_n = [force * math.cos(angle), force * math.sin(angle), 0.0]
+    return [{"body": "torso", "force_n": force_n, "start_s": 1.5, "duration_s": PUSH_S}]
+
+
+def ramp(axis: str, rate_deg_s: float) -> list[dict[str, Any]]:
+    """A platform under both feet that turns by 15 degrees and stays there."""
+    motion = {
+        "axis": axis,
+        "kind": "ramp",
+        "amplitude_deg": 15.0,
+        "rate_deg_s": rate_deg_s,
+        "start_s": 1.0,
+    }
+    return [{"foot": "both", "motion": [motion]}]
+
+
+@pytest.mark.parametrize("direction_deg", [90.0, 135.0, 225.0])
+def test_push_to_the_side_ends_without_a_foot_rocking(
+    walker: Robot, direction_deg: float
+) -> None:
+    """A foot pushed onto its edge must not take its own tipping for the ground's."""
+    run = run_closed_loop(walker, duration_s=3.5, push=push(direction_deg))
+    assert not run.fell
+    assert run.F_true[:, NORMAL_ROWS].max() < HARD_LANDING_N
+
+
+@pytest.mark.parametrize("profile", ["ideal", "harmonic"])
+@pytest.mark.parametrize("axis", ["roll", "pitch"])
+def test_ground_that_tilts_faster_than_the_paper_dared(axis: str, profile: str) -> None:
+    robot = load_robot("walker", servo_profile=profile)
+    run = run_closed_loop(robot, duration_s=3.0, platform=ramp(axis, 120.0))
+    assert not run.fell
+    assert np.isfinite(run.commands).all()

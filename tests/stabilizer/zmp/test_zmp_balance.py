@@ -1,0 +1,104 @@
+"""The baseline on the real simulated robot: it stands, and takes pushes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from schemas.arrays import Array
+from schemas.settings import ControllerSettings, build_settings
+from schemas.toml_file import read_toml
+from stabilizer.model import RobotModel
+from stabilizer.references import standing
+from stabilizer.shipped_settings import PRESETS_DIR, find_settings, shipped_settings
+from stabilizer.zmp.zmp_controller import ZmpController
+from tests.stabilizer.closed_loop import Run, run_closed_loop
+
+IMPULSE_N_S, PUSH_S = 15.0, 0.1
+PUSHED_AT_S, RUN_S = 0.8, 2.8
+MOVED_M = 4e-3
+"""A push that does not move the robot so far was none."""
+BACK_M = 4e-3
+STILL_M = 2e-3
+AWAY_S = 1.0
+
+
+def preset(name: str) -> ControllerSettings:
+    return build_settings(read_toml(PRESETS_DIR / f"{name}.toml"), overrides=[])
+
+
+def com_error(model: RobotModel, run: Run) -> Array:
+    """(n, 2) horizontal, against the midpoint of the true soles [m]."""
+    over = run.com_true - run.soles_true.mean(axis=1)
+    error: Array = (over - standing(model).com)[:, :2]
+    return error
+
+
+@pytest.mark.parametrize("name", ["zmp-stock", "zmp-tuned"])
+def test_it_stands_still(walker: Robot, model: RobotModel, name: str) -> None:
+    controller = ZmpController(walker, preset(name))
+    run = run_closed_loop(walker, controller=controller, duration_s=2.0)
+    assert run.statuses == {"ok"}
+    assert np.abs(com_error(model, run)[run.time_s > AWAY_S]).max() < STILL_M
+
+
+@pytest.mark.parametrize("name", ["zmp-stock", "zmp-tuned"])
+@pytest.mark.parametrize(
+    "angle_deg", [0.0, 90.0, 225.0], ids=["front", "side", "diagonal"]
+)
+def test_it_recovers_from_a_push(
+    walker: Robot, model: RobotModel, name: str, angle_deg: float
+) -> None:
+    angle = np.radians(angle_deg)
+    force = IMPULSE_N_S / PUSH_S * np.array([np.cos(angle), np.sin(angle), 0.0])
+    push = {
+        "body": "torso",
+        "force_n": force.tolist(),
+        "start_s": PUSHED_AT_S,
+        "duration_s": PUSH_S,
+    }
+    run = run_closed_loop(
+        walker,
+        controller=ZmpController(walker, preset(name)),
+        duration_s=RUN_S,
+        push=[push],
+    )
+    assert not run.fell
+    assert run.statuses == {"ok"}
+    error = com_error(model, run)
+    along = error @ force[:2] / np.linalg.norm(force)
+    assert along.max() > MOVED_M
+    assert np.abs(error[-100:]).max() < BACK_M
+
+
+def test_tuned_settings_are_the_defaults() -> None:
+    assert preset("zmp-tuned") == ControllerSettings()
+
+
+@pytest.mark.parametrize("name", shipped_settings())
+def test_shipped_settings_name_every_setting_of_the_baseline(name: str) -> None:
+    table = read_toml(PRESETS_DIR / f"{name}.toml")
+    fields = {field.name for field in msgspec.structs.fields(type(preset(name).zmp))}
+    assert set(table) == {"zmp"}
+    assert set(table["zmp"]) == fields
+
+
+def test_published_gains_and_clamps_are_as_published() -> None:
+    zmp = preset("zmp-stock").zmp
+    assert (zmp.dcm_kp, zmp.dcm_ki, zmp.dcm_kd) == (5.0, 10.0, 0.0)
+    assert (zmp.dcm_average_s, zmp.dcm_average_limit_m) == (10.0, 0.05)
+    assert zmp.cop_admittance == (0.01, 0.01)
+    assert (zmp.force_admittance, zmp.drift_hz) == (1e-4, 1.0)
+    assert (zmp.rotation_limit_rad_s, zmp.contact_damping) == (0.2, 300.0)
+    assert (zmp.friction, zmp.normal_force_min_n) == (0.7, 15.0)
+    assert (zmp.level_base, zmp.level_height) == (0.0, 0.0)
+
+
+def test_settings_are_found_by_name() -> None:
+    assert find_settings(Path("zmp-stock")) == PRESETS_DIR / "zmp-stock.toml"
+    own = Path("somewhere/zmp-stock")
+    assert find_settings(own) == own
