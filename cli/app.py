@@ -8,6 +8,7 @@ import typer
 
 from cli.certs_command import certs
 from cli.check_robot_command import check_robot
+from cli.record_command import record
 from cli.robot_command import robot
 from cli.router_command import router
 from cli.run_command import run
@@ -52,6 +53,7 @@ def surefoot(
 app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
+app.command()(record)
 app.command()(scenarios)
 app.command()(router)
 app.command()(certs)

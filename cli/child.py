@@ -12,6 +12,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
 
+from cli.child_mode import READY_LINE
+
 LAST_LINES = 12
 _TERMINATE_S = 5.0
 """A process asked to end may take so long before it is killed [s]."""
@@ -23,6 +25,12 @@ class Progress(NamedTuple):
     tick: int
 
 
+class Ready(NamedTuple):
+    """A child that others wait for can do its part."""
+
+    child: Child
+
+
 class Exit(NamedTuple):
     """A child ended."""
 
@@ -31,7 +39,7 @@ class Exit(NamedTuple):
     """Exit code; negative: the signal that ended it."""
 
 
-Event = Progress | Exit
+Event = Progress | Ready | Exit
 
 
 class Child:
@@ -77,6 +85,17 @@ class Child:
         """Whether the process is still there."""
         return self._process.poll() is None
 
+    def wait(self, timeout_s: float) -> int | None:
+        """Waits for the process to end by itself.
+
+        Returns:
+            Its exit code; None when it has not ended in time.
+        """
+        try:
+            return self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return None
+
     def ask_to_end(self) -> None:
         """Asks the process to end in order."""
         if self.running:
@@ -107,6 +126,8 @@ class Child:
                 for line in stdout:
                     if line.strip().isdigit():
                         events.put(Progress(int(line)))
+                    elif line.strip() == READY_LINE.encode():
+                        events.put(Ready(self))
         events.put(Exit(self, self._process.wait()))
 
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
-from cli.child import Child, Event, Progress
+from cli.child import Child, Event, Exit, Progress
 from cli.errors import ChildFailedError
 from cli.exit_codes import ExitCode
 
@@ -46,6 +46,8 @@ def supervise(
             break
         if isinstance(event, Progress):
             on_tick(event.tick)
+            continue
+        if not isinstance(event, Exit) or event.child not in (robot, stabilizer):
             continue
         codes[event.child.name] = event.code
         if event.child is robot and event.code not in _WELL:
