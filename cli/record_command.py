@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from cli import options
+from cli.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from cli.recording.mcap_file import McapFile
@@ -46,7 +47,8 @@ def record(
     """Record everything on a robot's bus, until it leaves or Ctrl-C.
 
     Listens only; the robot does not wait for it. Exits with 4 when there is no robot,
-    with 3 when the file cannot be written.
+    with 3 when the file cannot be written, with 130 after Ctrl-C, which leaves a
+    whole file.
     """
     from cli.child_mode import begin_as_child, report_ready
     from cli.console import print_json, print_table
@@ -71,6 +73,7 @@ def record(
     kept = attachments(model, attach or [])
     # Status last: whoever receives it has subscribed to all others.
     channels = (*(name for name in ALL_CHANNELS if name != "status"), "status")
+    stop = StopRequest()
     with Observer(
         model, endpoints=meeting, channels=channels, depth=RING_DEPTH
     ) as observer:
@@ -82,14 +85,16 @@ def record(
             record_bus(
                 observer,
                 file,
-                on_ready=report_ready if child else lambda: None,
-                stop=StopRequest(),
+                on_ready=report_ready if child else _say_ready,
+                stop=stop,
             )
     _tell(file)
     if as_json:
         print_json(list(file.counts.values()))
     elif not child:
         print_table(counts_table(list(file.counts.values())))
+    if stop.is_set:
+        raise typer.Exit(ExitCode.INTERRUPTED)
 
 
 def _tell(file: McapFile) -> None:
@@ -106,3 +111,9 @@ def _tell(file: McapFile) -> None:
             )
         if file.unreadable[name]:
             log_warning(f"{name}: {file.unreadable[name]} unreadable, left out")
+
+
+def _say_ready() -> None:
+    from cli.logs import log_note
+
+    log_note("ready: what is said from now on is in the record")

@@ -55,8 +55,8 @@ def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
             event = events.get(timeout=max(0.0, end - time.monotonic()))
         except Empty:
             print_note(
-                f"recorder: not ready within {_READY_S:g} s; the run begins without it, "
-                "and the start may be missing from the record"
+                f"recorder: not ready within {_READY_S:g} s; the run begins without "
+                "it, and the start may be missing from the record"
             )
             break
         if isinstance(event, Ready):

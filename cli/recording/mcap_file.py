@@ -115,7 +115,7 @@ class McapFile:
                     for name, count in self.counts.items()
                 }
                 self._writer.add_metadata(COUNTS, counts)
-                self._writer.finish()
+                self._writer.finish()  # type: ignore[no-untyped-call]
                 self._file.flush()
             self._file.close()
             if error is None:

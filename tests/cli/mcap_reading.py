@@ -25,16 +25,34 @@ class Received(NamedTuple):
         return decoded
 
 
+class Described(NamedTuple):
+    """What a record says of a channel."""
+
+    encoding: str
+    schema: dict[str, Any]
+    metadata: dict[str, str]
+
+
+def channels(path: Path) -> dict[str, Described]:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    return {
+        channel.topic.lstrip("/"): Described(
+            channel.message_encoding,
+            json.loads(summary.schemas[channel.schema_id].data),
+            dict(channel.metadata),
+        )
+        for channel in summary.channels.values()
+    }
+
+
 def messages(path: Path) -> list[Received]:
     with path.open("rb") as file:
         return [
             Received(channel.topic.lstrip("/"), message.log_time, message.data)
             for _, channel, message in make_reader(file).iter_messages()
         ]
-
-
-def ticks(path: Path, channel: str) -> list[int]:
-    return [m.content["tick"] for m in messages(path) if m.channel == channel]
 
 
 def messages_of_cut_off(path: Path) -> list[Received]:

@@ -21,6 +21,7 @@ COMMANDS = (
     "run",
     "robot",
     "stabilizer",
+    "record",
     "scenarios",
     "router",
     "certs",
