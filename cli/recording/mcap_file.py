@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import shutil
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
@@ -19,6 +21,8 @@ from schemas.topics import TICK_SENSORS, topic
 
 CHUNK_BYTES = 128 * 1024
 """Small: what a crash can cost is the chunk that is being filled."""
+KEPT_FREE_BYTES = 64 * 2**20
+"""Left on the disk, so that a record never takes the room of a run's own files."""
 MSGPACK = "msgpack"
 COUNTS = "surefoot/counts"
 """Name of the metadata with what was counted, one entry a channel."""
@@ -132,6 +136,7 @@ class McapFile:
             OSError: the disk is full, or the like.
         """
         try:
+            self._check_room()
             for sample in samples:
                 self._add(sample)
             self._file.flush()
@@ -155,6 +160,14 @@ class McapFile:
             data=data,
             sequence=tick & _SEQUENCE_MASK,
         )
+
+    def _check_room(self) -> None:
+        if shutil.disk_usage(self.partial.parent).free < KEPT_FREE_BYTES:
+            raise OSError(
+                errno.ENOSPC,
+                f"the disk is full but for {KEPT_FREE_BYTES >> 20} MiB, which are left "
+                "to others; make room, or record elsewhere",
+            )
 
     def _count(self, name: str, message: dict[str, Any]) -> None:
         if name != "joint_command":
