@@ -8,6 +8,7 @@ import typer
 
 from cli.certs_command import certs
 from cli.check_robot_command import check_robot
+from cli.log_command import log
 from cli.record_command import record
 from cli.robot_command import robot
 from cli.router_command import router
@@ -54,6 +55,7 @@ app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
 app.command()(record)
+app.add_typer(log, name="log")
 app.command()(scenarios)
 app.command()(router)
 app.command()(certs)

@@ -33,6 +33,11 @@ def print_table(table: RenderableType) -> None:
     _stdout.print(table)
 
 
+def print_text(text: str) -> None:
+    """Prints a line of a result for people."""
+    _stdout.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
 def print_json(
     value: msgspec.Struct | Sequence[msgspec.Struct | dict[str, object]],
 ) -> None:

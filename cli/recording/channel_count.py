@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
+
+from schemas.topics import TICK_SENSORS
+
+_COMMANDS = "joint_command"
 
 
 class ChannelCount(msgspec.Struct, kw_only=True):
@@ -22,6 +28,8 @@ class ChannelCount(msgspec.Struct, kw_only=True):
     """Numbers passed over between the first message and the last."""
     gaps: int = 0
     """Places where some are missing."""
+    commander: str = ""
+    """Who sent the latest command."""
     restarts: int = 0
     """Times the count did not go on but began anew: another robot or commander."""
 
@@ -43,3 +51,25 @@ class ChannelCount(msgspec.Struct, kw_only=True):
         elif number > last + 1:
             self.missing += number - last - 1
             self.gaps += 1
+
+
+def new_count(channel: str) -> ChannelCount:
+    """A count of a channel by what its messages are numbered with."""
+    if channel == _COMMANDS:
+        return ChannelCount(channel=channel, counted_by="sequence")
+    by = "tick" if channel in TICK_SENSORS else ""
+    return ChannelCount(channel=channel, counted_by=by)
+
+
+def count_message(count: ChannelCount, message: dict[str, Any]) -> None:
+    """Counts a decoded message of the channel.
+
+    Raises:
+        KeyError: it lacks what it is counted by.
+    """
+    if count.channel != _COMMANDS:
+        count.add(message["tick"])
+        return
+    is_new = message["commander"] != count.commander
+    count.commander = message["commander"]
+    count.add(message["sequence"], is_new_sender=is_new)

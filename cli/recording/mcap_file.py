@@ -14,10 +14,10 @@ import msgspec
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
-from cli.recording.channel_count import ChannelCount
+from cli.recording.channel_count import count_message, new_count
 from robot_io.observer import Sample
 from schemas.json_schema import json_schema
-from schemas.topics import TICK_SENSORS, topic
+from schemas.topics import topic
 
 CHUNK_BYTES = 128 * 1024
 """Small: what a crash can cost is the chunk that is being filled."""
@@ -75,13 +75,9 @@ class McapFile:
         """
         self.path = path
         self.partial = path.with_name(path.name + ".partial")
-        self.counts = {
-            name: ChannelCount(channel=name, counted_by=_counter(name))
-            for name in channels
-        }
+        self.counts = {name: new_count(name) for name in channels}
         self.unreadable = dict.fromkeys(self.counts, 0)
         self._raw = raw
-        self._commander = ""
         try:
             self._file = self.partial.open("wb")
             self._writer = Writer(
@@ -149,7 +145,7 @@ class McapFile:
             message: dict[str, Any] = msgspec.msgpack.decode(sample.data)
             tick, stamp_ns = message["tick"], message["stamp_ns"]
             data = sample.data if self._raw else msgspec.json.encode(message)
-            self._count(name, message)
+            count_message(self.counts[name], message)
         except (msgspec.DecodeError, KeyError, TypeError, ValueError):
             self.unreadable[name] += 1
             return
@@ -168,15 +164,6 @@ class McapFile:
                 f"the disk is full but for {KEPT_FREE_BYTES >> 20} MiB, which are left "
                 "to others; make room, or record elsewhere",
             )
-
-    def _count(self, name: str, message: dict[str, Any]) -> None:
-        if name != "joint_command":
-            self.counts[name].add(message["tick"])
-            return
-        commander = message["commander"]
-        is_new = commander != self._commander
-        self._commander = commander
-        self.counts[name].add(message["sequence"], is_new_sender=is_new)
 
     def _declare(self, name: str, key: str) -> int:
         entry = topic(name)
@@ -208,9 +195,3 @@ class McapFile:
             else ""
         )
         return OSError(f"cannot record to {self.path}: {reason}{left}")
-
-
-def _counter(name: str) -> str:
-    if name == "joint_command":
-        return "sequence"
-    return "tick" if name in TICK_SENSORS else ""

@@ -22,6 +22,7 @@ COMMANDS = (
     "robot",
     "stabilizer",
     "record",
+    "log",
     "scenarios",
     "router",
     "certs",
