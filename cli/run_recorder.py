@@ -76,7 +76,9 @@ def see_recorder_off(recorder: Child) -> None:
     if code is None:
         print_note(f"recorder: did not end within {_FINISH_S:g} s after the run")
         return
-    lines = recorder.last_lines()
+    # The folder takes another name at the end of the run.
+    here = f"{recorder.log.parent}/"
+    lines = [line.replace(here, "") for line in recorder.last_lines()]
     if code == 0:
         for line in lines:
             if " WARNING " in line:
