@@ -8,6 +8,8 @@ import typer
 
 from cli.certs_command import certs
 from cli.check_robot_command import check_robot
+from cli.log_command import log
+from cli.record_command import record
 from cli.reproduce_command import reproduce
 from cli.robot_command import robot
 from cli.router_command import router
@@ -56,6 +58,8 @@ app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
 app.command()(view)
+app.command()(record)
+app.add_typer(log, name="log")
 app.command()(scenarios)
 app.command()(sweep)
 app.command()(reproduce)

@@ -12,6 +12,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import NamedTuple
 
+from cli.child_mode import READY_LINE
+
 LAST_LINES = 12
 _TERMINATE_S = 5.0
 """A process asked to end may take so long before it is killed [s]."""
@@ -21,6 +23,12 @@ class Progress(NamedTuple):
     """A child reached a tick."""
 
     tick: int
+
+
+class Ready(NamedTuple):
+    """A child that others wait for can do its part."""
+
+    child: Child
 
 
 class Exit(NamedTuple):
@@ -38,7 +46,7 @@ class Said(NamedTuple):
     url: str
 
 
-Event = Progress | Exit | Said
+Event = Progress | Ready | Exit | Said
 
 
 class Child:
@@ -84,6 +92,17 @@ class Child:
         """Whether the process is still there."""
         return self._process.poll() is None
 
+    def wait(self, timeout_s: float) -> int | None:
+        """Waits for the process to end by itself.
+
+        Returns:
+            Its exit code; None when it has not ended in time.
+        """
+        try:
+            return self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            return None
+
     def ask_to_end(self) -> None:
         """Asks the process to end in order."""
         if self.running:
@@ -116,6 +135,8 @@ class Child:
                         events.put(Progress(int(line)))
                     elif line.startswith(b"http"):
                         events.put(Said(self, line.decode().strip()))
+                    elif line.strip() == READY_LINE.encode():
+                        events.put(Ready(self))
         events.put(Exit(self, self._process.wait()))
 
 

@@ -9,6 +9,7 @@ import threading
 import time
 from collections.abc import Callable
 
+READY_LINE = "ready"
 _PROGRESS_PERIOD_S = 0.25
 
 
@@ -35,3 +36,8 @@ def progress_reporter() -> Callable[[int], None]:
             print(tick, flush=True)
 
     return report
+
+
+def report_ready() -> None:
+    """Tells the parent that this process can do its part now."""
+    print(READY_LINE, flush=True)

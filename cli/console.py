@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import msgspec
@@ -33,7 +33,14 @@ def print_table(table: RenderableType) -> None:
     _stdout.print(table)
 
 
-def print_json(value: msgspec.Struct | list[dict[str, object]]) -> None:
+def print_text(text: str) -> None:
+    """Prints a line of a result for people."""
+    _stdout.print(text, markup=False, highlight=False, soft_wrap=True)
+
+
+def print_json(
+    value: msgspec.Struct | Sequence[msgspec.Struct | dict[str, object]],
+) -> None:
     """Prints a result for scripts: one JSON text on one line, nothing else."""
     sys.stdout.write(msgspec.json.encode(value).decode() + "\n")
     sys.stdout.flush()

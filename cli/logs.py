@@ -25,3 +25,8 @@ def set_up_logging(name: str) -> None:
 def log_note(text: str) -> None:
     """Says something in passing."""
     _LOG.info(text)
+
+
+def log_warning(text: str) -> None:
+    """Says something the user should not miss."""
+    _LOG.warning(text)

@@ -11,6 +11,7 @@ from cli.child import Child, Event
 from cli.live_page import start_live_page
 from cli.run_files import SETTINGS, TICKS, read_struct
 from cli.run_plan import RunPlan
+from cli.run_recorder import await_recorder, recorder_words, see_recorder_off
 from cli.supervise import supervise
 from schemas.endpoints import Endpoints
 from schemas.result import ControllerResult, PlantResult
@@ -35,7 +36,7 @@ def run_processes(
     on_tick: Callable[[int], None],
     view_port: int | None = None,
 ) -> Sides:
-    """Starts robot and stabilizer, waits for the end of the run, stops both.
+    """Starts robot, recorder and stabilizer, waits for the end, stops all.
 
     Neither waits a fixed time for the other: the stabilizer dials until the robot's
     liveliness token is there, and the robot's clock starts with its commander.
@@ -44,7 +45,8 @@ def run_processes(
         plan: what to run.
         folder: holds the settings file; gets logs and the record.
         endpoints: where the two meet.
-        record: write every tick.
+        record: write every tick, and the bus by a recorder of its own. What happens to
+            the recorder is told, and never ends the run.
         on_tick: told the robot's progress.
         view_port: serve a live page of the run at this port; None for no page.
 
@@ -62,6 +64,12 @@ def run_processes(
     ]
     events: SimpleQueue[Event] = SimpleQueue()
     children: list[Child] = []
+
+    def start(name: str, words: list[str]) -> Child:
+        child = Child(name, words, log=folder / f"{name}.log", events=events)
+        children.append(child)
+        return child
+
     try:
         if view_port is not None:
             children += [
@@ -69,10 +77,15 @@ def run_processes(
                     plan, folder, endpoints=endpoints, port=view_port, events=events
                 )
             ]
-        for name, words in (("robot", robot_words), ("stabilizer", stabilizer_words)):
-            log = folder / f"{name}.log"
-            children.append(Child(name, words, log=log, events=events))
-        supervise(*children[-2:], events=events, on_tick=on_tick)
+        robot = start("robot", robot_words)
+        recorder = None
+        if record:
+            recorder = start("recorder", recorder_words(plan, folder, endpoints))
+            await_recorder(recorder, events=events)
+        stabilizer = start("stabilizer", stabilizer_words)
+        supervise(robot, stabilizer, events=events, on_tick=on_tick)
+        if recorder is not None:
+            see_recorder_off(recorder)
     finally:
         for child in children:
             child.ask_to_end()

@@ -22,6 +22,7 @@ RESULT = "result.json"
 SETTINGS = "settings.toml"
 SCENARIO = "scenario.toml"
 TICKS = "ticks.npz"
+RECORD = "run.mcap"
 QP_FAILURE = "qp-failure.npz"
 _PACKAGES = ("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy", "msgspec")
 _T = TypeVar("_T", bound=msgspec.Struct)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from queue import Empty, SimpleQueue
 
-from cli.child import Child, Event, Progress, Said
+from cli.child import Child, Event, Exit, Progress
 from cli.errors import ChildFailedError
 from cli.exit_codes import ExitCode
 
@@ -49,7 +49,7 @@ def supervise(
             if until is not None and all(code in _WELL for code in codes.values()):
                 until = time.monotonic() + _PARTNER_S  # held in order: it goes on
             continue
-        if isinstance(event, Said) or event.child not in (robot, stabilizer):
+        if not isinstance(event, Exit) or event.child not in (robot, stabilizer):
             continue  # whoever looks on may come and go
         codes[event.child.name] = event.code
         if event.child is robot and event.code not in _WELL:

@@ -69,7 +69,8 @@ TOPICS: tuple[Topic, ...] = (
 
 ALIVE_ROBOT = "alive/robot"
 ALIVE_STABILIZER = "alive/stabilizer"
-"""Liveliness tokens; the stabilizer appends its identity."""
+ALIVE_OBSERVER = "alive/observer"
+"""Liveliness tokens; stabilizer and observers append their identity."""
 
 TICK_SENSORS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
 """Channels that make up one snapshot, in the order they are sent."""

@@ -21,6 +21,8 @@ COMMANDS = (
     "run",
     "robot",
     "stabilizer",
+    "record",
+    "log",
     "scenarios",
     "router",
     "certs",

@@ -24,7 +24,8 @@ FILES = {
     "scenario.toml",
     "ticks.npz",
 }
-LOGS = {"robot.log", "stabilizer.log"}
+LOGS = {"robot.log", "stabilizer.log", "recorder.log"}
+BY_RECORDER = {"run.mcap"}
 
 
 def run_hold(surefoot: Surefoot, scenario: Path, *extra: object) -> dict[str, Any]:
@@ -76,7 +77,7 @@ def test_out_keeps_the_whole_run(
     out = tmp_path / "run"
     words = [f"--{mode}", "--seed", 5, "--set", "tsid.base_kp=123.5", "--out", out]
     result = run_hold(surefoot, short_scenario, *words)
-    logs = set() if mode == "inline" else LOGS
+    logs = set() if mode == "inline" else LOGS | BY_RECORDER
     assert {path.name for path in out.iterdir()} == FILES | logs
     assert json.loads((out / "result.json").read_text()) == result
     assert result["out"] == str(out)

@@ -1,0 +1,119 @@
+"""``surefoot record``: the bus of a live robot to a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli import options
+from cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    from cli.recording.mcap_file import McapFile
+
+
+def record(
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="FILE", help="Record here (.mcap); replaced if there."
+        ),
+    ],
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    raw: Annotated[
+        bool,
+        typer.Option("--raw", help="Keep the bus's MessagePack bytes, not JSON."),
+    ] = False,
+    attach: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--attach", metavar="FILE", help="Keep this file too. May be repeated."
+        ),
+    ] = None,
+    wait_s: Annotated[
+        float,
+        typer.Option(
+            "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
+        ),
+    ] = 10.0,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    as_json: options.JsonOption = False,
+    child: options.ChildOption = False,
+) -> None:
+    """Record everything on a robot's bus, until it leaves or Ctrl-C.
+
+    Listens only; the robot does not wait for it. Exits with 4 when there is no robot,
+    with 3 when the file cannot be written, with 130 after Ctrl-C, which leaves a
+    whole file.
+    """
+    from cli.child_mode import begin_as_child, report_ready
+    from cli.console import print_json, print_table
+    from cli.endpoints import choose_endpoints
+    from cli.errors import UsageError
+    from cli.logs import log_note, set_up_logging
+    from cli.recording.attachments import attachments
+    from cli.recording.mcap_file import McapFile
+    from cli.recording.record_bus import RING_DEPTH, record_bus
+    from cli.recording.tables import counts_table
+    from robot_io.observer import ALL_CHANNELS, Observer
+    from robot_io.robot import load_robot
+    from robot_io.stop_request import StopRequest
+
+    set_up_logging("recorder")
+    if child:
+        begin_as_child()
+    if out.suffix != ".mcap" or not out.absolute().parent.is_dir():
+        raise UsageError(f"--out {out}: expected a name .mcap in a folder that exists")
+    model = load_robot(robot, servo_profile=servo_profile)
+    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    kept = attachments(model, attach or [])
+    # Status last: whoever receives it has subscribed to all others.
+    channels = (*(name for name in ALL_CHANNELS if name != "status"), "status")
+    stop = StopRequest()
+    with Observer(
+        model, endpoints=meeting, channels=channels, depth=RING_DEPTH
+    ) as observer:
+        observer.connect(timeout_s=wait_s)
+        with McapFile(
+            out, channels=channels, keys=model.keys, attachments=kept, raw=raw
+        ) as file:
+            log_note(f"records {model.file.name} to {out}")
+            record_bus(
+                observer,
+                file,
+                on_ready=report_ready if child else _say_ready,
+                stop=stop,
+            )
+    _tell(file)
+    if as_json:
+        print_json(list(file.counts.values()))
+    elif not child:
+        print_table(counts_table(list(file.counts.values())))
+    if stop.is_set:
+        raise typer.Exit(ExitCode.INTERRUPTED)
+
+
+def _tell(file: McapFile) -> None:
+    """Says on stderr what is missing, whatever is printed on stdout."""
+    from cli.logs import log_note, log_warning
+
+    total = sum(count.messages for count in file.counts.values())
+    log_note(f"{total} messages in {file.path}")
+    for name, count in file.counts.items():
+        if count.missing:
+            log_warning(
+                f"{name}: {count.missing} missing by {count.counted_by}, "
+                f"in {count.gaps} places"
+            )
+        if file.unreadable[name]:
+            log_warning(f"{name}: {file.unreadable[name]} unreadable, left out")
+
+
+def _say_ready() -> None:
+    from cli.logs import log_note
+
+    log_note("ready: what is said from now on is in the record")

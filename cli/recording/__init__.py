@@ -1,0 +1,1 @@
+"""Records of a robot's bus in MCAP files: written, read, told about."""

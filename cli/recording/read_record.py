@@ -1,0 +1,83 @@
+"""Reads records, also those that a crash has cut off."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from mcap.exceptions import EndOfFile, McapError
+from mcap.records import Attachment, Channel, Message
+from mcap.stream_reader import StreamReader
+
+from cli.errors import UsageError
+from cli.recording.mcap_file import MSGPACK
+
+
+@dataclass
+class Record:
+    """A record as it was read.
+
+    Attributes:
+        is_cut_off: the file has no end; what is whole of it was read.
+        attachments: name to content.
+        first_ns: earliest stamp of a message [ns]; None without any.
+        last_ns: latest [ns].
+    """
+
+    is_cut_off: bool = False
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    first_ns: int | None = None
+    last_ns: int | None = None
+    _data: dict[str, list[bytes]] = field(default_factory=dict)
+    _encodings: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def channels(self) -> list[str]:
+        """Names of its channels, also of those that nothing came from."""
+        return list(self._data)
+
+    def messages(self, channel: str) -> list[dict[str, Any]]:
+        """What came on a channel, in the order it came."""
+        is_raw = self._encodings[channel] == MSGPACK
+        decode = msgspec.msgpack.decode if is_raw else msgspec.json.decode
+        return [decode(data) for data in self._data[channel]]
+
+
+def read_record(path: Path) -> Record:
+    """Reads a whole record from its beginning, since one cut off has no index.
+
+    Raises:
+        UsageError: there is no such file, or it is no MCAP file.
+    """
+    record = Record()
+    names: dict[int, str] = {}
+    try:
+        with path.open("rb") as file:
+            for entry in StreamReader(file).records:
+                _take(entry, record, names)
+    except EndOfFile:
+        record.is_cut_off = True
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror}") from error
+    except McapError as error:
+        raise UsageError(f"{path}: not an MCAP file ({error})") from error
+    if record.is_cut_off and not names:
+        raise UsageError(f"{path}: not an MCAP file, or cut off at its very beginning")
+    return record
+
+
+def _take(entry: object, record: Record, names: dict[int, str]) -> None:
+    if isinstance(entry, Channel):
+        # The summary at the end of a file says each channel again.
+        names[entry.id] = name = entry.topic.lstrip("/")
+        record._data.setdefault(name, [])
+        record._encodings[name] = entry.message_encoding
+    elif isinstance(entry, Message):
+        stamp = entry.log_time
+        record._data[names[entry.channel_id]].append(entry.data)
+        record.first_ns = min(stamp, record.first_ns or stamp)
+        record.last_ns = max(stamp, record.last_ns or stamp)
+    elif isinstance(entry, Attachment):
+        record.attachments[entry.name] = entry.data

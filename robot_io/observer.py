@@ -1,0 +1,228 @@
+"""Looks on at a robot's bus: subscribes, never commands."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import threading
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from types import TracebackType
+from typing import NamedTuple, Self
+
+import msgspec
+
+from robot_io.bus import Bus
+from robot_io.channel import Channel
+from robot_io.errors import RobotUnreachableError
+from robot_io.robot import Robot
+from robot_io.session import Role
+from schemas.codec import decode
+from schemas.endpoints import Endpoints
+from schemas.topics import (
+    ALIVE_OBSERVER,
+    ALIVE_ROBOT,
+    ALIVE_STABILIZER,
+    TOPICS,
+    Direction,
+    topic,
+)
+
+ALL_CHANNELS = tuple(
+    entry.name for entry in TOPICS if entry.direction is not Direction.SERVICE
+)
+"""Every channel that can be subscribed to."""
+DIAL_S = 0.5
+POLL_S = 0.002
+"""How often a wait looks: fine enough for viewers, cheap enough for idle hours."""
+
+
+class Sample(NamedTuple):
+    """One message as it came.
+
+    Attributes:
+        channel: its name in the topic table.
+        data: MessagePack bytes.
+        received_ns: this process's monotonic clock when it was taken in [ns].
+    """
+
+    channel: str
+    data: bytes
+    received_ns: int
+
+
+class Observer:
+    """Receives channels of a robot without any part in its control.
+
+    A context manager, used by one thread. Zenoh keeps the messages in rings until
+    they are taken, so a slow reader never holds up the robot::
+
+        with Observer(robot, endpoints=endpoints, channels=("joints",)) as observer:
+            observer.connect(timeout_s=10.0)
+            while observer.robot_is_here:
+                for sample in observer.take(timeout_s=0.1):
+                    message = observer.decode(sample)
+
+    With ``depth=1`` only the newest message of each channel is kept, for viewers.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        endpoints: Endpoints,
+        channels: Iterable[str] = ALL_CHANNELS,
+        depth: int = 1,
+    ) -> None:
+        """Prepares; :meth:`connect` dials.
+
+        Args:
+            robot: names keys and joints.
+            endpoints: where to dial.
+            channels: names from the topic table, subscribed to in this order.
+            depth: messages kept per channel until taken; older ones give way.
+        """
+        self.channels = tuple(channels)
+        self._robot, self._endpoints, self._depth = robot, endpoints, depth
+        self._kinds: dict[str, type[msgspec.Struct]] = {
+            name: topic(name).message for name in self.channels
+        }
+        self._rings: dict[str, Channel] = {}
+        self._robot_is_here = threading.Event()
+        self._stabilizers: set[str] = set()
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Does nothing yet; see :meth:`connect`."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Closes the bus."""
+        self._stack.close()
+
+    def connect(self, *, timeout_s: float) -> None:
+        """Dials until the robot is alive there.
+
+        Args:
+            timeout_s: how long in all [s].
+
+        Raises:
+            EndpointError: a locator is malformed.
+            RobotUnreachableError: no robot was ready in time.
+        """
+        end = time.monotonic() + timeout_s
+        while True:
+            try:
+                self._open(min(DIAL_S, timeout_s))
+                break
+            except RobotUnreachableError:
+                if time.monotonic() >= end:
+                    raise self._unreachable("nobody answers", timeout_s) from None
+        if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
+            name = self._robot.file.namespace
+            raise self._unreachable(f"no robot {name!r} is ready", timeout_s)
+
+    @property
+    def robot_is_here(self) -> bool:
+        """Whether the robot's process is alive, as far as the bus knows."""
+        return self._robot_is_here.is_set()
+
+    @property
+    def stabilizers(self) -> tuple[str, ...]:
+        """Identities of the stabilizers on the bus."""
+        return tuple(sorted(self._stabilizers))
+
+    def take(self, *, timeout_s: float = 0.0) -> list[Sample]:
+        """All messages that have come, channel by channel, each in its order.
+
+        Args:
+            timeout_s: how long to wait for the first one [s].
+
+        Returns:
+            Nothing when none came in time.
+        """
+        end = time.monotonic() + timeout_s
+        while True:
+            samples = list(self._drain())
+            if samples or time.monotonic() >= end:
+                return samples
+            time.sleep(min(POLL_S, timeout_s))
+
+    def decode(self, sample: Sample) -> msgspec.Struct:
+        """Reads a message.
+
+        Raises:
+            MessageError: it is malformed.
+        """
+        return decode(
+            sample.data, self._kinds[sample.channel], joint_count=self._robot.n_a
+        )
+
+    def latest(self) -> dict[str, msgspec.Struct]:
+        """The newest message of each channel that something has come from.
+
+        Raises:
+            MessageError: one is malformed.
+        """
+        newest = {sample.channel: sample for sample in self._drain()}
+        return {name: self.decode(sample) for name, sample in newest.items()}
+
+    def _drain(self) -> Iterator[Sample]:
+        for name, ring in self._rings.items():
+            # Bounded: a fast channel must not keep the others waiting for ever.
+            for _ in range(self._depth):
+                data = ring.poll()
+                if data is None:
+                    break
+                yield Sample(name, data, time.monotonic_ns())
+
+    def _open(self, timeout_s: float) -> None:
+        """Opens the bus and declares everything, the liveliness token last.
+
+        Declarations reach the robot in this order: whoever sees the token, or
+        receives something on the last channel, knows that the robot sends the others.
+        """
+        with ExitStack() as stack:
+            bus = stack.enter_context(
+                Bus(
+                    self._endpoints,
+                    Role.CLIENT,
+                    namespace=self._robot.file.namespace,
+                    timeout_s=timeout_s,
+                )
+            )
+            keys = self._robot.keys
+            self._rings = {
+                name: bus.channel(keys[name], depth=self._depth)
+                for name in self.channels
+            }
+            bus.announce(f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}")
+            bus.watch_presence(ALIVE_ROBOT, self._on_robot)
+            bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
+            self._stack = stack.pop_all()
+
+    def _on_robot(self, key: str, is_there: bool) -> None:
+        del key
+        if is_there:
+            self._robot_is_here.set()
+        else:
+            self._robot_is_here.clear()
+
+    def _on_stabilizer(self, key: str, is_there: bool) -> None:
+        identity = key.rsplit("/", 1)[-1]
+        if is_there:
+            self._stabilizers.add(identity)
+        else:
+            self._stabilizers.discard(identity)
+
+    def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
+        return RobotUnreachableError(
+            f"{what} at {', '.join(self._endpoints.connect)} within {timeout_s:g} s; "
+            "is the robot running (surefoot robot), and does it listen there?"
+        )

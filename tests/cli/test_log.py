@@ -1,0 +1,75 @@
+"""Records looked into and exported, from real runs."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from tests.cli.conftest import Surefoot
+from tests.cli.mcap_reading import messages
+
+
+@pytest.fixture
+def recorded(surefoot: Surefoot, short_scenario: Path, tmp_path: Path) -> Path:
+    out = tmp_path / "run"
+    done = surefoot("run", short_scenario, "--controller", "hold", "--out", out)
+    assert done.returncode == 0, done.stderr
+    return out / "run.mcap"
+
+
+def positions(path: Path) -> np.ndarray:
+    return np.array([m.content["q"] for m in messages(path) if m.channel == "joints"])
+
+
+def test_every_format_gives_back_the_recorded_numbers_bit_for_bit(
+    surefoot: Surefoot, recorded: Path, tmp_path: Path
+) -> None:
+    expected = positions(recorded)
+    for kind, out in (("npz", "a.npz"), ("csv", "c"), ("parquet", "p")):
+        done = surefoot(
+            "log", "export", recorded, "--format", kind, "--out", tmp_path / out
+        )
+        assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "a.npz") as arrays:
+        np.testing.assert_array_equal(arrays["joints.q"], expected)
+        assert set(arrays["status.mode"]) <= {"off", "hold", "active", "fault"}
+    names = [f"q.{joint}" for joint in range(expected.shape[1])]
+    with (tmp_path / "c" / "joints.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    texts = [[float(row[name]) for name in names] for row in rows]
+    np.testing.assert_array_equal(texts, expected)
+    table = pyarrow.parquet.read_table(tmp_path / "p" / "joints.parquet")
+    columns = [table[name].to_numpy() for name in names]
+    np.testing.assert_array_equal(np.stack(columns, axis=1), expected)
+
+
+def test_info_tells_counts_and_whether_the_file_is_whole(
+    surefoot: Surefoot, recorded: Path, tmp_path: Path
+) -> None:
+    told = json.loads(surefoot("log", "info", recorded, "--json").stdout)
+    counts = {entry["channel"]: entry for entry in told["channels"]}
+    assert not told["is_cut_off"]
+    assert (counts["joints"]["messages"], counts["joints"]["missing"]) == (300, 0)
+    assert "settings.toml" in told["attachments"]
+    data = recorded.read_bytes()
+    cut = tmp_path / "cut.mcap.partial"
+    cut.write_bytes(data[: len(data) // 2])
+    done = surefoot("log", "info", cut)
+    assert done.returncode == 0, done.stderr
+    assert "cut off" in done.stdout
+    assert "joints" in done.stdout
+
+
+def test_what_is_no_record_is_a_usage_error(surefoot: Surefoot, tmp_path: Path) -> None:
+    other = tmp_path / "other.mcap"
+    other.write_text("something else entirely")
+    for path in (other, tmp_path / "absent.mcap"):
+        done = surefoot("log", "info", path)
+        assert done.returncode == 2, done.stderr
+        assert str(path) in done.stderr
+        assert "Traceback" not in done.stderr

@@ -1,0 +1,261 @@
+"""Records of real runs, read back by an independent reader."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from schemas.json_schema import json_schema
+from schemas.messages import JointState
+from schemas.topics import TICK_SENSORS
+from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.cli.mcap_reading import (
+    attached,
+    channels,
+    messages,
+    messages_of_cut_off,
+    metadata,
+)
+from tests.support import free_port, wait_until
+
+TICKS = 20_000
+PROCESS = re.compile(r"recorder, process (\d+)")
+
+
+def scenario(folder: Path, duration_s: float) -> Path:
+    path = folder / "still.toml"
+    path.write_text(
+        f'name = "still"\nduration_s = {duration_s}\n[sensors]\nforce_noise_n = 2.0\n'
+    )
+    return path
+
+
+def command(*words: object) -> list[str]:
+    return [sys.executable, "-m", "cli", *map(str, words)]
+
+
+def recorder_of(folder: Path) -> int:
+    """Process id of the recorder of a run, once it writes."""
+
+    def find() -> int | None:
+        for log in folder.glob(".*/recorder.log"):
+            found = PROCESS.search(log.read_text())
+            file = log.with_name("run.mcap.partial")
+            # Larger than attachments and schemas: messages are in it.
+            if found and file.exists() and file.stat().st_size > 400_000:
+                return int(found.group(1))
+        return None
+
+    return wait_until(find, what="the recorder to write", deadline_s=60.0)
+
+
+def test_nothing_is_lost_in_twenty_seconds_faster_than_real_time(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    words = ["run", scenario(tmp_path, 20.0), "--controller", "hold", "--json"]
+    done = surefoot(*words, "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["ticks"] == TICKS
+    path = tmp_path / "run" / "run.mcap"
+    received: dict[str, list[int]] = {}
+    stamps: dict[str, list[int]] = {}
+    for message in messages(path):
+        received.setdefault(message.channel, []).append(message.content["tick"])
+        stamps.setdefault(message.channel, []).append(message.log_time)
+    for name in (*TICK_SENSORS, "joint_command"):
+        assert received[name] == list(range(TICKS)), name
+    for times in stamps.values():
+        assert all(earlier <= later for earlier, later in pairwise(times))
+    counts = {
+        name: json.loads(text)
+        for name, text in metadata(path)["surefoot/counts"].items()
+    }
+    assert all(
+        counts[name]["messages"] == len(received.get(name, [])) for name in counts
+    )
+    assert [counts[name]["missing"] for name in TICK_SENSORS] == [0] * 4
+    # The same run without recorder (nothing is kept) gives the same log.
+    bare = json.loads(surefoot(*words).stdout)
+    assert bare["log_sha256"] == result["log_sha256"]
+
+
+def test_a_record_tells_all_a_run_depends_on(
+    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "run"
+    done = surefoot(
+        *("run", short_scenario, "--controller", "hold", "--seed", 5),
+        *("--set", "tsid.base_kp=123.5", "--out", out),
+    )
+    assert done.returncode == 0, done.stderr
+    files = attached(out / "run.mcap")
+    for name in ("settings.toml", "scenario.toml", "run.json"):
+        assert files[name] == (out / name).read_bytes()
+    assert json.loads(files["run.json"])["seed"] == 5
+    assert b"<robot" in files["robot.urdf"]
+    assert json.loads(files["robot.json"])["servo"]["profile"]
+    versions = json.loads(files["versions.json"])
+    assert versions["packages"]["eclipse-zenoh"]
+    described = channels(out / "run.mcap")["joints"]
+    assert described.encoding == "json"
+    assert described.schema == json_schema(JointState)
+    assert "$ref" not in json.dumps(described.schema)
+    assert described.metadata["units"].startswith("SI")
+
+
+def test_recording_apart_with_the_bytes_of_the_bus(
+    short_scenario: Path, tmp_path: Path
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    out = tmp_path / "raw.mcap"
+    meet = {"env": environment(), "text": True, "stdout": subprocess.PIPE}
+    robot = subprocess.Popen(
+        command("robot", short_scenario, "--listen", locator), **meet
+    )
+    recorder = subprocess.Popen(
+        command("record", "--out", out, "--raw", "--json", "--connect", locator),
+        **meet,
+        stderr=subprocess.PIPE,
+    )
+    partial = out.with_name("raw.mcap.partial")
+    try:
+        wait_until(partial.exists, what="the recorder to connect")
+        stabilizer = subprocess.run(
+            command("stabilizer", "--controller", "hold", "--connect", locator),
+            env=environment(),
+            capture_output=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+        stdout, stderr = recorder.communicate(timeout=TIMEOUT_S)
+        robot.communicate(timeout=TIMEOUT_S)
+    finally:
+        robot.kill()
+        recorder.kill()
+    assert (stabilizer.returncode, recorder.returncode) == (0, 0), stderr
+    assert not partial.exists()
+    told = {entry["channel"]: entry for entry in json.loads(stdout)}
+    kept = [m for m in messages(out) if m.channel == "joints"]
+    assert told["joints"]["messages"] == len(kept) == 300
+    assert [msgspec.msgpack.decode(m.data)["tick"] for m in kept] == list(range(300))
+    assert channels(out)["joints"].encoding == "msgpack"
+
+
+def test_a_killed_recorder_changes_nothing_and_leaves_what_it_wrote(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    words = ["run", scenario(tmp_path, 6.0), "--controller", "hold", "--json"]
+    folder = tmp_path / "out"
+    with subprocess.Popen(
+        command(*words, "--out", folder / "run"),
+        env=environment(),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        os.kill(recorder_of(folder), signal.SIGKILL)
+        stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 0, stderr
+    assert "recorder: was ended by signal 9; the run went on" in stderr
+    assert not (folder / "run" / "run.mcap").exists()
+    left = messages_of_cut_off(folder / "run" / "run.mcap.partial")
+    seen = [m.content["tick"] for m in left if m.channel == "joints"]
+    assert seen
+    assert seen == list(range(len(seen)))
+    bare = json.loads(surefoot(*words).stdout)
+    assert json.loads(stdout)["log_sha256"] == bare["log_sha256"]
+
+
+def test_ctrl_c_leaves_a_whole_file(short_scenario: Path, tmp_path: Path) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    out = tmp_path / "part.mcap"
+    log = tmp_path / "recorder.log"
+    robot = subprocess.Popen(
+        command("robot", short_scenario, "--listen", locator), env=environment()
+    )
+    with log.open("w") as stderr:
+        recorder = subprocess.Popen(
+            command("record", "--out", out, "--connect", locator),
+            env=environment(),
+            stdout=subprocess.DEVNULL,
+            stderr=stderr,
+        )
+    try:
+        # Said once the first status is there: from then on nothing is missed.
+        wait_until(lambda: "ready" in log.read_text(), what="the recorder")
+        recorder.send_signal(signal.SIGINT)
+        assert recorder.wait(TIMEOUT_S) == 130
+    finally:
+        robot.kill()
+        robot.wait()
+        recorder.kill()
+    assert "Traceback" not in log.read_text()
+    assert "status" in {m.channel for m in messages(out)}
+
+
+def test_a_full_disk_ends_the_recording_with_one_message(
+    tmp_path: Path,
+) -> None:
+    """The kernel's limit on file size stands in for a disk: the same write fails."""
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    out = tmp_path / "full.mcap"
+    robot = subprocess.Popen(
+        command("robot", scenario(tmp_path, 3.0), "--listen", locator, "--json"),
+        env=environment(),
+        text=True,
+        stdout=subprocess.PIPE,
+    )
+    words = " ".join(command("record", "--out", out, "--connect", locator))
+    # Ignored, the signal of the limit becomes an error of the write.
+    recorder = subprocess.Popen(
+        ["bash", "-c", f"trap '' XFSZ; ulimit -f 600; exec {words}"],
+        env=environment(),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+    try:
+        partial = out.with_name("full.mcap.partial")
+        wait_until(partial.exists, what="the recorder to connect")
+        stabilizer = subprocess.run(
+            command("stabilizer", "--controller", "hold", "--connect", locator),
+            env=environment(),
+            capture_output=True,
+            timeout=TIMEOUT_S,
+            check=False,
+        )
+        _, stderr = recorder.communicate(timeout=TIMEOUT_S)
+        told, _ = robot.communicate(timeout=TIMEOUT_S)
+    finally:
+        robot.kill()
+        recorder.kill()
+    assert recorder.returncode == 3, stderr
+    assert f"cannot record to {out}" in stderr
+    assert "Traceback" not in stderr
+    assert not out.exists()
+    assert (stabilizer.returncode, robot.returncode) == (0, 0)
+    assert json.loads(told)["ticks"] == 3000
+
+
+def test_a_robot_that_is_not_there_is_code_4(surefoot: Surefoot) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    done = surefoot(*("record", "--out", "a.mcap", "--connect", locator, "--wait", 0.5))
+    assert done.returncode == 4
+    assert "within 0.5 s" in done.stderr
+
+
+@pytest.mark.parametrize("name", ["a.bag", "nowhere/a.mcap"])
+def test_a_name_that_cannot_be_is_a_usage_error(surefoot: Surefoot, name: str) -> None:
+    done = surefoot("record", "--out", name, "--connect", "tcp/127.0.0.1:1")
+    assert done.returncode == 2
+    assert name in done.stderr
