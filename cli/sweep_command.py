@@ -78,8 +78,7 @@ def sweep(
             jobs=jobs or os.cpu_count() or 1,
             title="sweep",
         )
-        wanted = {cell.key for cell in cells}
-        rows = [row for key, row in store.rows.items() if key in wanted]
+        rows = [store.rows[cell.key] for cell in cells]
     summaries = summarise(rows)
     rows_out = write_summary(out, summaries)
     if as_json:
