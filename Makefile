@@ -41,8 +41,8 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)
 	$(BIN)/surefoot run moving-platform-slow --out $(OUT)
 	@echo
-	@echo "Look into $(OUT): result.json holds the figures, ticks.npz every tick,"
-	@echo "robot.log and stabilizer.log what the two processes said."
+	@echo "Look into $(OUT): result.json holds the figures, ticks.npz every tick, run.mcap"
+	@echo "every message (surefoot log info), *.log what the processes said."
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
