@@ -68,10 +68,14 @@ def draw_curves(
     """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.0, 3.4), layout="constrained")
+    figure = Figure(figsize=(7.2, 3.4), layout="constrained")
     axes = figure.add_subplot()
-    for curve in curves:
-        (line,) = axes.plot(curve.levels, curve.rates, marker="o", label=curve.label)
+    for index, curve in enumerate(curves):
+        # Curves on top of each other stay visible: later ones are drawn smaller.
+        size = 10.0 - 8.0 * index / len(curves)
+        (line,) = axes.plot(
+            curve.levels, curve.rates, marker="o", markersize=size, label=curve.label
+        )
         axes.fill_between(
             curve.levels, curve.low, curve.high, color=line.get_color(), alpha=0.15
         )
@@ -82,7 +86,8 @@ def draw_curves(
         )
     axes.set(xlabel=xlabel, ylabel="stayed up", title=title, ylim=(-0.03, 1.03))
     axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
+    # Beside the plot: inside it would cover curves that lie at 0 or 1.
+    figure.legend(loc="outside right upper", fontsize="small")
     buffer = BytesIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
