@@ -121,8 +121,7 @@ class SnapshotAssembler:
                     return self._choose(last)
                 last.take()  # late by ticks that have long been answered
                 continue
-            now = time.monotonic()
-            if now >= deadline or now < limit:
+            if last.inbox.was_nudged or time.monotonic() >= deadline:
                 return None
             self._doubt(last)
 

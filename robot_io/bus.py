@@ -16,7 +16,9 @@ from robot_io.waker import Waker
 from schemas.endpoints import Endpoints
 
 GRANULARITY_S = 0.005
-"""How late a wait with a deadline may end."""
+"""How late a wait with a deadline may end, where time goes by the clock."""
+LOCKSTEP_GRANULARITY_S = 0.02
+"""The same where both sides wait for each other anyway, and every look costs the loop."""
 
 
 class Bus:
@@ -40,6 +42,7 @@ class Bus:
         namespace: str,
         timeout_s: float = CONNECT_TIMEOUT_S,
         keys: dict[str, str] | None = None,
+        granularity_s: float = GRANULARITY_S,
     ) -> None:
         """Prepares; entering the context opens the session.
 
@@ -49,10 +52,12 @@ class Bus:
             namespace: the robot's.
             timeout_s: how long a client dials before it gives up [s].
             keys: the robot's keys, for access control; the usual ones when None.
+            granularity_s: how late a wait with a deadline may end [s].
         """
         self._endpoints, self._role, self._namespace = endpoints, role, namespace
         self._timeout_s = timeout_s
         self._keys = keys
+        self._granularity_s = granularity_s
         self._stack = ExitStack()
         self._tokens: list[zenoh.LivelinessToken] = []
         """Kept: one that nobody holds is withdrawn at once."""
@@ -74,7 +79,7 @@ class Bus:
                     keys=self._keys,
                 )
             )
-            self.waker = Waker(self.session, granularity_s=GRANULARITY_S)
+            self.waker = Waker(self.session, granularity_s=self._granularity_s)
             stack.enter_context(self.waker.running())
             self._stack = stack.pop_all()
         return self

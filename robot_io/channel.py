@@ -66,6 +66,11 @@ class Channel:
         finally:
             self._waker.unwatch()
 
+    @property
+    def was_nudged(self) -> bool:
+        """Whether the last wait that gave None was broken off before its deadline."""
+        return self._waker.was_nudged
+
     def discard(self) -> None:
         """Forgets what has come so far."""
         while self._try_receive() is not None:

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from robot_io.assembler import SnapshotAssembler, SnapshotReading
-from robot_io.bus import Bus
+from robot_io.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
 from robot_io.errors import RobotIoError, RobotUnreachableError
 from robot_io.inbox import Inbox, M
 from robot_io.latest import Latest
@@ -49,6 +49,8 @@ DIAL_S = 0.5
 STOP_POLL_S = 0.05
 PATIENCE_S = 0.005
 """How long one sensor may keep the others of its tick waiting."""
+LOCKSTEP_PATIENCE_S = 0.05
+"""The same in lockstep, where time stands still meanwhile."""
 
 
 class RobotClient:
@@ -268,6 +270,9 @@ class RobotClient:
                     Role.CLIENT,
                     namespace=self._robot.file.namespace,
                     timeout_s=timeout_s,
+                    granularity_s=(
+                        LOCKSTEP_GRANULARITY_S if self._in_order else GRANULARITY_S
+                    ),
                 )
             )
             self._declare()
@@ -283,7 +288,7 @@ class RobotClient:
             self._sensor("right_ankle_ft", ForceTorque),
             joint_count=n_a,
             in_order=self._in_order,
-            patience_s=PATIENCE_S,
+            patience_s=LOCKSTEP_PATIENCE_S if self._in_order else PATIENCE_S,
         )
         self._status = Latest(
             bus.channel(keys["status"], depth=1), RobotStatus, joint_count=n_a

@@ -69,6 +69,11 @@ class Inbox(Generic[M]):
             self._head = self._read(data)
         return self._head
 
+    @property
+    def was_nudged(self) -> bool:
+        """Whether the last wait that gave None was broken off before its deadline."""
+        return self._channel.was_nudged
+
     def drop(self) -> None:
         """Moves on to the next message."""
         if self._head is not None:

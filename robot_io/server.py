@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
-from robot_io.bus import Bus
+from robot_io.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
 from robot_io.command_inbox import CommandInbox, Judged
 from robot_io.gate import CommandGate
 from robot_io.pace import Pace
@@ -68,7 +68,13 @@ class RobotServer:
         self._gate = gate
         self._stop = stop
         self._bus = Bus(
-            endpoints, Role.ROBOT, namespace=robot.file.namespace, keys=robot.keys
+            endpoints,
+            Role.ROBOT,
+            namespace=robot.file.namespace,
+            keys=robot.keys,
+            granularity_s=(
+                LOCKSTEP_GRANULARITY_S if pace is Pace.LOCKSTEP else GRANULARITY_S
+            ),
         )
         self._stack = ExitStack()
         self._tick = 0

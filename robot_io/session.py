@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
@@ -40,6 +41,13 @@ WAIT_BEFORE_DROP_US = 1000
 QUEUE_BATCHES = 16
 """Zenoh gives urgent priorities one batch by default, and then drops messages
 whenever its sender thread loses the processor for a millisecond."""
+BATCH_WAIT_MS = 0
+"""How long a message that meets the sender at work may be held back for others to join
+it; Zenoh's own millisecond is a whole tick."""
+RUNTIME_VARIABLE = "ZENOH_RUNTIME"
+RUNTIME = "(rx:(worker_threads:1),acc:(handover:tx),app:(handover:tx))"
+"""Two threads of Zenoh's instead of six: a control loop has few links, and every thread
+that wakes for a message costs the loop its core and its caches."""
 RETRY_GROWTH = 2
 RETRY_MAX_FACTOR = 4
 
@@ -82,6 +90,7 @@ def open_session(
         RobotUnreachableError: nobody answers where it dials.
     """
     _check(endpoints, role)
+    os.environ.setdefault(RUNTIME_VARIABLE, RUNTIME)  # read once, at the first session
     config = session_config(
         endpoints, role, namespace=namespace, timeout_s=timeout_s, keys=keys
     )
@@ -196,6 +205,7 @@ def _transport(endpoints: Endpoints) -> JsonObject:
                 "keep_alive": KEEP_ALIVES_PER_LEASE,
                 "queue": {
                     "size": {"real_time": QUEUE_BATCHES},
+                    "batching": {"enabled": True, "time_limit": BATCH_WAIT_MS},
                     "congestion_control": {
                         "drop": {"wait_before_drop": WAIT_BEFORE_DROP_US}
                     },

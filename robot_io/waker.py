@@ -26,6 +26,7 @@ class Waker:
     Attributes:
         token: what ends a wait; not a message. Drawn at random, so that no peer can
             send it.
+        was_nudged: whether the last wait that ended was broken off by a nudge.
     """
 
     def __init__(self, session: zenoh.Session, *, granularity_s: float) -> None:
@@ -41,6 +42,7 @@ class Waker:
         self._key = ""
         self._deadline = math.inf
         self._nudged = False
+        self.was_nudged = False
         self._stop = threading.Event()
 
     @contextmanager
@@ -74,6 +76,7 @@ class Waker:
 
     def is_over(self) -> bool:
         """Whether the wait under way has ended; takes back a nudge."""
+        self.was_nudged = self._nudged
         if self._nudged:
             self._nudged = False
             return True

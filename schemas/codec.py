@@ -6,6 +6,7 @@ message that does not fit is refused with an error that names the field.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, TypeVar
 
 import msgpack
@@ -31,10 +32,7 @@ def encode(message: msgspec.Struct) -> bytes:
     Returns:
         MessagePack bytes.
     """
-    packed: bytes = msgpack.packb(
-        msgspec.structs.asdict(message), default=msgspec.to_builtins
-    )
-    return packed
+    return _encoder.encode(message)
 
 
 def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T:
@@ -59,14 +57,11 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
             f"{MAX_MESSAGE_BYTES}"
         )
     try:
-        raw = msgpack.unpackb(data)
-    except _UNREADABLE as error:
-        raise _refusal(kind, error) from error
-    _check_version(raw, kind)
-    try:
-        message = msgspec.convert(raw, kind)
-    except msgspec.ValidationError as error:
-        raise _refusal(kind, error) from error
+        message: _T = _decoder(kind).decode(data)
+    except (msgspec.DecodeError, *_UNREADABLE):
+        message = _decode_in_steps(data, kind)
+    if message.schema != SCHEMA_VERSION:  # type: ignore[attr-defined]
+        raise _other_version(message.schema, kind)  # type: ignore[attr-defined]
     bad = find_non_finite(message)
     if bad is not None:
         raise MessageError(
@@ -78,15 +73,41 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
     return message
 
 
-def _check_version(raw: Any, kind: type[msgspec.Struct]) -> None:
+_encoder = msgspec.msgpack.Encoder()
+
+
+@cache
+def _decoder(kind: type[_T]) -> msgspec.msgpack.Decoder[_T]:
+    """Straight from bytes to struct: half the time of two steps."""
+    return msgspec.msgpack.Decoder(kind)
+
+
+def _decode_in_steps(data: bytes, kind: type[_T]) -> _T:
+    """Finds out what is wrong with bytes that are no such message.
+
+    First whether they are MessagePack at all, then for which version they were
+    written, then which field does not fit.
+    """
+    try:
+        raw = msgpack.unpackb(data)
+    except _UNREADABLE as error:
+        raise _refusal(kind, error) from error
     version = raw.get("schema") if isinstance(raw, dict) else None
     # Anything but a whole number is left to the type check.
     if type(version) is int and version != SCHEMA_VERSION:
-        raise SchemaVersionError(
-            f"{kind.__name__}.schema: got version {version}, expected "
-            f"{SCHEMA_VERSION}; install the same release on both sides",
-            field="schema",
-        )
+        raise _other_version(version, kind)
+    try:
+        return msgspec.convert(raw, kind)
+    except msgspec.ValidationError as error:
+        raise _refusal(kind, error) from error
+
+
+def _other_version(version: int, kind: type[msgspec.Struct]) -> SchemaVersionError:
+    return SchemaVersionError(
+        f"{kind.__name__}.schema: got version {version}, expected "
+        f"{SCHEMA_VERSION}; install the same release on both sides",
+        field="schema",
+    )
 
 
 def _check_joint_count(message: msgspec.Struct, joint_count: int) -> None:

@@ -116,6 +116,21 @@ def test_any_value_in_any_field_is_taken_or_named(
     assert named.startswith(name) or (named == "" and name == "feet")
 
 
+@settings(deadline=None, max_examples=300)
+@given(kind=any_kind, data=st.data())
+def test_the_quick_way_takes_nothing_that_two_steps_refuse(
+    kind: type[msgspec.Struct], data: st.DataObject
+) -> None:
+    plain = _example(kind)
+    plain[data.draw(st.sampled_from(sorted(plain)))] = data.draw(_PLAIN)
+    packed_bytes = msgpack.packb(plain)
+    try:
+        message = decode(packed_bytes, kind, joint_count=JOINT_COUNT)
+    except MessageError:
+        return
+    assert message == msgspec.convert(msgpack.unpackb(packed_bytes), kind)
+
+
 @every_kind
 def test_each_missing_field_is_named(kind: type[msgspec.Struct]) -> None:
     example = _example(kind)
