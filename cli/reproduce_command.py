@@ -17,11 +17,11 @@ def reproduce(
     ] = Path("out/reproduce"),
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="2 seeds, fewer rates, two controllers: minutes."),
+        typer.Option("--quick", help="1 seed, fewer rates, two controllers: minutes."),
     ] = False,
     seeds: Annotated[
         int | None,
-        typer.Option("--seeds", min=1, help="Seeds per case instead of 50 (quick: 2)."),
+        typer.Option("--seeds", min=1, help="Seeds per case instead of 50 (quick: 1)."),
     ] = None,
     report_only: Annotated[
         bool, typer.Option("--report-only", help="Write the page from kept runs only.")

@@ -18,7 +18,7 @@ from schemas.endpoints import Endpoints
 GRANULARITY_S = 0.005
 """How late a wait with a deadline may end, where time goes by the clock."""
 LOCKSTEP_GRANULARITY_S = 0.02
-"""The same where both sides wait for each other anyway, and every look costs the loop."""
+"""The same in lockstep, where both sides wait anyway and every look costs time."""
 
 
 class Bus:

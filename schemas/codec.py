@@ -7,7 +7,7 @@ message that does not fit is refused with an error that names the field.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgpack
 import msgspec
