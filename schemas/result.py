@@ -32,7 +32,7 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     com_error_max_mm: Floats3
     base_tilt_max_deg: float
     force_deviation_rms_n: Pair
-    """True normal force against half the robot's weight, left and right."""
+    """True vertical force against half the robot's weight, left and right."""
     force_peak_n: Pair
     contact_lost_s: Pair
     contact_gap_s: Pair

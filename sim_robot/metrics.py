@@ -27,7 +27,9 @@ class StandingFigures:
         com_error_rms: (3,) [m].
         com_error_max: (3,) largest magnitude [m].
         base_tilt_max: [rad].
-        force_deviation_rms: (2,) normal force against half the weight [N].
+        force_deviation_rms: (2,) vertical force, in the world, against half the weight
+            [N]. Not the normal force: on ground that stays tilted that one is less
+            than half the weight when all is well.
         force_peak: (2,) normal force [N].
         contact_lost_s: (2,) in all [s].
         contact_gap_s: (2,) longest at a stretch: how long the ground was searched [s].
@@ -64,6 +66,10 @@ class StandingState(Protocol):
     @property
     def normal_forces(self) -> tuple[float, float]:
         """Of the ground on the left and right sole [N]."""
+
+    @property
+    def vertical_forces(self) -> tuple[float, float]:
+        """The same along the world's vertical [N]."""
 
 
 class PlantMetrics:
@@ -108,7 +114,7 @@ class PlantMetrics:
             if tick >= self._peak_from and force > self._force_peak[foot]:
                 self._force_peak[foot] = force
         if tick >= self._com_from:
-            self._count_errors(state, forces)
+            self._count_errors(state)
 
     def figures(self) -> StandingFigures:
         """What the run amounts to so far; zero where nothing has counted yet."""
@@ -123,14 +129,14 @@ class PlantMetrics:
             contact_gap_s=np.array(self._longest_gap) * self._period_s,
         )
 
-    def _count_errors(self, state: StandingState, forces: tuple[float, float]) -> None:
+    def _count_errors(self, state: StandingState) -> None:
         self._counted += 1
         for axis, value in enumerate(_com_over_soles(state)):
             error = abs(value - self._reference[axis])
             self._squares[axis] += error * error
             if error > self._largest[axis]:
                 self._largest[axis] = error
-        for foot, force in enumerate(forces):
+        for foot, force in enumerate(state.vertical_forces):
             deviation = force - self._half_weight
             self._force_squares[foot] += deviation * deviation
 

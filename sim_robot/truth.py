@@ -35,6 +35,7 @@ class PlantTruth:
         F_left: (6,) contact wrench of the ground on the left sole, over the last
             simulation step, in the sole frame [N, N m].
         F_right: (6,) the same of the right foot.
+        vertical_forces: their parts along the world's vertical, left and right [N].
         platforms: platforms of the scenario, in its order.
     """
 
@@ -47,6 +48,7 @@ class PlantTruth:
     sole_right: Vec3
     F_left: Vec6
     F_right: Vec6
+    vertical_forces: tuple[float, float]
     platforms: tuple[PlatformPose, ...]
 
     @property

@@ -11,8 +11,8 @@ from sim_robot.robot_spec import SENSOR_SOLES
 from sim_robot.truth import PlantTruth, PlatformPose
 from sim_robot.world import World
 
-_NORMAL_LEFT = SENSOR_SOLES.start + 2
-_NORMAL_RIGHT = SENSOR_SOLES.start + 8
+_LEFT = SENSOR_SOLES.start
+_RIGHT = SENSOR_SOLES.start + 6
 
 
 class PlantView:
@@ -34,6 +34,7 @@ class PlantView:
         self._base_position = data.qpos[:3]
         self._base_quat_wxyz = data.qpos[3:7]
         self._base_z_axis = data.xmat[base, 6:9]
+        self._sole_verticals = data.xmat[left, 6:9], data.xmat[right, 6:9]
         self._com_velocity = data.subtree_linvel[base]
         self._heights = data.xpos[:, 2]
         self._height_bodies = np.array([base, left, right, *world.upper_bodies])
@@ -54,7 +55,21 @@ class PlantView:
         """Of the ground on the left and right sole, along the sole's z axis [N]."""
         # MuJoCo's sign is that of the robot on the ground.
         sensors = self._sensors
-        return -sensors.item(_NORMAL_LEFT), -sensors.item(_NORMAL_RIGHT)
+        return -sensors.item(_LEFT + 2), -sensors.item(_RIGHT + 2)
+
+    @property
+    def vertical_forces(self) -> tuple[float, float]:
+        """Of the ground on the left and right sole, along the world's vertical [N]."""
+        force = self._sensors
+        left, right = self._sole_verticals
+        return (
+            -left.item(0) * force.item(_LEFT)
+            - left.item(1) * force.item(_LEFT + 1)
+            - left.item(2) * force.item(_LEFT + 2),
+            -right.item(0) * force.item(_RIGHT)
+            - right.item(1) * force.item(_RIGHT + 1)
+            - right.item(2) * force.item(_RIGHT + 2),
+        )
 
     def heights(self) -> list[float]:
         """World z of the base, the soles, then every link above the ankles [m]."""
@@ -74,6 +89,7 @@ class PlantView:
             sole_right=self.sole_right.copy(),
             F_left=wrenches[:6],
             F_right=wrenches[6:],
+            vertical_forces=self.vertical_forces,
             platforms=tuple(
                 PlatformPose(position=position.copy(), quat_xyzw=xyzw(quat_wxyz))
                 for position, quat_wxyz in self._platforms

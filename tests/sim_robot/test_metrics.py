@@ -21,6 +21,7 @@ START = PlantTruth(
     sole_right=np.array([0.026, -0.11, 0.0]),
     F_left=np.array([0.0, 0.0, 350.0, 0.0, 0.0, 0.0]),
     F_right=np.array([0.0, 0.0, 350.0, 0.0, 0.0, 0.0]),
+    vertical_forces=(350.0, 350.0),
     platforms=(),
 )
 
@@ -103,7 +104,9 @@ def test_first_second_does_not_count(metrics: PlantMetrics) -> None:
     for tick in range(1000):
         take(
             metrics,
-            replace(START, tick=tick, com=START.com + 1.0, F_left=normal(100.0)),
+            replace(
+                START, tick=tick, com=START.com + 1.0, vertical_forces=(100.0, 100.0)
+            ),
         )
     figures = metrics.figures()
     np.testing.assert_array_equal(figures.com_error_max, 0.0)
@@ -114,7 +117,7 @@ def test_force_deviation_is_against_half_the_weight(metrics: PlantMetrics) -> No
     for tick in range(1000, 1010):
         take(
             metrics,
-            replace(START, tick=tick, F_left=normal(340.0), F_right=normal(380.0)),
+            replace(START, tick=tick, vertical_forces=(340.0, 380.0)),
         )
     np.testing.assert_allclose(metrics.figures().force_deviation_rms, [10.0, 30.0])
 

@@ -192,6 +192,26 @@ def test_live_view_and_copied_truth_agree(
     assert truth.upright == pytest.approx(view.upright, abs=1e-12)
     assert truth.upright < 1.0 - 1e-4
     assert truth.normal_forces == view.normal_forces
+    assert truth.vertical_forces == view.vertical_forces
+
+
+def test_vertical_forces_and_weight_make_the_vertical_momentum(
+    make_plant: Callable[..., Plant], walker: Robot
+) -> None:
+    """On ground that tilts; the normal forces alone would not."""
+    tilt = {"axis": "pitch", "kind": "ramp", "amplitude_deg": 12.0, "rate_deg_s": 60.0}
+    plant = make_plant(platform=[{"foot": "both", "motion": [tilt]}])
+    mass = plant.world.weight / 9.81
+    start = plant.truth().com_velocity[2]
+    vertical = normal = 0.0
+    for _ in range(250):
+        plant.step(walker.nominal)
+        truth = plant.truth()
+        vertical += (sum(truth.vertical_forces) - plant.world.weight) * PERIOD_S
+        normal += (sum(truth.normal_forces) - plant.world.weight) * PERIOD_S
+    change = mass * (plant.truth().com_velocity[2] - start)
+    assert vertical == pytest.approx(change, abs=2e-2)
+    assert abs(normal - change) > 0.5
 
 
 def test_command_of_another_size_is_refused(standing_plant: Plant) -> None:
