@@ -22,6 +22,14 @@ def stabilizer(
             "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
         ),
     ] = 10.0,
+    reconnect: Annotated[
+        bool,
+        typer.Option(
+            "--reconnect",
+            help="When the robot goes away, wait for it and take command again from "
+            "the posture it holds.",
+        ),
+    ] = False,
     settings: options.SettingsOption = None,
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
@@ -32,7 +40,9 @@ def stabilizer(
 ) -> None:
     """Run the stabilizer alone; it takes command of the robot it dials.
 
-    Exits with 4 when there is no robot, or it goes away before its run is over.
+    Exits with 4 when there is no robot, or it goes away before its run is over, and
+    with 5 when it fell. Ctrl-C brings the robot to rest first; again, and it ends at
+    once.
     """
     from cli.child_mode import begin_as_child
     from cli.console import print_json, print_table
@@ -67,6 +77,7 @@ def stabilizer(
         endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         connect_timeout_s=wait_s,
+        reconnect=reconnect,
         failure_file=folder / QP_FAILURE,
         settings=resolved,
         stop=stop,
@@ -79,7 +90,7 @@ def stabilizer(
             print_json(result)
         else:
             print_table(controller_table(result, controller))
-    if stop.is_set:
+    if result.reason.startswith("stopped"):
         raise typer.Exit(ExitCode.INTERRUPTED)
     if child and result.reason.startswith("held"):
         raise typer.Exit(ExitCode.OK)  # in order; the robot tells how the run ends
@@ -88,10 +99,10 @@ def stabilizer(
 
 def _verdict(reason: str) -> ExitCode:
     """Why the stabilizer ended, as an exit code."""
+    if reason.startswith(("fell", "run over: fell")):
+        return ExitCode.FELL
     if reason.startswith("run over"):
         return ExitCode.OK
-    if reason.startswith("fell"):
-        return ExitCode.FELL
     if reason.startswith(("the robot is gone", "the robot ended", "no news")):
         return ExitCode.UNREACHABLE
     return ExitCode.FAILED

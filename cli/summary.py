@@ -61,6 +61,12 @@ def controller_table(result: ControllerResult, name: str) -> Table:
     table.add_row("force error rms (left, right)", _row(result.force_error_rms_n, "N"))
     table.add_row("QP failures", str(result.qp_failures))
     table.add_row("stale snapshots", str(result.stale_snapshots))
+    table.add_row(
+        "ticks skipped, answered late",
+        f"{result.skipped_ticks}, {result.slow_ticks}",
+    )
+    if result.restarts:
+        table.add_row("started anew", f"{result.restarts} times")
     return table
 
 

@@ -66,6 +66,12 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """Why it ended."""
     settings_changes: list[SettingsChange] = []
     """Changes of settings during the run."""
+    skipped_ticks: int = 0
+    """The robot's ticks that went by without an answer, in real time."""
+    slow_ticks: int = 0
+    """Answers that took longer than a period to compute."""
+    restarts: int = 0
+    """Times it began anew from a held posture: the robot came back, or had held."""
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
