@@ -47,7 +47,7 @@ def stabilizer(
     from cli.child_mode import begin_as_child
     from cli.console import print_json, print_table
     from cli.endpoints import choose_endpoints
-    from cli.logs import log_note, set_up_logging
+    from cli.logs import log_note, log_warning, set_up_logging
     from cli.run_files import QP_FAILURE, write_struct
     from cli.run_plan import load_settings
     from cli.summary import controller_table
@@ -83,6 +83,9 @@ def stabilizer(
         stop=stop,
         safety=resolved.safety,
     )
+    code = _verdict(result.reason)
+    if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
+        log_warning(result.reason)
     if result_file is not None:
         write_struct(result_file, result)
     if not child:
@@ -90,15 +93,15 @@ def stabilizer(
             print_json(result)
         else:
             print_table(controller_table(result, controller))
-    if result.reason.startswith("stopped"):
-        raise typer.Exit(ExitCode.INTERRUPTED)
     if child and result.reason.startswith("held"):
         raise typer.Exit(ExitCode.OK)  # in order; the robot tells how the run ends
-    raise typer.Exit(_verdict(result.reason))
+    raise typer.Exit(code)
 
 
 def _verdict(reason: str) -> ExitCode:
     """Why the stabilizer ended, as an exit code."""
+    if reason.startswith("stopped"):
+        return ExitCode.INTERRUPTED
     if reason.startswith(("fell", "run over: fell")):
         return ExitCode.FELL
     if reason.startswith("run over"):
