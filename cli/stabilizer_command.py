@@ -34,6 +34,9 @@ def stabilizer(
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
+    histogram: options.HistogramOption = False,
+    cpu: options.CpuOption = None,
+    realtime_priority: options.PriorityOption = None,
     as_json: options.JsonOption = False,
     child: options.ChildOption = False,
     result_file: options.ResultFileOption = None,
@@ -47,9 +50,11 @@ def stabilizer(
     from cli.child_mode import begin_as_child
     from cli.console import print_json, print_table
     from cli.endpoints import choose_endpoints
+    from cli.histogram import histogram_table
     from cli.logs import log_note, log_warning, set_up_logging
     from cli.run_files import QP_FAILURE, write_struct
     from cli.run_plan import load_settings
+    from cli.scheduling import claim_processor
     from cli.summary import controller_table
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
@@ -65,6 +70,7 @@ def stabilizer(
         f"{controller} for {model.file.name} dials "
         f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
     )
+    claim_processor(cpu=cpu, priority=realtime_priority)
     # Heavy: a wrong file is told first.
     from stabilizer.factory import make_controller
     from stabilizer.node import run_stabilizer
@@ -78,6 +84,7 @@ def stabilizer(
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         connect_timeout_s=wait_s,
         reconnect=reconnect,
+        histogram=histogram,
         failure_file=folder / QP_FAILURE,
         settings=resolved,
         stop=stop,
@@ -93,6 +100,8 @@ def stabilizer(
             print_json(result)
         else:
             print_table(controller_table(result, controller))
+            for name, times in result.histograms.items():
+                print_table(histogram_table(name, times))
     if child and result.reason.startswith("held"):
         raise typer.Exit(ExitCode.OK)  # in order; the robot tells how the run ends
     raise typer.Exit(code)

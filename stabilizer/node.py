@@ -20,6 +20,7 @@ from robot_io.robot import Robot
 from robot_io.stop_request import StopRequest
 from schemas.arrays import Array
 from schemas.endpoints import Endpoints
+from schemas.messages import SettingsChange
 from schemas.result import ControllerResult
 from schemas.settings import ControllerSettings, SafetySettings
 from stabilizer.controller import Controller
@@ -45,6 +46,7 @@ def run_stabilizer(
     identity: str | None = None,
     connect_timeout_s: float = CONNECT_TIMEOUT_S,
     reconnect: bool = False,
+    histogram: bool = False,
     failure_file: Path | None = None,
     settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
@@ -70,6 +72,7 @@ def run_stabilizer(
         identity: one word, unique on the bus; made up when None.
         connect_timeout_s: how long the robot may take to appear at first [s].
         reconnect: wait for a robot that went away, for as long as it takes.
+        histogram: whether the result holds one of the ticks' times.
         failure_file: where the first QP that cannot be solved is kept (.npz).
         settings: the controller was made with; None refuses changes on the bus.
         stop: ends the run from outside, besides signals.
@@ -94,7 +97,9 @@ def run_stabilizer(
         stop=stop or StopRequest(),
         safety=safety or SafetySettings(),
     )
-    return node.run(connect_timeout_s=connect_timeout_s, reconnect=reconnect)
+    end = node.run(connect_timeout_s=connect_timeout_s, reconnect=reconnect)
+    result = node.telemetry.result(end.reason, histogram=histogram)
+    return msgspec.structs.replace(result, settings_changes=node.changes)
 
 
 def _made_up_identity(controller_name: str) -> str:
@@ -122,22 +127,25 @@ class _Node:
         self._endpoints, self._pace, self._identity = endpoints, pace, identity
         self._failure_file, self._settings = failure_file, settings
         self._stop, self._safety = stop, safety
-        self._telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
+        self.telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
         self._desk: Desk | None = None
         self._stays = 0
         self._refused_since_s = math.inf
         self._pause = threading.Event()
 
-    def run(self, *, connect_timeout_s: float, reconnect: bool) -> ControllerResult:
+    @property
+    def changes(self) -> list[SettingsChange]:
+        """All changes of settings, in all stays."""
+        return [] if self._desk is None else self._desk.changes
+
+    def run(self, *, connect_timeout_s: float, reconnect: bool) -> End:
         """Stays in command until there is no coming back; see run_stabilizer."""
         with self._stop.on_signals():
             end = self._stay(connect_timeout_s)
             while reconnect and end.may_return and not self._stop.is_set:
                 _LOG.warning("%s; waiting for it to come back", end.reason)
                 end = self._return()
-        result = self._telemetry.result(end.reason)
-        changes = [] if self._desk is None else self._desk.changes
-        return msgspec.structs.replace(result, settings_changes=changes)
+        return end
 
     def _return(self) -> End:
         """Takes command again, as soon as there is a robot that allows it."""
@@ -187,7 +195,7 @@ class _Node:
             )
         q_held = client.enable()
         if self._stays > 1:
-            self._telemetry.restarts += 1
+            self.telemetry.restarts += 1
             _LOG.warning("in command again, as %s", client.identity)
         return q_held
 
@@ -207,7 +215,7 @@ class _Node:
         return Loop(
             Safety(self._controller, self._robot, self._safety),
             client,
-            self._telemetry,
+            self.telemetry,
             desk,
             period_s=self._robot.period_s,
             leave_s=self._safety.leave_s,

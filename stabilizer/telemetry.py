@@ -132,12 +132,14 @@ class ControllerTelemetry:
             tick_max_ms=self._recent_ms.max,
         )
 
-    def result(self, reason: str) -> ControllerResult:
+    def result(self, reason: str, *, histogram: bool = False) -> ControllerResult:
         """The whole run.
 
         Args:
             reason: why it ended.
+            histogram: whether to add one of the ticks' times.
         """
+        ticks = {"controller tick": self._durations} if histogram else {}
         count = max(1, self._settled)
         return ControllerResult(
             ticks=self._ticks,
@@ -153,6 +155,7 @@ class ControllerTelemetry:
             skipped_ticks=self._skipped,
             slow_ticks=self._slow,
             restarts=self.restarts,
+            histograms={name: log.histogram() for name, log in ticks.items()},
         )
 
 

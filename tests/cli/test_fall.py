@@ -26,7 +26,7 @@ def huge_push(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("mode", ["--lockstep", "--inline"])
+@pytest.mark.parametrize("mode", ["--lockstep"])
 def test_a_run_in_which_the_robot_falls(
     surefoot: Surefoot, huge_push: Path, mode: str
 ) -> None:
