@@ -102,7 +102,7 @@ def run_driver(
         with quiet_interpreter():
             while not stop.is_set:
                 now_s = time.monotonic() - begin_s
-                gate.begin_tick(now_s=now_s, tick=tick)
+                gate.begin_tick(now_s=now_s)
                 server.serve_requests(now_s=now_s)
                 stamp_ns = time.monotonic_ns()
                 latency.sensed(tick, stamp_ns=stamp_ns)
@@ -118,7 +118,7 @@ def run_driver(
         reason = f"stopped: {stop.cause}"
         times = latency.log.distribution()
         _LOG.info(
-            "%d ticks, %d skipped; sensors to servos median %.3f, p99 %.3f, max %.3f ms",
+            "%d ticks, %d skipped; sensors to servos %.3f, p99 %.3f, max %.3f ms",
             *(tick, pacer.skipped, times.median, times.p99, times.max),
         )
         gate.authority.finish(reason)
