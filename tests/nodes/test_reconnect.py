@@ -135,10 +135,10 @@ def test_it_does_not_come_back_to_a_robot_that_was_stopped_by_hand(
         running(robot, endpoints, LONG, Pace.REALTIME),
         running(faithful, endpoints, Pace.REALTIME) as controller,
         observer(endpoints) as when,
-        looking(endpoints) as spectator,
+        looking(endpoints) as eve,
     ):
         when(is_running, what="the run")
-        spectator.stop_robot()
+        eve.requests.stop_robot()
         result = controller.result()
     assert result.reason.startswith("the robot is in fault: e-stop")
     assert result.restarts == 0
@@ -181,13 +181,13 @@ def test_a_second_signal_ends_it_at_once(endpoints: Endpoints) -> None:
         running(robot, endpoints, LONG, Pace.LOCKSTEP),
         running(slow_to_leave, endpoints) as controller,
         observer(endpoints) as when,
-        looking(endpoints) as spectator,
+        looking(endpoints) as eve,
     ):
         when(is_running, what="the run")
         controller.signal(signal.SIGINT)
 
         def is_leaving() -> bool:
-            told = spectator.look().stabilizer
+            told = eve.look().stabilizer
             return told is not None and told.state == "leaving"
 
         wait_until(is_leaving, what="the stabilizer to leave")
