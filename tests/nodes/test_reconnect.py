@@ -144,6 +144,21 @@ def test_it_does_not_come_back_to_a_robot_that_was_stopped_by_hand(
     assert result.restarts == 0
 
 
+def test_it_takes_over_again_after_a_silence_of_its_own(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.REALTIME),
+        running(faithful, endpoints, Pace.REALTIME) as controller,
+        observer(endpoints) as when,
+    ):
+        when(is_running, what="the run")
+        controller.signal(signal.SIGSTOP)
+        left = when(lambda s: s.commander == "", what="the lease to be free")
+        assert left.mode is RobotMode.HOLD
+        controller.signal(signal.SIGCONT)
+        when(is_commanded_again, what="command of the robot again")
+        assert end_it(controller).restarts >= 1
+
+
 def test_it_ends_while_it_waits_for_the_robot(endpoints: Endpoints) -> None:
     with running(faithful, endpoints, Pace.LOCKSTEP) as controller:
         with (
