@@ -110,7 +110,7 @@ class Loop:
                     continue
             end = self._why_end(time.monotonic() - heard_s, q_held)
             if end is not None:
-                return end
+                return end if self._leave_by_s is None else End(_stopped(stop))
         return End(_stopped(stop))
 
     def _has_left(self, stop: StopRequest) -> bool:
