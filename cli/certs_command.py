@@ -32,7 +32,7 @@ def certs(
         ),
     ] = False,
 ) -> None:
-    """Make certificates for robot, router, stabilizer, planner and observer.
+    """Make certificates for robot, router, stabilizer, operator, planner and observer.
 
     Give each process its own pair and ca.pem. Keep ca.key.pem off the robot: whoever
     has it can make certificates that command the robot.

@@ -25,7 +25,12 @@ PROGRESS_EVERY_TICKS = 100
 
 
 def run_inline(
-    plan: RunPlan, folder: Path, *, record: bool, on_tick: Callable[[int], None]
+    plan: RunPlan,
+    folder: Path,
+    *,
+    record: bool,
+    on_tick: Callable[[int], None],
+    histogram: bool = False,
 ) -> Sides:
     """Runs a plan in this process.
 
@@ -37,6 +42,7 @@ def run_inline(
         folder: gets the record.
         record: write every tick.
         on_tick: told the present tick now and then.
+        histogram: whether the result holds one of the controller's times.
     """
     loop = _InlineLoop(plan, record=record)
     began_s = time.monotonic()
@@ -50,7 +56,8 @@ def run_inline(
         write_arrays(folder / TICKS, loop.simulated.recording())
     if loop.controller.failure is not None:
         save_failure(loop.controller.failure, folder / QP_FAILURE)
-    controller = loop.telemetry.result(loop.safety.reason or "run over")
+    reason = loop.safety.reason or "run over"
+    controller = loop.telemetry.result(reason, histogram=histogram)
     return Sides(loop.plant_result(controller, elapsed_s=elapsed_s), controller)
 
 

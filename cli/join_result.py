@@ -48,4 +48,8 @@ def join_result(
         out=None if out is None else str(out),
         pushes=plant.pushes,
         settings_changes=controller.settings_changes,
+        end_to_end_ms=plant.end_to_end_ms,
+        skipped_ticks=controller.skipped_ticks,
+        slow_ticks=controller.slow_ticks,
+        histograms={**plant.histograms, **controller.histograms},
     )

@@ -12,7 +12,6 @@ from cli.errors import ChildFailedError
 from cli.exit_codes import ExitCode
 from cli.run_plan import RunPlan
 from cli.supervise import failure
-from schemas.endpoints import Endpoints
 
 READY_S = 30.0
 """How long the page may take to come up, on a busy machine [s]."""
@@ -22,7 +21,7 @@ def start_live_page(
     plan: RunPlan,
     folder: Path,
     *,
-    endpoints: Endpoints,
+    endpoints: Path,
     port: int,
     events: SimpleQueue[Event],
 ) -> Child:
@@ -31,7 +30,7 @@ def start_live_page(
     Args:
         plan: names the robot.
         folder: gets its log.
-        endpoints: where it dials.
+        endpoints: file that says where it dials.
         port: of the page.
         events: of the run; nobody else has been started yet.
 
@@ -42,8 +41,7 @@ def start_live_page(
         ChildFailedError: the page could not be served.
     """
     words = ["view", "--robot", plan.robot_name, "--port", str(port)]
-    for locator in endpoints.connect:
-        words += ["--connect", locator]
+    words += ["--endpoints", str(endpoints)]
     child = Child("view", words, log=folder / "view.log", events=events)
     deadline = time.monotonic() + READY_S
     try:

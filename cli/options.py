@@ -110,6 +110,37 @@ InsecureOption = Annotated[
 JobsOption = Annotated[
     int, typer.Option("--jobs", min=0, help="Processes; 0 for one per processor.")
 ]
+_TIMING = "Real time"
+HistogramOption = Annotated[
+    bool,
+    typer.Option(
+        "--histogram",
+        help="Show how often each time of the loop was how long; with --json as data.",
+        rich_help_panel=_TIMING,
+    ),
+]
+CpuOption = Annotated[
+    int | None,
+    typer.Option(
+        "--cpu",
+        min=0,
+        metavar="N",
+        help="Keep this process on processor N.",
+        rich_help_panel=_TIMING,
+    ),
+]
+PriorityOption = Annotated[
+    int | None,
+    typer.Option(
+        "--realtime-priority",
+        min=1,
+        max=99,
+        metavar="P",
+        help="Run before all ordinary processes (SCHED_FIFO at priority P); needs the "
+        "right to, and goes on without.",
+        rich_help_panel=_TIMING,
+    ),
+]
 JsonOption = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on stdout and nothing else."),

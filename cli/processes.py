@@ -8,6 +8,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 from cli.child import Child, Event
+from cli.endpoints_file import ENDPOINTS, write_endpoints
 from cli.live_page import start_live_page
 from cli.run_files import SETTINGS, TICKS, read_struct
 from cli.run_plan import RunPlan
@@ -35,6 +36,7 @@ def run_processes(
     record: bool,
     on_tick: Callable[[int], None],
     view_port: int | None = None,
+    histogram: bool = False,
 ) -> Sides:
     """Starts robot, recorder and stabilizer, waits for the end, stops all.
 
@@ -49,16 +51,23 @@ def run_processes(
             the recorder is told, and never ends the run.
         on_tick: told the robot's progress.
         view_port: serve a live page of the run at this port; None for no page.
+        histogram: whether the results hold those of all times.
 
     Raises:
         ChildFailedError: one of the two failed.
     """
     plant_file, controller_file = folder / "plant.json", folder / "controller.json"
-    robot_words = [*_robot_words(plan, endpoints), "--result-file", str(plant_file)]
+    meeting = folder / ENDPOINTS
+    write_endpoints(meeting, endpoints)
+    shared = [*_shared_words(plan), "--endpoints", str(meeting)]
+    if histogram:
+        shared.append("--histogram")
+    robot_words = [*_robot_words(plan), *shared, "--result-file", str(plant_file)]
     if record:
         robot_words += ["--record-file", str(folder / TICKS)]
     stabilizer_words = [
-        *_stabilizer_words(plan, endpoints),
+        *_stabilizer_words(plan),
+        *shared,
         *("--settings", str(folder / SETTINGS)),
         *("--result-file", str(controller_file)),
     ]
@@ -74,13 +83,13 @@ def run_processes(
         if view_port is not None:
             children += [
                 start_live_page(
-                    plan, folder, endpoints=endpoints, port=view_port, events=events
+                    plan, folder, endpoints=meeting, port=view_port, events=events
                 )
             ]
         robot = start("robot", robot_words)
         recorder = None
         if record:
-            recorder = start("recorder", recorder_words(plan, folder, endpoints))
+            recorder = start("recorder", recorder_words(plan, folder, meeting))
             await_recorder(recorder, events=events)
         stabilizer = start("stabilizer", stabilizer_words)
         supervise(robot, stabilizer, events=events, on_tick=on_tick)
@@ -95,27 +104,17 @@ def run_processes(
         plant=read_struct(plant_file, PlantResult),
         controller=read_struct(controller_file, ControllerResult),
     )
-    plant_file.unlink()
-    controller_file.unlink()
+    for file in (plant_file, controller_file, meeting):
+        file.unlink()
     return sides
 
 
-def _robot_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
-    return [
-        *("robot", str(plan.scenario_path)),
-        *("--seed", str(plan.seed)),
-        *_shared_words(plan),
-        *(word for locator in endpoints.listen for word in ("--listen", locator)),
-        *(["--insecure"] if endpoints.insecure else []),
-    ]
+def _robot_words(plan: RunPlan) -> list[str]:
+    return ["robot", str(plan.scenario_path), "--seed", str(plan.seed)]
 
 
-def _stabilizer_words(plan: RunPlan, endpoints: Endpoints) -> list[str]:
-    return [
-        *("stabilizer", "--controller", plan.controller, "--wait", str(_START_S)),
-        *_shared_words(plan),
-        *(word for locator in endpoints.connect for word in ("--connect", locator)),
-    ]
+def _stabilizer_words(plan: RunPlan) -> list[str]:
+    return ["stabilizer", "--controller", plan.controller, "--wait", str(_START_S)]
 
 
 def _shared_words(plan: RunPlan) -> list[str]:

@@ -26,6 +26,9 @@ def robot(
     listen: options.ListenOption = None,
     router: options.RouterOption = None,
     insecure: options.InsecureOption = False,
+    histogram: options.HistogramOption = False,
+    cpu: options.CpuOption = None,
+    realtime_priority: options.PriorityOption = None,
     as_json: options.JsonOption = False,
     child: options.ChildOption = False,
     result_file: options.ResultFileOption = None,
@@ -38,6 +41,7 @@ def robot(
     from cli.child_mode import begin_as_child, progress_reporter
     from cli.endpoints import choose_endpoints
     from cli.logs import log_note, set_up_logging
+    from cli.scheduling import claim_processor
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
     from sim_robot.catalogue import open_scenario
@@ -58,6 +62,7 @@ def robot(
         f"{model.file.name} in {scenario!r} waits for a stabilizer at "
         f"{', '.join(meeting.router or meeting.listen)}"
     )
+    claim_processor(cpu=cpu, priority=realtime_priority)
     from sim_robot.node import run_robot  # heavy: a wrong file is told first
 
     done = run_robot(
@@ -67,6 +72,7 @@ def robot(
         endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         record=record_file is not None,
+        histogram=histogram,
         on_tick=progress_reporter() if child else None,
     )
     _write_files(done, result_file=result_file, record_file=record_file)
@@ -91,9 +97,12 @@ def _write_files(
 
 def _show(done: RobotRun, scenario: str, *, as_json: bool) -> None:
     from cli.console import print_json, print_table
+    from cli.histogram import histogram_table
     from cli.summary import plant_table
 
     if as_json:
         print_json(done.result)
     else:
         print_table(plant_table(done.result, f"{scenario}: {done.reason}"))
+        for name, histogram in done.result.histograms.items():
+            print_table(histogram_table(name, histogram))

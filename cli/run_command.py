@@ -56,6 +56,7 @@ def run(
     endpoints: options.EndpointsOption = None,
     listen: options.ListenOption = None,
     connect: options.ConnectOption = None,
+    histogram: options.HistogramOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
     """Run a scenario: robot and stabilizer as two processes on the bus.
@@ -63,6 +64,7 @@ def run(
     Exits with 5 when the robot fell.
     """
     from cli.console import print_json, print_table
+    from cli.histogram import histogram_table
     from cli.run_plan import make_plan
     from cli.summary import run_table
 
@@ -83,11 +85,19 @@ def run(
         )
     if inline and view:
         raise UsageError("--inline uses no bus, so a page would see nothing")
-    result = _execute(plan, meeting, out=out, view_port=view_port if view else None)
+    result = _execute(
+        plan,
+        meeting,
+        out=out,
+        view_port=view_port if view else None,
+        histogram=histogram,
+    )
     if as_json:
         print_json(result)
     else:
         print_table(run_table(result))
+        for name, times in result.histograms.items():
+            print_table(histogram_table(name, times))
     if result.fell:
         raise typer.Exit(ExitCode.FELL)
 
@@ -123,6 +133,7 @@ def _execute(
     *,
     out: Path | None,
     view_port: int | None,
+    histogram: bool,
 ) -> RunResult:
     """Runs the plan and fills the folder of the run."""
     from cli.console import progress_bar
@@ -145,6 +156,7 @@ def _execute(
                     record=out is not None,
                     on_tick=on_tick,
                     view_port=view_port,
+                    histogram=histogram,
                 )
         except ChildFailedError:
             # The logs of a failed run are what its user needs next.
@@ -164,11 +176,14 @@ def _run_sides(
     record: bool,
     on_tick: Callable[[int], None],
     view_port: int | None,
+    histogram: bool,
 ) -> Sides:
     if plan.mode == "inline":
         from cli.inline import run_inline
 
-        return run_inline(plan, folder, record=record, on_tick=on_tick)
+        return run_inline(
+            plan, folder, record=record, on_tick=on_tick, histogram=histogram
+        )
     from cli.endpoints import private_endpoints
     from cli.processes import run_processes
 
@@ -179,4 +194,5 @@ def _run_sides(
         record=record,
         on_tick=on_tick,
         view_port=view_port,
+        histogram=histogram,
     )

@@ -11,7 +11,6 @@ from cli.console import print_note
 from cli.run_directory import MARKER
 from cli.run_files import RECORD, SCENARIO, SETTINGS
 from cli.run_plan import RunPlan
-from schemas.endpoints import Endpoints
 
 _READY_S = 20.0
 """The stabilizer waits so long for the recorder, on a busy machine [s]."""
@@ -19,13 +18,13 @@ _FINISH_S = 60.0
 """After the run the recorder may take so long to write what it holds [s]."""
 
 
-def recorder_words(plan: RunPlan, folder: Path, endpoints: Endpoints) -> list[str]:
+def recorder_words(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
     """Command line of the recorder.
 
     Args:
         plan: what is run.
         folder: of the run; its settings, scenario and description are attached.
-        endpoints: where the robot is.
+        endpoints: file that says where the robot is.
     """
     profile = plan.servo_profile
     return [
@@ -37,7 +36,7 @@ def recorder_words(plan: RunPlan, folder: Path, endpoints: Endpoints) -> list[st
             for name in (MARKER, SETTINGS, SCENARIO)
             for word in ("--attach", str(folder / name))
         ),
-        *(word for locator in endpoints.connect for word in ("--connect", locator)),
+        *("--endpoints", str(endpoints)),
     ]
 
 

@@ -22,24 +22,39 @@ def stabilizer(
             "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
         ),
     ] = 10.0,
+    reconnect: Annotated[
+        bool,
+        typer.Option(
+            "--reconnect",
+            help="When the robot goes away, wait for it and take command again from "
+            "the posture it holds.",
+        ),
+    ] = False,
     settings: options.SettingsOption = None,
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
+    histogram: options.HistogramOption = False,
+    cpu: options.CpuOption = None,
+    realtime_priority: options.PriorityOption = None,
     as_json: options.JsonOption = False,
     child: options.ChildOption = False,
     result_file: options.ResultFileOption = None,
 ) -> None:
     """Run the stabilizer alone; it takes command of the robot it dials.
 
-    Exits with 4 when there is no robot, or it goes away before its run is over.
+    Exits with 4 when there is no robot, or it goes away before its run is over, and
+    with 5 when it fell. Ctrl-C brings the robot to rest first; again, and it ends at
+    once.
     """
     from cli.child_mode import begin_as_child
     from cli.console import print_json, print_table
     from cli.endpoints import choose_endpoints
-    from cli.logs import log_note, set_up_logging
+    from cli.histogram import histogram_table
+    from cli.logs import log_note, log_warning, set_up_logging
     from cli.run_files import QP_FAILURE, write_struct
     from cli.run_plan import load_settings
+    from cli.scheduling import claim_processor
     from cli.summary import controller_table
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
@@ -55,6 +70,7 @@ def stabilizer(
         f"{controller} for {model.file.name} dials "
         f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
     )
+    claim_processor(cpu=cpu, priority=realtime_priority)
     # Heavy: a wrong file is told first.
     from stabilizer.factory import make_controller
     from stabilizer.node import run_stabilizer
@@ -67,11 +83,16 @@ def stabilizer(
         endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
         connect_timeout_s=wait_s,
+        reconnect=reconnect,
+        histogram=histogram,
         failure_file=folder / QP_FAILURE,
         settings=resolved,
         stop=stop,
         safety=resolved.safety,
     )
+    code = _verdict(result.reason)
+    if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
+        log_warning(result.reason)
     if result_file is not None:
         write_struct(result_file, result)
     if not child:
@@ -79,19 +100,21 @@ def stabilizer(
             print_json(result)
         else:
             print_table(controller_table(result, controller))
-    if stop.is_set:
-        raise typer.Exit(ExitCode.INTERRUPTED)
+            for name, times in result.histograms.items():
+                print_table(histogram_table(name, times))
     if child and result.reason.startswith("held"):
         raise typer.Exit(ExitCode.OK)  # in order; the robot tells how the run ends
-    raise typer.Exit(_verdict(result.reason))
+    raise typer.Exit(code)
 
 
 def _verdict(reason: str) -> ExitCode:
     """Why the stabilizer ended, as an exit code."""
+    if reason.startswith("stopped"):
+        return ExitCode.INTERRUPTED
+    if reason.startswith(("fell", "run over: fell")):
+        return ExitCode.FELL
     if reason.startswith("run over"):
         return ExitCode.OK
-    if reason.startswith("fell"):
-        return ExitCode.FELL
     if reason.startswith(("the robot is gone", "the robot ended", "no news")):
         return ExitCode.UNREACHABLE
     return ExitCode.FAILED

@@ -31,6 +31,7 @@ def run_table(result: RunResult) -> Table:
     _add_timing(table, result)
     table.add_row("controller tick", _times(result.tick_ms))
     _add_gate(table, result)
+    table.add_row("ticks skipped, answered late", _late(result))
     table.add_row("QP failures", str(result.qp_failures))
     if result.degraded_ticks:
         table.add_row("ticks without a sensor", str(result.degraded_ticks))
@@ -61,6 +62,9 @@ def controller_table(result: ControllerResult, name: str) -> Table:
     table.add_row("force error rms (left, right)", _row(result.force_error_rms_n, "N"))
     table.add_row("QP failures", str(result.qp_failures))
     table.add_row("stale snapshots", str(result.stale_snapshots))
+    table.add_row("ticks skipped, answered late", _late(result))
+    if result.restarts:
+        table.add_row("started anew", f"{result.restarts} times")
     return table
 
 
@@ -102,6 +106,8 @@ def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
 def _add_timing(table: Table, result: RunResult | PlantResult) -> None:
     table.add_row("real-time factor", f"{result.real_time_factor:.2f}")
     table.add_row("round trip", _times(result.round_trip_ms))
+    if result.end_to_end_ms.max > 0.0:
+        table.add_row("sensors to servos", _times(result.end_to_end_ms))
     table.add_row("period jitter", _times(result.period_jitter_ms))
 
 
@@ -119,6 +125,10 @@ def _row(values: Sequence[float], unit: str) -> str:
 
 def _times(times: Distribution) -> str:
     return f"median {times.median:.3f}, p99 {times.p99:.3f}, max {times.max:.3f} ms"
+
+
+def _late(result: RunResult | ControllerResult) -> str:
+    return f"{result.skipped_ticks}, {result.slow_ticks}"
 
 
 def _counts(counts: dict[str, int]) -> str:

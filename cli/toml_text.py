@@ -17,9 +17,13 @@ def toml_text(tables: dict[str, dict[str, Any]]) -> str:
     """
     blocks = []
     for name, table in tables.items():
-        lines = [f"{key} = {_value(value)}" for key, value in table.items()]
-        blocks.append("\n".join([f"[{name}]", *lines]))
+        blocks.append(f"[{name}]\n{toml_keys(table)}")
     return "\n\n".join(blocks) + "\n"
+
+
+def toml_keys(table: dict[str, Any]) -> str:
+    """Writes the keys of one table, without its name."""
+    return "\n".join(f"{key} = {_value(value)}" for key, value in table.items())
 
 
 def _value(value: Any) -> str:

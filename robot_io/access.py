@@ -12,6 +12,7 @@ from schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER, TOPICS, Direction
 
 INGRESS, EGRESS = ["ingress"], ["egress"]
 ESTOP = "estop"
+PUSH = "push"
 
 
 def access_control(
@@ -28,11 +29,14 @@ def access_control(
         Zenoh's ``access_control``.
     """
     may = {
-        "stabilizer": ["command", "ask", "live", "read", "hear"],
+        "stabilizer": ["command", "ask", "serve", "live", "read", "hear"],
+        "operator": ["operate", "read", "hear"],
         "planner": ["plan", "read", "hear"],
         "observer": ["read", "hear"],
         "robot": ["robot-put", "robot-answer", "robot-live", "read", "hear"],
-        "router": ["command", "ask", "live", "plan", "read", "hear"],
+        "router": [
+            *("command", "ask", "serve", "operate", "live", "plan", "read", "hear"),
+        ],
     }
     policies = [
         {"rules": may[group], "subjects": [f"{group}s"]}
@@ -59,6 +63,7 @@ def access_control(
 def _groups(access: Access) -> dict[str, list[str]]:
     return {
         "stabilizer": access.stabilizer,
+        "operator": access.operator,
         "planner": access.planner,
         "observer": access.observer,
         "robot": access.robot,
@@ -78,6 +83,8 @@ def _rules(keys: dict[str, str], namespace: str) -> list[JsonObject]:
     everything = [f"{namespace}/**"]
     estop = [f"{namespace}/{keys[ESTOP]}"]
     services = of(Direction.SERVICE)
+    of_stabilizer = of(Direction.STABILIZER_SERVICE)
+    push = f"{namespace}/{keys[PUSH]}"
     commander = [f"{namespace}/{ALIVE_STABILIZER}/*"]
     return [
         _rule("read", INGRESS, everything, *_SUBSCRIBE),
@@ -91,6 +98,8 @@ def _rules(keys: dict[str, str], namespace: str) -> list[JsonObject]:
             "put",
         ),
         _rule("ask", INGRESS, services, "query"),
+        _rule("serve", INGRESS, of_stabilizer, *_ANSWER),
+        _rule("operate", INGRESS, [*of_stabilizer, push], "query"),
         _rule("live", INGRESS, commander, "liveliness_token"),
         _rule("plan", INGRESS, of(Direction.TO_STABILIZER), "put"),
         _rule("robot-put", INGRESS, of(Direction.FROM_ROBOT), "put"),

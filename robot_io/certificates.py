@@ -16,7 +16,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from robot_io.errors import CertificateError
 
 LISTENERS = ("robot", "router")
-IDENTITIES = (*LISTENERS, "stabilizer", "planner", "observer")
+IDENTITIES = (*LISTENERS, "stabilizer", "operator", "planner", "observer")
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 AUTHORITY = "ca"
 AUTHORITY_DAYS = 3650

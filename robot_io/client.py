@@ -44,6 +44,8 @@ from schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
 
 SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
+RELEASE_TIMEOUT_S = 1.0
+"""A robot that does not answer misses us soon anyway: leaving it must not take long."""
 DIAL_S = 0.5
 """A stop request waits for at most this: Zenoh's dialing cannot be broken off."""
 STOP_POLL_S = 0.05
@@ -162,7 +164,7 @@ class RobotClient:
             RobotUnreachableError: no answer.
         """
         self._has_lease = False
-        return self._ask_lease("release")
+        return self._ask_lease("release", timeout_s=RELEASE_TIMEOUT_S)
 
     def enable(self) -> Array:
         """Has the robot follow commands from now on.
@@ -255,8 +257,11 @@ class RobotClient:
         return self._requests.next()
 
     def _commands_still(self) -> bool:
-        """Whether there is a lease to give back; a robot that is off has taken it."""
-        if not self._has_lease or not self.robot_is_here:
+        """Whether there is a lease to give back; a robot that is off has taken it.
+
+        When the end is urgent it is not given back but lost: the robot notices that.
+        """
+        if not self._has_lease or not self.robot_is_here or self._stop.is_urgent:
             return False
         status = self._status.poll()
         return status is None or status.commander == self.identity
@@ -321,11 +326,13 @@ class RobotClient:
     def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
         return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
 
-    def _ask_lease(self, action: str) -> ServiceReply:
+    def _ask_lease(self, action: str, timeout_s: float | None = None) -> ServiceReply:
         request = LeaseRequest(
             schema=SCHEMA_VERSION, action=action, commander=self.identity
         )
-        return self._services.ask(self._robot.keys["lease"], request)
+        return self._services.ask(
+            self._robot.keys["lease"], request, timeout_s=timeout_s
+        )
 
     def _sensor(self, name: str, kind: type[M]) -> Sensor[M]:
         channel = self._bus.channel(self._robot.keys[name], depth=SENSOR_MESSAGES_KEPT)

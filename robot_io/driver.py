@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
+from robot_io.command_latency import CommandLatency
 from robot_io.gate import CommandGate
 from robot_io.pacer import Pacer
 from robot_io.quiet import quiet_interpreter
@@ -18,6 +20,8 @@ from robot_io.stop_request import StopRequest
 from robot_io.timing import TimingLog
 from schemas.arrays import Array
 from schemas.endpoints import Endpoints
+
+_LOG = logging.getLogger(__name__)
 
 LATENESS_KEPT = 10_000
 
@@ -92,6 +96,7 @@ def run_driver(
         RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server,
     ):
         pacer = Pacer(robot.period_s, lateness=TimingLog(LATENESS_KEPT))
+        latency = CommandLatency(LATENESS_KEPT)
         ready()
         tick = 0
         with quiet_interpreter():
@@ -100,13 +105,22 @@ def run_driver(
                 gate.begin_tick(now_s=now_s)
                 server.serve_requests(now_s=now_s)
                 stamp_ns = time.monotonic_ns()
+                latency.sensed(tick, stamp_ns=stamp_ns)
                 server.publish_sensors(adapter.read(tick, stamp_ns), stamp_ns=stamp_ns)
-                server.take_newest(now_s=now_s)
+                command = server.take_newest(now_s=now_s)
+                if command is not None:
+                    latency.taken(command.tick, acts_at=tick)
                 adapter.write(gate.posture)
+                latency.applied(tick)
                 server.publish_status(now_s=now_s)
                 tick += 1
                 pacer.wait()
         reason = f"stopped: {stop.cause}"
+        times = latency.log.distribution()
+        _LOG.info(
+            "%d ticks, %d skipped; sensors to servos %.3f, p99 %.3f, max %.3f ms",
+            *(tick, pacer.skipped, times.median, times.p99, times.max),
+        )
         gate.authority.finish(reason)
         server.publish_status(now_s=time.monotonic() - begin_s, at_once=True)
     return reason

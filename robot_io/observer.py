@@ -1,7 +1,8 @@
-"""Looks on at a robot's bus: subscribes, never commands."""
+"""Looks on at a robot's bus: whoever is there beside the one who commands."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import secrets
 import threading
@@ -16,10 +17,14 @@ import msgspec
 from robot_io.bus import Bus
 from robot_io.channel import Channel
 from robot_io.errors import RobotUnreachableError
+from robot_io.requests import Requests
 from robot_io.robot import Robot
-from robot_io.session import Role
+from robot_io.service_caller import ServiceCaller
+from robot_io.session import Role, unreachable
+from robot_io.sight import SEEN_CHANNELS, Sight
 from schemas.codec import decode
 from schemas.endpoints import Endpoints
+from schemas.errors import MessageError
 from schemas.topics import (
     ALIVE_OBSERVER,
     ALIVE_ROBOT,
@@ -34,6 +39,7 @@ ALL_CHANNELS = tuple(
 )
 """Every channel that can be subscribed to."""
 DIAL_S = 0.5
+REQUEST_TIMEOUT_S = 2.0
 POLL_S = 0.002
 """How often a wait looks: fine enough for viewers, cheap enough for idle hours."""
 
@@ -64,8 +70,20 @@ class Observer:
                 for sample in observer.take(timeout_s=0.1):
                     message = observer.decode(sample)
 
-    With ``depth=1`` only the newest message of each channel is kept, for viewers.
+    A recorder takes all that comes. A viewer looks, at its own pace: with ``depth=1``
+    only the newest message of each channel is kept::
+
+        with Observer(robot, endpoints=endpoints, channels=SEEN_CHANNELS) as observer:
+            observer.connect(timeout_s=10.0)
+            sight = observer.look()
+            observer.requests.stop_robot()
+
+    Attributes:
+        channels: what it subscribes to.
+        requests: what an onlooker may ask; once connected.
     """
+
+    requests: Requests
 
     def __init__(
         self,
@@ -74,6 +92,7 @@ class Observer:
         endpoints: Endpoints,
         channels: Iterable[str] = ALL_CHANNELS,
         depth: int = 1,
+        identity: str = "an observer",
     ) -> None:
         """Prepares; :meth:`connect` dials.
 
@@ -82,13 +101,16 @@ class Observer:
             endpoints: where to dial.
             channels: names from the topic table, subscribed to in this order.
             depth: messages kept per channel until taken; older ones give way.
+            identity: named in the robot's log when something is asked.
         """
+        self._identity = identity
         self.channels = tuple(channels)
         self._robot, self._endpoints, self._depth = robot, endpoints, depth
         self._kinds: dict[str, type[msgspec.Struct]] = {
             name: topic(name).message for name in self.channels
         }
         self._rings: dict[str, Channel] = {}
+        self._seen: dict[str, msgspec.Struct] = {}
         self._robot_is_here = threading.Event()
         self._stabilizers: set[str] = set()
         self._stack = ExitStack()
@@ -173,6 +195,18 @@ class Observer:
         newest = {sample.channel: sample for sample in self._drain()}
         return {name: self.decode(sample) for name, sample in newest.items()}
 
+    def look(self) -> Sight:
+        """The newest message of what a viewer needs, whenever it came.
+
+        Without waiting; a message that cannot be read is passed over.
+        """
+        newest = {sample.channel: sample for sample in self._drain()}
+        for name, sample in newest.items():
+            with contextlib.suppress(MessageError):
+                self._seen[name] = self.decode(sample)
+        seen = {name: self._seen.get(name) for name in SEEN_CHANNELS}
+        return Sight(**seen)  # type: ignore[arg-type]  # by the topic table
+
     def _drain(self) -> Iterator[Sample]:
         for name, ring in self._rings.items():
             # Bounded: a fast channel must not keep the others waiting for ever.
@@ -202,6 +236,13 @@ class Observer:
                 name: bus.channel(keys[name], depth=self._depth)
                 for name in self.channels
             }
+            caller = ServiceCaller(
+                bus.session,
+                joint_count=self._robot.n_a,
+                timeout_s=REQUEST_TIMEOUT_S,
+                robot_is_here=self._robot_is_here.is_set,
+            )
+            self.requests = Requests(caller, self._robot, source=self._identity)
             bus.announce(f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}")
             bus.watch_presence(ALIVE_ROBOT, self._on_robot)
             bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
@@ -222,7 +263,4 @@ class Observer:
             self._stabilizers.discard(identity)
 
     def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
-        return RobotUnreachableError(
-            f"{what} at {', '.join(self._endpoints.connect)} within {timeout_s:g} s; "
-            "is the robot running (surefoot robot), and does it listen there?"
-        )
+        return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))

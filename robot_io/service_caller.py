@@ -43,12 +43,15 @@ class ServiceCaller:
         self._robot_is_here = robot_is_here
         self._pause = threading.Event()
 
-    def ask(self, key: str, request: msgspec.Struct) -> ServiceReply:
+    def ask(
+        self, key: str, request: msgspec.Struct, *, timeout_s: float | None = None
+    ) -> ServiceReply:
         """Asks, again while the service is not known yet.
 
         Args:
             key: of the service, relative to the namespace.
             request: what to ask.
+            timeout_s: limit of this call; the usual one when None [s].
 
         Returns:
             The robot's answer, which accepts.
@@ -58,11 +61,19 @@ class ServiceCaller:
             RobotUnreachableError: nobody answered in time.
             MessageError: the answer cannot be read.
         """
-        return self.ask_for(key, request, ServiceReply)
+        return self.ask_for(key, request, ServiceReply, timeout_s=timeout_s)
 
-    def ask_for(self, key: str, request: msgspec.Struct, kind: type[R]) -> R:
+    def ask_for(
+        self,
+        key: str,
+        request: msgspec.Struct,
+        kind: type[R],
+        *,
+        timeout_s: float | None = None,
+    ) -> R:
         """Asks a service whose answer is of another kind; see :meth:`ask`."""
-        end = time.monotonic() + self._timeout_s
+        limit_s = self._timeout_s if timeout_s is None else timeout_s
+        end = time.monotonic() + limit_s
         while (remaining_s := end - time.monotonic()) > 0:
             data = self._ask_once(key, encode(request), remaining_s)
             if data is not None:
@@ -77,7 +88,7 @@ class ServiceCaller:
                 raise RobotUnreachableError(f"{key}: the robot went away, unanswered")
             self._pause.wait(RETRY_PAUSE_S)
         raise RobotUnreachableError(
-            f"{key}: no answer from the robot within {self._timeout_s:g} s; it may "
+            f"{key}: no answer from the robot within {limit_s:g} s; it may "
             "hang, or be about to end"
         )
 

@@ -14,14 +14,19 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 class StopRequest:
     """A wish to end, from a signal or from another thread.
 
+    The first signal asks for an orderly end, the second for one at once. A third one
+    is not caught any more: the system ends the process.
+
     Attributes:
         is_set: whether it was asked for.
+        is_urgent: whether it was asked for again.
         cause: name of the signal, or what else asked.
     """
 
     def __init__(self) -> None:
         """Nobody has asked yet."""
         self.is_set = False
+        self.is_urgent = False
         self.cause = ""
         self._wake: Callable[[], None] | None = None
 
@@ -58,4 +63,8 @@ class StopRequest:
                 signal.signal(number, handler)
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        if self.is_set:
+            self.is_urgent = True
+            for caught in SIGNALS:
+                signal.signal(caught, signal.SIG_DFL)
         self.set(signal.Signals(number).name)

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas.result import Distribution
+from schemas.result import Distribution, Histogram
 
 MS_PER_NS = 1e-6
+EDGES_MS = (
+    *(0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5),
+    *(2.0, 3.0, 5.0, 7.0, 10.0, 20.0, 50.0, 100.0, 1000.0),
+)
+"""Fine around a control period, coarse where only its order counts."""
 
 
 class TimingLog:
@@ -40,3 +45,10 @@ class TimingLog:
         return Distribution(
             median=float(median), p99=float(p99), max=float(MS_PER_NS * kept.max())
         )
+
+    def histogram(self) -> Histogram:
+        """How often it took how long."""
+        kept = MS_PER_NS * self._durations_ns[: len(self)]
+        bins = np.searchsorted(EDGES_MS, kept, side="right")
+        counts = np.bincount(bins, minlength=len(EDGES_MS) + 1)
+        return Histogram(edges_ms=list(EDGES_MS), counts=counts.tolist())

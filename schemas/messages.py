@@ -156,8 +156,8 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
     controller: str
     state: str
     """One word: ``active``; ``degraded`` when a sensor is silent or lost; ``hold`` when
-    a QP failed and the posture is kept; ``stopping`` while the command fades out;
-    ``held`` when it stands still for good."""
+    a QP failed and the posture is kept; ``stopping`` or ``leaving`` while the command
+    comes to rest; ``held`` when it stands still for good."""
     reason: str
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""

@@ -18,6 +18,18 @@ class Distribution(msgspec.Struct, frozen=True, kw_only=True):
     max: float
 
 
+class Histogram(msgspec.Struct, frozen=True, kw_only=True):
+    """How often a time was between two edges."""
+
+    edges_ms: list[float]
+    """Rising [ms]."""
+    counts: list[int]
+    """One more than edges: below the first one, between them, above the last."""
+
+
+NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
+
+
 class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the simulated robot measured of its own truth.
 
@@ -49,6 +61,10 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     log_sha256: str
     pushes: list[PushEvent] = []
     """Pushes asked for during the run, besides the scenario's."""
+    end_to_end_ms: Distribution = NO_TIME
+    """Stamp of the sensors to command applied, on the robot's side."""
+    histograms: dict[str, Histogram] = {}
+    """Times of the robot's side, when asked for."""
 
 
 class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -66,6 +82,14 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """Why it ended."""
     settings_changes: list[SettingsChange] = []
     """Changes of settings during the run."""
+    skipped_ticks: int = 0
+    """The robot's ticks that went by without an answer, in real time."""
+    slow_ticks: int = 0
+    """Answers that took longer than a period to compute."""
+    restarts: int = 0
+    """Times it began anew from a held posture: the robot came back, or had held."""
+    histograms: dict[str, Histogram] = {}
+    """Times of the stabilizer's side, when asked for."""
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -107,3 +131,11 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Pushes asked for during the run, besides the scenario's."""
     settings_changes: list[SettingsChange] = []
     """Changes of settings during the run."""
+    end_to_end_ms: Distribution = NO_TIME
+    """Stamp of the sensors to command applied, on the robot's side."""
+    skipped_ticks: int = 0
+    """The robot's ticks that went by without an answer, in real time."""
+    slow_ticks: int = 0
+    """Answers that took longer than a period to compute."""
+    histograms: dict[str, Histogram] = {}
+    """Times of both sides, when asked for."""

@@ -220,7 +220,11 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     unloaded_after_s: Positive = 1.0
     """Feet that carry nothing for so long: the robot has fallen [s]."""
     ramp_out_s: Positive = 0.05
-    """Commands fade out over this time before the posture is held [s]."""
+    """With a sensor lost or after a fall, the last motion fades out over this time
+    before the posture is held [s]."""
+    leave_s: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 0.05
+    """Asked to stop, the controller balances on for this long, with less and less
+    motion, before the posture is held; 0 to hold at once [s]."""
 
 
 class WholeBodySettings(FileStruct, frozen=True, kw_only=True):

@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import msgspec
+
 from robot_io.gate import CommandGate
 from robot_io.pace import Pace
 from robot_io.quiet import quiet_interpreter
@@ -48,6 +50,7 @@ def run_robot(
     endpoints: Endpoints,
     pace: Pace,
     record: bool = False,
+    histogram: bool = False,
     wait_s: float | None = None,
     stop: StopRequest | None = None,
     on_tick: Callable[[int], None] | None = None,
@@ -66,6 +69,7 @@ def run_robot(
         endpoints: where to listen.
         pace: lockstep or real time.
         record: keep per-tick arrays.
+        histogram: whether the result holds those of the times.
         wait_s: how long to wait for a commander; None for ever [s].
         stop: ends the run from outside, besides signals.
         on_tick: told the tick now and then, for a progress bar.
@@ -104,14 +108,19 @@ def run_robot(
         elapsed_s = time.monotonic() - begin_s
         gate.authority.finish(reason)
         server.publish_status(now_s=simulated.time_s, at_once=True)
+        result = simulated.result(
+            real_time_factor=simulated.time_s / elapsed_s if elapsed_s else 0.0,
+            round_trip_ms=loop.round_trip.distribution(),
+            period_jitter_ms=loop.lateness.distribution(),
+            deadline_misses=server.deadline_misses,
+            refused=dict(gate.refused),
+            clipped=dict(gate.clipped),
+        )
         return RobotRun(
-            result=simulated.result(
-                real_time_factor=simulated.time_s / elapsed_s if elapsed_s else 0.0,
-                round_trip_ms=loop.round_trip.distribution(),
-                period_jitter_ms=loop.lateness.distribution(),
-                deadline_misses=server.deadline_misses,
-                refused=dict(gate.refused),
-                clipped=dict(gate.clipped),
+            result=msgspec.structs.replace(
+                result,
+                end_to_end_ms=loop.latency.log.distribution(),
+                histograms=loop.histograms() if histogram else {},
             ),
             reason=reason,
             was_stopped=stop.is_set and not simulated.finished,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from robot_io.command_latency import CommandLatency
 from robot_io.gate import CommandGate
 from robot_io.pace import Pace
 from robot_io.pacer import Pacer
@@ -12,6 +13,7 @@ from robot_io.server import RobotServer
 from robot_io.stop_request import StopRequest
 from robot_io.timing import TimingLog
 from schemas.messages import RobotMode
+from schemas.result import Histogram
 from sim_robot.simulated_robot import SimulatedRobot
 from sim_robot.truth_message import truth_message
 
@@ -20,8 +22,6 @@ DEADLINE_S = 2.0
 FIRST_DEADLINE_S = 15.0
 """The same for the first one, while a controller may still build its model."""
 TRUTH_EVERY_TICKS = 20
-ROUND_TRIPS_KEPT = 1024
-"""Ticks whose departure is remembered; older answers are refused anyway."""
 
 
 class RobotLoop:
@@ -35,6 +35,7 @@ class RobotLoop:
 
     Attributes:
         round_trip: from sensors sent to command taken in.
+        latency: from sensors stamped to command applied.
         lateness: how late ticks began, where they go by the clock.
     """
 
@@ -65,10 +66,19 @@ class RobotLoop:
         self._simulated, self._gate, self._server = simulated, gate, server
         self._is_lockstep = pace is Pace.LOCKSTEP
         self._pacer = Pacer(period_s, lateness=self.lateness)
-        self._sent_ns = [0] * ROUND_TRIPS_KEPT
+        self.latency = CommandLatency(ticks)
         self._on_tick = on_tick
         self._active_since: int | None = None
         self._is_answered = False
+
+    def histograms(self) -> dict[str, Histogram]:
+        """Of all times taken here, by name."""
+        logs = {
+            "sensors to servos": self.latency.log,
+            "round trip": self.round_trip,
+            "period jitter": self.lateness,
+        }
+        return {name: log.histogram() for name, log in logs.items() if len(log)}
 
     def run(self, stop: StopRequest) -> str:
         """Runs until the scenario is over, the robot fell or somebody asks.
@@ -96,12 +106,14 @@ class RobotLoop:
         server.publish_sensors(
             snapshot, stamp_ns=stamp_ns, missing=simulated.missing_sensors
         )
-        self._sent_ns[tick % ROUND_TRIPS_KEPT] = stamp_ns
+        self.latency.sensed(tick, stamp_ns=stamp_ns)
         if self._is_lockstep and self._gate.mode is RobotMode.ACTIVE:
             self._take_answer(tick, now_s, stop)
+            self.latency.applied(tick)
             simulated.step()
         else:
             self._take_newest(tick, now_s)
+            self.latency.applied(tick)
             simulated.step()
             self._pacer.wait()
         server.publish_status(now_s=now_s)
@@ -151,8 +163,10 @@ class RobotLoop:
             answered_tick: the tick the command answers.
             acts_as: the tick whose answer it stands for.
         """
-        sent_ns = self._sent_ns[answered_tick % ROUND_TRIPS_KEPT]
+        sent_ns = self.latency.stamp_ns(answered_tick)
         self.round_trip.add(time.monotonic_ns() - sent_ns)
         self._is_answered = True
         if acts_as >= 0:
             self._simulated.apply(self._gate.posture, tick=acts_as)
+            acts_at = acts_as + self._simulated.command_delay_ticks
+            self.latency.taken(answered_tick, acts_at=acts_at)

@@ -57,6 +57,12 @@ class Desk:
             self._ramp = SettingsRamp(settings, period_s=period_s)
         self._renew_at_s = 0.0
 
+    def move_to(self, client: RobotClient) -> None:
+        """Goes on with the settings as they are, on another connection."""
+        self._client = client
+        self.holding, self.q_held = "", None
+        self._renew_at_s = 0.0
+
     @property
     def changes(self) -> list[SettingsChange]:
         """All changes of settings so far."""

@@ -3,40 +3,38 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
 import socket
+import threading
 import time
 from pathlib import Path
 
 import msgspec
 
-from robot_io.assembler import SnapshotReading
 from robot_io.client import RobotClient
-from robot_io.errors import RequestRefusedError
+from robot_io.errors import RequestRefusedError, RobotUnreachableError
 from robot_io.pace import Pace
 from robot_io.quiet import quiet_interpreter
 from robot_io.robot import Robot
 from robot_io.stop_request import StopRequest
 from schemas.arrays import Array
 from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode
+from schemas.messages import SettingsChange
 from schemas.result import ControllerResult
 from schemas.settings import ControllerSettings, SafetySettings
-from stabilizer.controller import Controller, ControllerOutput
+from stabilizer.controller import Controller
 from stabilizer.desk import Desk
-from stabilizer.failure_dump import save_failure
+from stabilizer.loop import End, Loop
 from stabilizer.safety import Safety
-from stabilizer.telemetry import GOOD, ControllerTelemetry
+from stabilizer.telemetry import ControllerTelemetry
 
 _LOG = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S = 10.0
-SILENCE_POLL_S = 0.1
-SILENCE_LIMIT_S = 10.0
-"""A robot that is there but sends nothing for so long is given up."""
-STATUS_RATE_HZ = 50.0
-RUN_OVER = "run over"
-"""How a robot begins to say that its run went to its end."""
+RETURN_PATIENCE_S = 5.0
+"""A robot that is back may refuse us for so long: our former lease may still stand."""
+RETURN_PAUSE_S = 0.1
 
 
 def run_stabilizer(
@@ -47,6 +45,8 @@ def run_stabilizer(
     pace: Pace,
     identity: str | None = None,
     connect_timeout_s: float = CONNECT_TIMEOUT_S,
+    reconnect: bool = False,
+    histogram: bool = False,
     failure_file: Path | None = None,
     settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
@@ -56,7 +56,13 @@ def run_stabilizer(
 
     In lockstep every tick is answered exactly once, in order; in real time the newest
     one. It ends when the robot does, or takes command away, or on SIGINT or SIGTERM;
-    the lease is given back, and the robot holds its posture.
+    then the commands come to rest, the lease is given back, and the robot holds its
+    posture. A second signal ends it at once.
+
+    With ``reconnect``, it waits for a robot that went away, or lost sight of us, and
+    takes command again as at first: new lease, the controller started anew from the
+    held posture. It never does after a fault, when somebody else has taken command,
+    when somebody asked it to hold, or when the run is over.
 
     Args:
         controller: what answers.
@@ -64,7 +70,9 @@ def run_stabilizer(
         endpoints: where to dial.
         pace: the robot's.
         identity: one word, unique on the bus; made up when None.
-        connect_timeout_s: how long the robot may take to appear [s].
+        connect_timeout_s: how long the robot may take to appear at first [s].
+        reconnect: wait for a robot that went away, for as long as it takes.
+        histogram: whether the result holds one of the ticks' times.
         failure_file: where the first QP that cannot be solved is kept (.npz).
         settings: the controller was made with; None refuses changes on the bus.
         stop: ends the run from outside, besides signals.
@@ -78,36 +86,20 @@ def run_stabilizer(
         RobotUnreachableError: no robot there, or it does not answer.
         RequestRefusedError: somebody else commands it, or it is in fault.
     """
-    stop = stop or StopRequest()
-    telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
-    with (
-        stop.on_signals(),
-        RobotClient(
-            robot,
-            endpoints=endpoints,
-            identity=identity or _made_up_identity(controller.name),
-            in_order=pace is Pace.LOCKSTEP,
-            stop=stop,
-        ) as client,
-    ):
-        if not client.connect(timeout_s=connect_timeout_s):
-            return telemetry.result(f"stopped: {stop.cause}")
-        robots_pace = client.take_lease().pace
-        if robots_pace != pace:
-            raise RequestRefusedError(
-                f"the robot runs in {robots_pace}, this stabilizer in {pace}; start it "
-                f"with --{robots_pace}",
-                reason=f"pace {pace}",
-            )
-        q_held = client.enable()
-        with quiet_interpreter():
-            desk = Desk(controller, client, settings, period_s=robot.period_s)
-            watched = Safety(controller, robot, safety or SafetySettings())
-            loop = _Loop(watched, client, telemetry, desk, robot.period_s)
-            loop.failure_file = failure_file
-            reason = loop.run(q_held, stop)
-    result = telemetry.result(reason)
-    return msgspec.structs.replace(result, settings_changes=desk.changes)
+    node = _Node(
+        controller,
+        robot,
+        endpoints=endpoints,
+        pace=pace,
+        identity=identity or _made_up_identity(controller.name),
+        failure_file=failure_file,
+        settings=settings,
+        stop=stop or StopRequest(),
+        safety=safety or SafetySettings(),
+    )
+    end = node.run(connect_timeout_s=connect_timeout_s, reconnect=reconnect)
+    result = node.telemetry.result(end.reason, histogram=histogram)
+    return msgspec.structs.replace(result, settings_changes=node.changes)
 
 
 def _made_up_identity(controller_name: str) -> str:
@@ -115,143 +107,117 @@ def _made_up_identity(controller_name: str) -> str:
     return f"{controller_name}-{host}-{os.getpid()}"
 
 
-def _why_off(reason: str) -> str:
-    """A robot that has done its run says so; any other end is the robot's own."""
-    if reason.startswith(RUN_OVER):
-        return reason
-    return f"the robot ended: {reason or 'it is off'}"
-
-
-class _Loop:
-    """Answers snapshots until there is a reason to end."""
+class _Node:
+    """One stay in command of the robot after the other."""
 
     def __init__(
         self,
-        safety: Safety,
-        client: RobotClient,
-        telemetry: ControllerTelemetry,
-        desk: Desk,
-        period_s: float,
+        controller: Controller,
+        robot: Robot,
+        *,
+        endpoints: Endpoints,
+        pace: Pace,
+        identity: str,
+        failure_file: Path | None,
+        settings: ControllerSettings | None,
+        stop: StopRequest,
+        safety: SafetySettings,
     ) -> None:
-        """Joins controller and bus."""
-        self._desk = desk
-        self._output: ControllerOutput | None = None
-        self._safety, self._controller = safety, safety.controller
-        self._client = client
-        self._telemetry = telemetry
-        self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
-        self._is_started = False
-        self._began_ns = 0
-        self._answered = 0
-        self.failure_file: Path | None = None
+        self._controller, self._robot = controller, robot
+        self._endpoints, self._pace, self._identity = endpoints, pace, identity
+        self._failure_file, self._settings = failure_file, settings
+        self._stop, self._safety = stop, safety
+        self.telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
+        self._desk: Desk | None = None
+        self._stays = 0
+        self._refused_since_s = math.inf
+        self._pause = threading.Event()
 
-    def run(self, q_held: Array, stop: StopRequest) -> str:
-        """Answers until the end; returns its reason."""
-        heard_s = time.monotonic()
-        while not stop.is_set:
-            reading = self._client.wait_snapshot(timeout_s=SILENCE_POLL_S)
-            if reading is not None:
-                heard_s = time.monotonic()
-                is_time = self._attend(reading, q_held)
-                if self._safety.is_done and self._output is not None:
-                    self._tell(reading, self._output)
-                    self._client.request_mode("hold")
-                    return self._safety.reason
-                if not is_time:
-                    continue
-            reason = self._why_end(time.monotonic() - heard_s)
-            if reason:
-                return reason
-        return f"stopped: {stop.cause}"
+    @property
+    def changes(self) -> list[SettingsChange]:
+        """All changes of settings, in all stays."""
+        return [] if self._desk is None else self._desk.changes
 
-    def _attend(self, reading: SnapshotReading, q_held: Array) -> bool:
-        """Requests, then the answer; whether it is time to look after the robot."""
-        desk = self._desk
-        desk.serve(reading.snapshot.tick)
-        if desk.holding:
-            return self._hold(reading)
-        if desk.q_held is not None:
-            # What came before the hold's end is old: the next snapshot begins anew.
-            q_held[:], desk.q_held = desk.q_held, None
-            self._is_started = False
-            return True
-        self._output = self._answer(reading, q_held)
-        if self._answered % self._status_every != 0:
-            return False
-        self._tell(reading, self._output)
-        return True
+    def run(self, *, connect_timeout_s: float, reconnect: bool) -> End:
+        """Stays in command until there is no coming back; see run_stabilizer."""
+        with self._stop.on_signals():
+            end = self._stay(connect_timeout_s)
+            while reconnect and end.may_return and not self._stop.is_set:
+                _LOG.warning("%s; waiting for it to come back", end.reason)
+                end = self._return()
+        return end
 
-    def _hold(self, reading: SnapshotReading) -> bool:
-        """Keeps command of a robot that keeps its posture."""
-        self._desk.keep_lease()
-        self._answered += 1
-        if self._answered % self._status_every != 0:
-            return False
-        if self._output is not None:
-            self._tell(reading, self._output)
-        return True
+    def _return(self) -> End:
+        """Takes command again, as soon as there is a robot that allows it."""
+        self._refused_since_s = math.inf
+        while True:
+            try:
+                return self._stay(math.inf)
+            except RobotUnreachableError as error:
+                _LOG.info("%s", error)  # it was about to end, or ended again
+            except RequestRefusedError:
+                now_s = time.monotonic()
+                self._refused_since_s = min(self._refused_since_s, now_s)
+                if now_s > self._refused_since_s + RETURN_PATIENCE_S:
+                    raise
+            self._pause.wait(RETURN_PAUSE_S)
 
-    def _answer(self, reading: SnapshotReading, q_held: Array) -> ControllerOutput:
-        if not self._is_started:
-            self._safety.start(reading.snapshot, q_held)
-            self._is_started = True
-            self._began_ns = reading.snapshot.stamp_ns
-        output = self._safety.step(
-            reading.snapshot, reading.ages, self._client.reference()
-        )
-        self._client.send(output.q_command, tick=reading.snapshot.tick)
-        self._telemetry.add(
-            output,
-            duration_ns=time.perf_counter_ns() - reading.complete_ns,
-            is_stale=bool(reading.stale),
-        )
-        self._telemetry.note(self._safety.state, self._safety.reason)
-        self._answered += 1
-        if output.qp_status != GOOD and self.failure_file is not None:
-            self._keep_failure(self.failure_file)
-        return output
+    def _stay(self, timeout_s: float) -> End:
+        """Connects, takes command and answers until something ends it."""
+        self._stays += 1
+        # A new name each time: what is left of the last stay must not be taken for it.
+        suffix = f"-{self._stays}" if self._stays > 1 else ""
+        with RobotClient(
+            self._robot,
+            endpoints=self._endpoints,
+            identity=self._identity + suffix,
+            in_order=self._pace is Pace.LOCKSTEP,
+            stop=self._stop,
+        ) as client:
+            if not client.connect(timeout_s=timeout_s):
+                return End(f"stopped: {self._stop.cause}")
+            q_held = self._take_command(client)
+            with quiet_interpreter():
+                desk = self._desk_at(client)
+                end = self._loop(client, desk).run(q_held, self._stop)
+                if desk.holding:
+                    return End(end.reason)
+                return end
 
-    def _keep_failure(self, path: Path) -> None:
-        """Writes the failed QP, once; the command has left already."""
-        self.failure_file = None
-        if self._controller.failure is None:
-            return
-        try:
-            save_failure(self._controller.failure, path)
-        except OSError as error:
-            _LOG.warning("a QP failed and could not be kept: %s", error)
-        else:
-            _LOG.warning("a QP failed, the posture is held; it is kept in %s", path)
-
-    def _tell(self, reading: SnapshotReading, output: ControllerOutput) -> None:
-        status = self._telemetry.status(
-            output,
-            tick=reading.snapshot.tick,
-            stamp_ns=time.monotonic_ns(),
-            stale=reading.stale,
-        )
-        if self._desk.holding:
-            status = msgspec.structs.replace(
-                status, state="hold", reason=self._desk.holding
+    def _take_command(self, client: RobotClient) -> Array:
+        """The posture the robot holds, now ours to change."""
+        robots_pace = client.take_lease().pace
+        if robots_pace != self._pace:
+            raise RequestRefusedError(
+                f"the robot runs in {robots_pace}, this stabilizer in {self._pace}; "
+                f"start it with --{robots_pace}",
+                reason=f"pace {self._pace}",
             )
-        self._client.publish_status(status)
+        q_held = client.enable()
+        if self._stays > 1:
+            self.telemetry.restarts += 1
+            _LOG.warning("in command again, as %s", client.identity)
+        return q_held
 
-    def _why_end(self, silence_s: float) -> str:
-        """Why to end; empty to go on."""
-        client = self._client
-        status = client.status()
-        if status is not None:
-            if status.mode is RobotMode.FAULT:
-                return f"the robot is in fault: {status.fault}"
-            if status.mode is RobotMode.OFF:
-                return _why_off(status.reason)
-            # On a busy machine, one from before the lease may come after it.
-            is_news = self._is_started and status.stamp_ns >= self._began_ns
-            if is_news and status.commander != client.identity:
-                return f"lost command of the robot: {status.reason}"
-        if not client.robot_is_here:
-            return "the robot is gone"
-        if silence_s > SILENCE_LIMIT_S:
-            names = ", ".join(client.missing_sensors()) or "any sensor"
-            return f"no news from {names} for {silence_s:.1f} s"
-        return ""
+    def _desk_at(self, client: RobotClient) -> Desk:
+        if self._desk is None:
+            self._desk = Desk(
+                self._controller,
+                client,
+                self._settings,
+                period_s=self._robot.period_s,
+            )
+        else:
+            self._desk.move_to(client)
+        return self._desk
+
+    def _loop(self, client: RobotClient, desk: Desk) -> Loop:
+        return Loop(
+            Safety(self._controller, self._robot, self._safety),
+            client,
+            self.telemetry,
+            desk,
+            period_s=self._robot.period_s,
+            leave_s=self._safety.leave_s,
+            failure_file=self._failure_file,
+        )

@@ -34,7 +34,9 @@ class SafetyState(StrEnum):
     DEGRADED = "degraded"
     """An ankle sensor is lost; its force terms are off."""
     STOPPING = "stopping"
-    """The command fades out."""
+    """The last motion fades out."""
+    LEAVING = "leaving"
+    """Asked to end: the controller balances on, with less and less motion."""
     HELD = "held"
     """The command stands still: ask the robot to hold."""
 
@@ -72,7 +74,10 @@ class Safety:
         self._least_upright = math.cos(settings.tilt_limit_rad)
         self._unloaded_limit = round(settings.unloaded_after_s / robot.period_s)
         self._fade_ticks = max(1, round(settings.ramp_out_s / robot.period_s))
+        self._leave_ticks = round(settings.leave_s / robot.period_s)
         self._fade = 0
+        self._left = 0
+        self._asked: Array | None = None
         self._unloaded = 0
         self._up = (0.0, 0.0, 1.0)
         self._degraded = (False, False)
@@ -94,6 +99,8 @@ class Safety:
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begins on a robot that stands still; see :meth:`Controller.start`."""
         self.controller.start(snapshot, q_command)
+        if isinstance(self.controller, Degradable):
+            self.controller.degrade(self._degraded)
         self._up = _up_in_unit(snapshot)
         self._command = self._before = q_command.copy()
 
@@ -107,22 +114,36 @@ class Safety:
             ages: ticks since each sensor's message, in the order of the topic table.
             reference: newest word of a planner, if any.
         """
+        if self.is_done and self._output is not None:
+            return self._output
         if self._gives_up():
             return self._fade_out()
         believed = self._health.check(snapshot, ages, moves=self._moves)
-        if not self._health.all_believed or self.state is SafetyState.DEGRADED:
+        if not self._health.all_believed or any(self._degraded):
             self._weigh()
         self._look_for_fall(believed)
         if self._gives_up():
             return self._fade_out()
         output = self.controller.step(believed, reference)
+        if self.state is SafetyState.LEAVING:
+            output = self._slowed(output)
         self._before, self._command = self._command, output.q_command
         self._output = output
         return output
 
+    def leave(self, reason: str) -> None:
+        """Has the robot come to rest in balance; the command then stands still.
+
+        A sensor lost or a fall meanwhile end it as ever.
+        """
+        if self._gives_up():
+            return
+        self.state, self.reason = SafetyState.LEAVING, reason
+        self._asked = self._command.copy()
+
     def stop(self, reason: str) -> None:
         """Has the command fade out; the first reason stays."""
-        if self.state in (SafetyState.ACTIVE, SafetyState.DEGRADED):
+        if not self._gives_up():
             self.state, self.reason = SafetyState.STOPPING, reason
 
     def _gives_up(self) -> bool:
@@ -151,6 +172,8 @@ class Safety:
         self._degraded = feet
         if isinstance(controller, Degradable):
             controller.degrade(feet)
+        if self.state is SafetyState.LEAVING:
+            return
         self.state = SafetyState.DEGRADED if any(feet) else SafetyState.ACTIVE
         self.reason = what
 
@@ -169,6 +192,17 @@ class Safety:
         if self._unloaded > self._unloaded_limit:
             seconds = self._settings.unloaded_after_s
             self.stop(f"{FELL}: the feet carry nothing for {seconds:g} s")
+
+    def _slowed(self, output: ControllerOutput) -> ControllerOutput:
+        """The controller's motion of this tick, less of it from tick to tick."""
+        self._left += 1
+        share = max(0.0, 1.0 - self._left / max(1, self._leave_ticks))
+        if share == 0.0:
+            self.state = SafetyState.HELD
+        asked = output.q_command.copy()
+        motion = asked - (asked if self._asked is None else self._asked)
+        self._asked = asked
+        return replace(output, q_command=self._command + share * motion)
 
     def _fade_out(self) -> ControllerOutput:
         """The last motion goes on, slower and slower, until it stands still."""

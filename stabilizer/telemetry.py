@@ -9,6 +9,7 @@ from schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from schemas.result import ControllerResult, Distribution
 from stabilizer.controller import ControllerOutput
 
+NS_PER_S = 1e9
 TICKS_KEPT = 65536
 TICKS_IN_STATUS = 1024
 TIMING_EVERY_STATUSES = 25
@@ -21,7 +22,11 @@ GOOD = "ok"
 
 
 class ControllerTelemetry:
-    """Counts and times a controller's ticks; the same on the bus and in one process."""
+    """Counts and times a controller's ticks; the same on the bus and in one process.
+
+    Attributes:
+        restarts: times the controller began anew, from a held posture.
+    """
 
     def __init__(self, controller_name: str, *, period_s: float) -> None:
         """Starts empty.
@@ -36,13 +41,21 @@ class ControllerTelemetry:
         self._recent = TimingLog(TICKS_IN_STATUS)
         self._recent_ms = Distribution(median=0.0, p99=0.0, max=0.0)
         self._ticks = self._qp_failures = self._stale = self._statuses = 0
+        self._skipped = self._slow = 0
+        self._period_ns = round(period_s * NS_PER_S)
+        self.restarts = 0
         self._state, self._why = "active", ""
         self._degraded = 0
         self._squares_left = self._squares_right = 0.0
         self._settled = 0
 
     def add(
-        self, output: ControllerOutput, *, duration_ns: int, is_stale: bool
+        self,
+        output: ControllerOutput,
+        *,
+        duration_ns: int,
+        is_stale: bool,
+        skipped: int = 0,
     ) -> None:
         """Adds a tick.
 
@@ -50,7 +63,10 @@ class ControllerTelemetry:
             output: the controller's answer.
             duration_ns: time it took, snapshot to command [ns].
             is_stale: whether a sensor's message was missing.
+            skipped: the robot's ticks since the last answer that had none.
         """
+        self._skipped += skipped
+        self._slow += duration_ns > self._period_ns
         self._durations.add(duration_ns)
         self._recent.add(duration_ns)
         self._ticks += 1
@@ -68,7 +84,7 @@ class ControllerTelemetry:
         """Notes what the safety layer is doing, once per tick.
 
         Args:
-            state: ``active``, ``degraded``, ``stopping`` or ``held``.
+            state: what the safety layer calls it, such as ``active``.
             why: why it is not active.
         """
         self._state, self._why = state, why
@@ -116,12 +132,14 @@ class ControllerTelemetry:
             tick_max_ms=self._recent_ms.max,
         )
 
-    def result(self, reason: str) -> ControllerResult:
+    def result(self, reason: str, *, histogram: bool = False) -> ControllerResult:
         """The whole run.
 
         Args:
             reason: why it ended.
+            histogram: whether to add one of the ticks' times.
         """
+        ticks = {"controller tick": self._durations} if histogram else {}
         count = max(1, self._settled)
         return ControllerResult(
             ticks=self._ticks,
@@ -134,6 +152,10 @@ class ControllerTelemetry:
             stale_snapshots=self._stale,
             reason=reason,
             degraded_ticks=self._degraded,
+            skipped_ticks=self._skipped,
+            slow_ticks=self._slow,
+            restarts=self.restarts,
+            histograms={name: log.histogram() for name, log in ticks.items()},
         )
 
 

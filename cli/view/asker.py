@@ -9,10 +9,10 @@ from queue import SimpleQueue
 
 from cli.logs import log_note
 from robot_io.errors import RequestRefusedError, RobotIoError
-from robot_io.spectator import Spectator
+from robot_io.requests import Requests
 from schemas.errors import SchemaError
 
-Request = Callable[[Spectator], object]
+Request = Callable[[Requests], object]
 
 
 class Asker:
@@ -27,32 +27,32 @@ class Asker:
     def __init__(self) -> None:
         """Starts the thread; it ends with the process."""
         self.notes: list[str] = []
-        self._spectator: Spectator | None = None
+        self._requests: Requests | None = None
         self._queue: SimpleQueue[tuple[str, Request]] = SimpleQueue()
         threading.Thread(target=self._work, name="asker", daemon=True).start()
 
-    def through(self, spectator: Spectator | None) -> None:
-        """Asks through this spectator from now on; None when there is no robot."""
-        self._spectator = spectator
+    def through(self, requests: Requests | None) -> None:
+        """Asks this way from now on; None when there is no robot."""
+        self._requests = requests
 
     def ask(self, what: str, request: Request) -> None:
         """Queues a request.
 
         Args:
             what: in words, for the page and the log.
-            request: called with the spectator, on the asker's thread.
+            request: called with the way to ask, on the asker's thread.
         """
         self._queue.put((what, request))
 
     def ask_now(self, what: str, request: Request) -> None:
         """Asks at once on the calling thread, past everything queued."""
         stamp_ns = time.monotonic_ns()
-        spectator = self._spectator
-        if spectator is None:
+        requests = self._requests
+        if requests is None:
             self._note(f"{what}: no robot to ask")
             return
         try:
-            request(spectator)
+            request(requests)
         except RequestRefusedError as error:
             self._note(f"{what}: refused, {error.reason}")
         except (RobotIoError, SchemaError) as error:

@@ -37,15 +37,15 @@ def add_controls(gui: Any, asker: Asker) -> None:
 
     @estop.on_click  # type: ignore[untyped-decorator]
     def _(event: Any) -> None:
-        asker.ask_now("e-stop", lambda spectator: spectator.stop_robot())
+        asker.ask_now("e-stop", lambda requests: requests.stop_robot())
 
     @hold.on_click  # type: ignore[untyped-decorator]
     def _(event: Any) -> None:
-        asker.ask("hold", lambda spectator: spectator.control("hold"))
+        asker.ask("hold", lambda requests: requests.control("hold"))
 
     @resume.on_click  # type: ignore[untyped-decorator]
     def _(event: Any) -> None:
-        asker.ask("resume", lambda spectator: spectator.control("resume"))
+        asker.ask("resume", lambda requests: requests.control("resume"))
 
 
 def add_push(gui: Any, asker: Asker, robot: Robot) -> None:
@@ -71,7 +71,7 @@ def add_push(gui: Any, asker: Asker, robot: Robot) -> None:
         newtons, seconds = float(force.value), float(duration.value)
         asker.ask(
             f"push {directions.value}, {newtons:g} N for {seconds:g} s",
-            lambda spectator: spectator.push(
+            lambda requests: requests.push(
                 robot.file.base_link,
                 [x * newtons, y * newtons, 0.0],
                 duration_s=seconds,

@@ -7,7 +7,7 @@ import time
 from typing import Any, NamedTuple
 
 from cli.view.asker import Asker
-from robot_io.spectator import Spectator
+from robot_io.requests import Requests
 
 SETTLED_S = 0.25
 """A slider at rest for so long is taken at its word."""
@@ -86,9 +86,9 @@ class GainSliders:
         for handle in self._handles.values():
             handle.disabled = True
 
-    def learn(self, spectator: Spectator) -> None:
+    def learn(self, requests: Requests) -> None:
         """Asks the stabilizer for its values and shows them."""
-        reply = spectator.change_settings({})
+        reply = requests.change_settings({})
         values = reply.settings
         for gain in GAINS:
             if gain.name not in values:
@@ -112,7 +112,7 @@ class GainSliders:
         signs = {gain.name: gain.sign for gain in GAINS}
         changes = {name: [signs[name] * value] for name, value in moved.items()}
         text = ", ".join(f"{name} = {value[0]:g}" for name, value in changes.items())
-        self._asker.ask(text, lambda spectator: spectator.change_settings(changes))
+        self._asker.ask(text, lambda requests: requests.change_settings(changes))
 
     def _note_move(self, gain: Gain) -> Any:
         def on_update(event: Any) -> None:

@@ -19,8 +19,9 @@ from cli.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP, Scene
 from cli.view.scene_state import SceneState, state_of
 from cli.view.words import status_html, verdict
 from robot_io.errors import RobotUnreachableError
+from robot_io.observer import Observer
 from robot_io.robot import Robot
-from robot_io.spectator import Sight, Spectator
+from robot_io.sight import SEEN_CHANNELS, Sight
 from robot_io.stop_request import StopRequest
 from schemas.endpoints import Endpoints
 
@@ -28,8 +29,10 @@ FRAME_S = 1.0 / 30.0
 WORDS_S = 0.25
 PLOTS_S = 0.2
 IDENTITY = "live-page"
+DIAL_S = 1.0
+"""The page says that there is no robot, and tries again, so often."""
 MM_PER_M = 1e3
-_NOTHING = Sight(None, None, None, None, None)
+_NOTHING = Sight()
 
 
 class LivePage:
@@ -68,23 +71,27 @@ class LivePage:
             while not stop.is_set:
                 self._tell(_NOTHING, None)
                 try:
-                    with Spectator(
-                        self._robot, endpoints=self._endpoints, identity=IDENTITY
-                    ) as spectator:
-                        self._watch(spectator, stop)
+                    with Observer(
+                        self._robot,
+                        endpoints=self._endpoints,
+                        channels=SEEN_CHANNELS,
+                        identity=IDENTITY,
+                    ) as observer:
+                        observer.connect(timeout_s=DIAL_S)
+                        self._watch(observer, stop)
                 except RobotUnreachableError:
                     continue
         finally:
             self._asker.through(None)
             self._server.stop()
 
-    def _watch(self, spectator: Spectator, stop: StopRequest) -> None:
-        self._asker.through(spectator)
+    def _watch(self, observer: Observer, stop: StopRequest) -> None:
+        self._asker.through(observer.requests)
         due_s = time.monotonic()
         had_stabilizer = False
         while not stop.is_set:
-            sight = spectator.look()
-            has_stabilizer = spectator.stabilizer_is_here
+            sight = observer.look()
+            has_stabilizer = bool(observer.stabilizers)
             if has_stabilizer and not had_stabilizer:
                 self._asker.ask("present gains", self._gains.learn)
             elif had_stabilizer and not has_stabilizer:
@@ -92,7 +99,7 @@ class LivePage:
             had_stabilizer = has_stabilizer
             self._draw(sight)
             self._gains.send()
-            self._tell(sight, spectator)
+            self._tell(sight, observer)
             due_s += FRAME_S
             pause_s = due_s - time.monotonic()
             if pause_s < 0.0:  # behind: leave frames out, never catch up in a burst
@@ -142,15 +149,15 @@ class LivePage:
                 for plot in self._plots:
                     plot.draw()
 
-    def _tell(self, sight: Sight, spectator: Spectator | None) -> None:
+    def _tell(self, sight: Sight, observer: Observer | None) -> None:
         now_s = time.monotonic()
         if now_s < self._words_due_s:
             return
         self._words_due_s = now_s + WORDS_S
         words = verdict(
             sight,
-            robot_is_here=spectator is not None and spectator.robot_is_here,
-            stabilizer_is_here=spectator is not None and spectator.stabilizer_is_here,
+            robot_is_here=observer is not None and observer.robot_is_here,
+            stabilizer_is_here=observer is not None and bool(observer.stabilizers),
             where=self._where,
         )
         text = status_html(words, sight, period_s=self._robot.period_s)

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from cli.view.robot_shape import RobotShape
 from robot_io.robot import Robot
-from robot_io.spectator import Sight
+from robot_io.sight import Sight
 from schemas.arrays import Array, Mat, Vec3
 
 

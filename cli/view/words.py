@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from typing import NamedTuple
 
-from robot_io.spectator import Sight
+from robot_io.sight import Sight
 from schemas.messages import RobotMode
 
 GREEN, AMBER, RED, GREY = "#1a9c5f", "#c77700", "#d8434e", "#7a828c"

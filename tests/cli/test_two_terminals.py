@@ -11,8 +11,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode
 from schemas.result import ControllerResult, PlantResult
 from tests.cli.conftest import TIMEOUT_S, environment
+from tests.nodes.test_nodes import is_running, observer
 from tests.support import free_port, wait_until
 
 Started = subprocess.Popen[str]
@@ -91,3 +94,28 @@ def test_a_robot_nobody_came_for_ends_on_ctrl_c(start: Start, tmp_path: Path) ->
     robot.communicate(timeout=TIMEOUT_S)
     assert robot.returncode == 130
     assert "Traceback" not in log.read_text()
+
+
+def test_ctrl_c_brings_the_robot_to_rest_and_gives_the_lease_back(
+    start: Start, tmp_path: Path
+) -> None:
+    scenario = tmp_path / "hour.toml"
+    scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
+    endpoints = Endpoints(
+        listen=[locator := f"tcp/127.0.0.1:{free_port()}"], connect=[locator]
+    )
+    robot = start("robot", scenario, "--listen", locator)
+    stabilizer = start("stabilizer", "--connect", locator, "--json")
+    with observer(endpoints) as when:
+        when(is_running, what="the run")
+        stabilizer.send_signal(signal.SIGINT)
+        stdout = stabilizer.communicate(timeout=TIMEOUT_S)[0]
+        held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
+    assert stabilizer.returncode == 130
+    result = msgspec.json.decode(stdout, type=ControllerResult)
+    assert result.reason == "stopped: SIGINT"
+    assert held.reason.startswith(("hold asked for by", "released by"))
+    assert "Traceback" not in (tmp_path / "stabilizer.log").read_text()
+    robot.send_signal(signal.SIGINT)
+    robot.communicate(timeout=TIMEOUT_S)
+    assert robot.returncode == 130

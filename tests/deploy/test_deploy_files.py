@@ -21,8 +21,6 @@ from schemas.toml_file import load
 from tests.cli.conftest import REPOSITORY
 
 DEPLOY = REPOSITORY / "deploy"
-NOT_YET = {"record"}
-"""Commands of services behind a profile that may come with another release."""
 
 
 def compose(*names: str) -> list[dict]:
@@ -72,19 +70,13 @@ def test_every_service_runs_a_command_with_an_endpoint_file_that_is_there() -> N
     for services in (base["services"], routed["services"]):
         for name, service in services.items():
             command = service["command"]
-            assert command[0] in commands() | NOT_YET, name
+            assert command[0] in commands(), name
             file = command[command.index("--endpoints") + 1]
             assert (DEPLOY / "docker" / file.lstrip("/")).is_file()
             for needed in service.get("depends_on", {}):
                 assert needed in {**base["services"], **routed["services"]}
             healthy = name == "recorder" or "healthcheck" in service
             assert healthy or "healthcheck" in base["services"].get(name, {})
-
-
-def test_only_a_profile_needs_what_may_not_be_there() -> None:
-    (base,) = compose("compose.yaml")
-    for service in base["services"].values():
-        assert service["command"][0] in commands() or service.get("profiles")
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")

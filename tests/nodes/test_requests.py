@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from robot_io.errors import RequestRefusedError
+from robot_io.observer import Observer
 from robot_io.pace import Pace
 from robot_io.robot import load_robot
-from robot_io.spectator import Sight, Spectator
+from robot_io.sight import SEEN_CHANNELS, Sight
 from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.settings import ControllerSettings
@@ -44,12 +45,12 @@ def balance(endpoints: Endpoints, pace: Pace) -> Any:
 class Run:
     """A robot and its stabilizer, and someone who looks on."""
 
-    def __init__(self, plant: Running, control: Running, spectator: Spectator) -> None:
-        self.plant, self.control, self.spectator = plant, control, spectator
+    def __init__(self, plant: Running, control: Running, observer: Observer) -> None:
+        self.plant, self.control, self.observer = plant, control, observer
 
     def when(self, condition: Callable[[Sight], object], *, what: str) -> Sight:
         def look() -> Sight | None:
-            sight = self.spectator.look()
+            sight = self.observer.look()
             complete = sight.status and sight.stabilizer and sight.joints
             return sight if complete and condition(sight) else None
 
@@ -71,20 +72,15 @@ class Run:
 
 
 @contextmanager
-def looking(endpoints: Endpoints) -> Iterator[Spectator]:
-    def dial() -> Spectator | None:
-        try:
-            return Spectator(
-                load_robot("walker"), endpoints=endpoints, identity="eve"
-            ).__enter__()
-        except TimeoutError:
-            return None
-
-    spectator = wait_until(dial, what="the robot to listen")
-    try:
-        yield spectator
-    finally:
-        spectator.__exit__(None, None, None)
+def looking(endpoints: Endpoints) -> Iterator[Observer]:
+    with Observer(
+        load_robot("walker"),
+        endpoints=endpoints,
+        channels=SEEN_CHANNELS,
+        identity="eve",
+    ) as observer:
+        observer.connect(timeout_s=DEADLINE_S)
+        yield observer
 
 
 @pytest.fixture(params=list(Pace), ids=str)
@@ -92,9 +88,9 @@ def run(request: pytest.FixtureRequest, endpoints: Endpoints) -> Iterator[Run]:
     with (
         running(robot, endpoints, LONG, request.param) as plant,
         running(balance, endpoints, request.param) as control,
-        looking(endpoints) as spectator,
+        looking(endpoints) as observer,
     ):
-        started = Run(plant, control, spectator)
+        started = Run(plant, control, observer)
         started.when(
             lambda sight: sight.status and sight.status.mode is RobotMode.ACTIVE,
             what="the robot to be commanded",
@@ -103,16 +99,16 @@ def run(request: pytest.FixtureRequest, endpoints: Endpoints) -> Iterator[Run]:
 
 
 def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
-    spectator = run.spectator
-    assert spectator.change_settings({}).settings["tsid.com_kp"] == [30.0] * 3
+    observer = run.observer
+    assert observer.requests.change_settings({}).settings["tsid.com_kp"] == [30.0] * 3
     earliest = run.tick()
-    reply = spectator.change_settings({"tsid.com_kp": [NEW_GAIN]})
+    reply = observer.requests.change_settings({"tsid.com_kp": [NEW_GAIN]})
     assert reply.settings["tsid.com_kp"] == [NEW_GAIN] * 3
     assert reply.tick >= earliest
     with pytest.raises(RequestRefusedError, match="expected 1 or 3"):
-        spectator.change_settings({"tsid.com_kp": [1.0, 2.0]})
+        observer.requests.change_settings({"tsid.com_kp": [1.0, 2.0]})
     run.has_gone_on()
-    spectator.stop_robot()
+    observer.requests.stop_robot()
     result = run.control.result()
     (change,) = result.settings_changes
     assert (change.tick, change.source) == (reply.tick, "eve")
@@ -123,7 +119,7 @@ def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
 
 def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
     run.has_gone_on()
-    run.spectator.control("hold")
+    run.observer.requests.control("hold")
     held = run.when(
         lambda sight: sight.status and sight.status.mode is RobotMode.HOLD,
         what="the hold",
@@ -137,7 +133,7 @@ def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
         lambda sight: sight.stabilizer and sight.stabilizer.state == "hold",
         what="the stabilizer to say so",
     )
-    run.spectator.control("resume")
+    run.observer.requests.control("resume")
     resumed = run.when(
         lambda sight: (
             sight.status
@@ -156,13 +152,13 @@ def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
 
 def test_a_push_acts_and_is_recorded(run: Run) -> None:
     before = run.tick()
-    run.spectator.push("torso", PUSH_N, duration_s=0.2)
+    run.observer.requests.push("torso", PUSH_N, duration_s=0.2)
     with pytest.raises(RequestRefusedError, match="expected one of torso"):
-        run.spectator.push("nose", PUSH_N, duration_s=0.2)
+        run.observer.requests.push("nose", PUSH_N, duration_s=0.2)
     with pytest.raises(RequestRefusedError, match="at most"):
-        run.spectator.push("torso", [1e6, 0.0, 0.0], duration_s=0.2)
+        run.observer.requests.push("torso", [1e6, 0.0, 0.0], duration_s=0.2)
     with pytest.raises(RequestRefusedError, match="duration_s"):
-        run.spectator.push("torso", PUSH_N, duration_s=-1.0)
+        run.observer.requests.push("torso", PUSH_N, duration_s=-1.0)
     moving = run.when(
         lambda sight: sight.truth and abs(sight.truth.com_velocity[0]) > 0.005,
         what="the body to move",
@@ -182,9 +178,9 @@ def test_who_looks_on_changes_nothing(endpoints: Endpoints) -> None:
             running(balance, endpoints, Pace.LOCKSTEP),
         ):
             if look:
-                with looking(endpoints) as spectator:
+                with looking(endpoints) as observer:
                     wait_until(
-                        lambda seen=spectator: seen.look().truth, what="the truth"
+                        lambda seen=observer: seen.look().truth, what="the truth"
                     )
             digests.append(plant.result().result.log_sha256)
     assert digests[0] == digests[1]
@@ -196,9 +192,9 @@ def test_a_controller_without_gains_says_so(endpoints: Endpoints) -> None:
     with (
         running(robot, endpoints, LONG, Pace.REALTIME),
         running(stabilizer, endpoints, Pace.REALTIME),
-        looking(endpoints) as spectator,
+        looking(endpoints) as observer,
     ):
-        wait_until(lambda: spectator.look().stabilizer, what="the stabilizer")
-        assert spectator.change_settings({}).settings == {}
+        wait_until(lambda: observer.look().stabilizer, what="the stabilizer")
+        assert observer.requests.change_settings({}).settings == {}
         with pytest.raises(RequestRefusedError, match="takes no settings"):
-            spectator.change_settings({"tsid.com_kp": [NEW_GAIN]})
+            observer.requests.change_settings({"tsid.com_kp": [NEW_GAIN]})

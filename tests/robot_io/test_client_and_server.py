@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
 
 import msgspec
 import numpy as np
@@ -13,9 +10,8 @@ import pytest
 
 from robot_io.bus import Bus
 from robot_io.client import RobotClient
-from robot_io.errors import RequestRefusedError, RobotUnreachableError
+from robot_io.errors import RequestRefusedError
 from robot_io.gate import CommandGate
-from robot_io.robot import load_robot
 from robot_io.server import RobotServer
 from robot_io.service_caller import ServiceCaller
 from robot_io.session import Role
@@ -24,85 +20,24 @@ from schemas.codec import encode
 from schemas.endpoints import Endpoints
 from schemas.messages import (
     SCHEMA_VERSION,
-    JointCommand,
     LeaseRequest,
     ModeRequest,
     Reference,
     RobotMode,
-    RobotStatus,
 )
 from schemas.topics import ALIVE_STABILIZER
+from tests.robot_io.client_at_work import (
+    WALKER,
+    MakeClient,
+    mode_of,
+    new_client,
+    posture_of,
+    refused_by,
+    status_when,
+)
 from tests.robot_io.sensor_messages import snapshot_at
-from tests.robot_io.served_robot import ServedRobot, serving
+from tests.robot_io.served_robot import ServedRobot
 from tests.support import DEADLINE_S, wait_until
-
-WALKER = load_robot("walker")
-MakeClient = Callable[..., RobotClient]
-
-
-def new_client(
-    endpoints: Endpoints, identity: str, stop: StopRequest | None = None
-) -> RobotClient:
-    """A client in order, not connected yet."""
-    return RobotClient(
-        WALKER,
-        endpoints=endpoints,
-        identity=identity,
-        in_order=True,
-        stop=stop or StopRequest(),
-    )
-
-
-@pytest.fixture
-def served(endpoints: Endpoints) -> Iterator[ServedRobot]:
-    with serving(WALKER, endpoints) as robot:
-        yield robot
-
-
-@pytest.fixture
-def make_client(endpoints: Endpoints) -> Iterator[MakeClient]:
-    with ExitStack() as stack:
-
-        def make(identity: str) -> RobotClient:
-            client = stack.enter_context(new_client(endpoints, identity))
-            assert client.connect(timeout_s=DEADLINE_S)
-            return client
-
-        yield make
-
-
-@pytest.fixture
-def commander(served: ServedRobot, make_client: MakeClient) -> RobotClient:
-    """A client that has taken command."""
-    client = make_client("ann")
-    client.take_lease()
-    client.enable()
-    return client
-
-
-def mode_of(served: ServedRobot) -> RobotMode:
-    return served.do(lambda _, gate: gate.mode)
-
-
-def refused_by(served: ServedRobot) -> dict[str, int]:
-    return served.do(lambda _, gate: dict(gate.refused))
-
-
-def posture_of(served: ServedRobot) -> np.ndarray:
-    return served.do(lambda _, gate: gate.posture.copy())
-
-
-def status_when(
-    client: RobotClient, condition: Callable[[RobotStatus], bool], *, what: str
-) -> RobotStatus:
-    def look() -> RobotStatus | None:
-        status = client.status()
-        return status if status is not None and condition(status) else None
-
-    status = wait_until(look, what=what)
-    assert status is not None
-    return status
-
 
 # Command --------------------------------------------------------------------------
 
@@ -276,173 +211,6 @@ def test_a_request_that_cannot_be_read_is_answered_with_the_field(
     assert not answer["accepted"]
     assert "action" in answer["reason"]
     assert mode_of(served) is RobotMode.HOLD
-
-
-# Hostile ---------------------------------------------------------------------------
-
-
-@pytest.fixture
-def raw_command(served: ServedRobot, endpoints: Endpoints) -> Iterator[Callable]:
-    """Puts any bytes on the command key."""
-    with Bus(endpoints, Role.CLIENT, namespace="walker") as peer:
-        publisher = peer.publisher("cmd/joints", urgent=True)
-        wait_until(lambda: publisher.matching_status.matching, what="the robot")
-        yield publisher.put
-
-
-def joint_command(**changes: object) -> JointCommand:
-    command = JointCommand(
-        schema=SCHEMA_VERSION,
-        tick=0,
-        stamp_ns=0,
-        q=WALKER.nominal.tolist(),
-        commander="ann",
-        sequence=10**6,
-    )
-    return msgspec.structs.replace(command, **changes)
-
-
-@pytest.mark.parametrize(
-    ("data", "reason"),
-    [
-        (b"", "malformed"),
-        (b"\xff" * 16, "malformed"),
-        (b"x" * 5000, "malformed"),
-        (encode(joint_command(q=WALKER.nominal[1:].tolist())), "malformed"),
-        (encode(joint_command(q=[float("nan")] * WALKER.n_a)), "malformed"),
-        (encode(joint_command(schema=SCHEMA_VERSION + 1)), "schema"),
-        (encode(joint_command(commander="bob")), "lease"),
-        (encode(joint_command(tick=5000)), "future"),
-        (encode(joint_command(q=(WALKER.nominal + 9.0).tolist())), "first_command"),
-    ],
-    ids=[
-        "empty", "as long as a token", "long", "short of a joint", "nan",
-        "other version", "other commander", "tick to come", "far away",
-    ],
-)  # fmt: skip
-def test_bad_commands_are_counted_under_their_reason_and_move_nothing(
-    served: ServedRobot,
-    commander: RobotClient,
-    raw_command: Callable[[bytes], None],
-    data: bytes,
-    reason: str,
-) -> None:
-    served.publish_tick()
-    raw_command(data)
-    wait_until(lambda: refused_by(served) == {reason: 1}, what=f"{reason} refused")
-    assert np.array_equal(posture_of(served), WALKER.nominal)
-    assert mode_of(served) is RobotMode.ACTIVE
-
-
-def test_a_thousand_bad_commands_leave_the_commander_undisturbed(
-    served: ServedRobot, commander: RobotClient, raw_command: Callable[[bytes], None]
-) -> None:
-    rng = np.random.default_rng(0)
-    good = bytearray(encode(joint_command(commander="bob")))
-    count = 1000
-    for index in range(count):
-        data = good.copy()
-        data[rng.integers(len(data))] = rng.integers(256)
-        raw_command(bytes(data))
-        if index % 100 == 0:
-            commander.send(WALKER.nominal, tick=served.publish_tick())
-        done = index + 1
-        wait_until(
-            lambda done=done: sum(refused_by(served).values()) == done,
-            what=f"{done} refusals",
-        )
-    assert np.array_equal(posture_of(served), WALKER.nominal)
-    assert mode_of(served) is RobotMode.ACTIVE
-    assert set(refused_by(served)) <= {"malformed", "schema", "lease"}
-
-
-def test_a_replayed_command_is_refused(
-    served: ServedRobot, commander: RobotClient, raw_command: Callable[[bytes], None]
-) -> None:
-    tick = served.publish_tick()
-    data = encode(joint_command(tick=tick))
-    raw_command(data)
-    raw_command(data)
-    wait_until(lambda: refused_by(served) == {"sequence": 1}, what="the refusal")
-
-
-# Presence --------------------------------------------------------------------------
-
-
-def test_no_robot_is_an_error_that_names_endpoint_and_limit(
-    endpoints: Endpoints,
-) -> None:
-    with (
-        new_client(endpoints, "ann") as client,
-        pytest.raises(RobotUnreachableError, match=r"within 0.2 s.*is the robot") as e,
-    ):
-        client.connect(timeout_s=0.2)
-    assert endpoints.connect[0] in str(e.value)
-
-
-def test_something_else_that_listens_is_not_taken_for_the_robot(
-    endpoints: Endpoints,
-) -> None:
-    with (
-        Bus(endpoints, Role.ROBOT, namespace="other"),
-        new_client(endpoints, "ann") as client,
-        pytest.raises(RobotUnreachableError, match="no robot 'walker' is ready"),
-    ):
-        client.connect(timeout_s=0.2)
-
-
-def test_the_client_notices_that_the_robot_is_gone(endpoints: Endpoints) -> None:
-    with new_client(endpoints, "ann") as client:
-        with serving(WALKER, endpoints):
-            client.connect(timeout_s=DEADLINE_S)
-            client.take_lease()
-        wait_until(lambda: not client.robot_is_here, what="the robot to be gone")
-        assert client.wait_snapshot(timeout_s=DEADLINE_S) is None, "the wait is ended"
-        with pytest.raises(RobotUnreachableError, match="went away"):
-            client.enable()
-
-
-def test_the_client_may_come_before_the_robot(endpoints: Endpoints) -> None:
-    started = threading.Event()
-    over = threading.Event()
-
-    def robot() -> None:
-        started.wait(DEADLINE_S)
-        with serving(WALKER, endpoints):
-            over.wait(DEADLINE_S)
-
-    thread = threading.Thread(target=robot)
-    thread.start()
-    with new_client(endpoints, "ann") as client:
-        started.set()
-        assert client.connect(timeout_s=DEADLINE_S)
-        client.take_lease()
-        client.enable()
-    over.set()
-    thread.join()
-
-
-def test_a_stop_request_ends_the_robots_waits(endpoints: Endpoints) -> None:
-    stop = StopRequest()
-    stop.set("a test")
-    gate = CommandGate(WALKER, WALKER.nominal)
-    with RobotServer(WALKER, gate, endpoints=endpoints, stop=stop) as server:
-        assert not server.wait_until_active(now_s=0.0, timeout_s=None)
-        assert server.wait_answer(0, now_s=0.0, timeout_s=DEADLINE_S) is None
-
-
-def test_a_stop_request_ends_the_clients_waits(
-    served: ServedRobot, endpoints: Endpoints
-) -> None:
-    stop = StopRequest()
-    with new_client(endpoints, "ann", stop) as client:
-        assert client.connect(timeout_s=DEADLINE_S)
-        stop.set("a test")
-        begin = time.monotonic()
-        assert client.wait_snapshot(timeout_s=DEADLINE_S) is None
-        assert time.monotonic() < begin + DEADLINE_S
-    with new_client(endpoints, "bob", stop) as late:
-        assert not late.connect(timeout_s=DEADLINE_S)
 
 
 # Planner ---------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from robot_io.gate import CommandGate
 from robot_io.robot import Robot
 from robot_io.verdict import Limit, Refusal
 from schemas.messages import RobotMode
-from tests.robot_io.test_gate import PERIOD_S, WALKER, active_gate, at_tick, command
+from tests.robot_io.gate_at_work import PERIOD_S, WALKER, active_gate, at_tick, command
 
 BEYOND_RAD = 0.05
 FIRST_S = 0.5

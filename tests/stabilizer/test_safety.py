@@ -12,17 +12,20 @@ import pytest
 from robot_io.robot import Robot
 from robot_io.snapshot import Snapshot
 from schemas.scenario import scenario_from_table
-from schemas.settings import SafetySettings
+from schemas.settings import ControllerSettings, SafetySettings
 from sim_robot.simulated_robot import SimulatedRobot
 from stabilizer.health import FRESH
 from stabilizer.hold import HoldController
 from stabilizer.safety import Safety, SafetyState
+from stabilizer.whole_body import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
 from tests.stabilizer.watched_run import watched_run
 
 ACTIVE, DEGRADED = SafetyState.ACTIVE, SafetyState.DEGRADED
 STOPPING, HELD = SafetyState.STOPPING, SafetyState.HELD
 FEET = ("left_ankle_ft", "right_ankle_ft")
+MOVING_TICKS = 800
+LEAVE_S = 0.2
 SILENT = dict.fromkeys(NOISE, 0.0)
 
 
@@ -184,3 +187,48 @@ def test_feet_without_load_for_a_second_are_a_fall(
         for r in readings
     ]
     assert answer(walker, lifted).has_fallen == fell
+
+
+# Asked to stop ---------------------------------------------------------------------
+
+
+def leave(walker: Robot, leave_s: float) -> tuple[Safety, list[float]]:
+    """A controller in motion is asked to stop; the steps of its command from then."""
+    table = {"name": "test", "sensors": NOISE, **HEALTHY["slow"]}
+    simulated = SimulatedRobot(
+        walker, scenario_from_table(table, source="test"), seed=0
+    )
+    settings = ControllerSettings(safety=SafetySettings(leave_s=leave_s))
+    controller = WholeBodyController(walker, settings)
+    safety = Safety(controller, walker, settings.safety)
+    safety.start(simulated.sense(), simulated.held_posture)
+    steps, before = [], simulated.held_posture.copy()
+    while not safety.is_done:
+        if simulated.tick == MOVING_TICKS:
+            safety.leave("stopped: TEST")
+        command = safety.step(simulated.sense(), FRESH).q_command.copy()
+        simulated.apply(command, tick=simulated.tick)
+        simulated.step()
+        steps.append(float(np.abs(command - before).max()))
+        before = command
+    return safety, steps
+
+
+def test_asked_to_stop_the_command_comes_to_rest_in_time(walker: Robot) -> None:
+    safety, steps = leave(walker, LEAVE_S)
+    moving, leaving = steps[:MOVING_TICKS], steps[MOVING_TICKS:]
+    assert len(leaving) == round(LEAVE_S / walker.period_s)
+    assert max(moving[-100:]) > 0.0
+    assert max(leaving[len(leaving) // 2 :]) < 0.5 * max(leaving)
+    assert leaving[-1] == 0.0
+    assert safety.reason == "stopped: TEST"
+    reading = standing_readings(walker, 1)[0]
+    at_rest = safety.step(reading, FRESH).q_command.copy()
+    assert np.array_equal(safety.step(reading, FRESH).q_command, at_rest)
+
+
+def test_without_a_time_to_leave_the_command_stands_still_at_once(
+    walker: Robot,
+) -> None:
+    _, steps = leave(walker, 0.0)
+    assert steps[MOVING_TICKS:] == [0.0]

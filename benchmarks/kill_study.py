@@ -1,0 +1,264 @@
+"""What happens when a process is killed (SIGKILL) at a random moment.
+
+    python -m benchmarks.kill_study [SCENARIO...] [--kills 20] [--seed 0] [--realtime]
+                                    [--robot-kills 10]
+
+Real processes, the same commands a user starts. The stabilizer is killed in each of
+the runs of a scenario, a new one is started at once, and the run goes on to its end:
+what the robot did meanwhile comes from its own record. Then the robot is killed, and
+it is timed how long its stabilizer takes to say so, with and without ``--reconnect``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+import signal
+import sys
+import tempfile
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from benchmarks.started import Started, wait_until
+from cli.endpoints import private_endpoints
+from robot_io.observer import Observer
+from robot_io.robot import Robot, load_robot
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode, RobotStatus
+from sim_robot.catalogue import find_scenario
+
+SCENARIOS = ("standing", "moving-platform-slow")
+DURATION_S = 14.0
+"""Of each run: long enough for a new process to start and show that it balances."""
+EARLIEST_S = 1.5
+LATEST_S = 5.0
+DURATION = re.compile(r"^duration_s *=.*$", re.MULTILINE)
+ROUNDING_RAD = 1e-12
+UPRIGHT_RAD = math.radians(5.0)
+
+
+class Kill(NamedTuple):
+    """One kill of the stabilizer, and what came of it."""
+
+    tick: int
+    hold_ms: float
+    gap_s: float | None
+    step_rad: float
+    fell_at_s: float | None
+    fell_held: bool
+    lean_deg: float
+
+
+def shortened(scenario: str, folder: Path) -> Path:
+    """The scenario with the duration of this study; the first key of that name."""
+    text = find_scenario(scenario).read_text()
+    path = folder / f"{scenario}.toml"
+    path.write_text(DURATION.sub(f"duration_s = {DURATION_S}", text, count=1))
+    return path
+
+
+class Watch:
+    """The robot's status as everybody can read it."""
+
+    def __init__(self, robot: Robot, endpoints: Endpoints) -> None:
+        """Prepares; see :meth:`until`."""
+        self.observer = Observer(
+            robot, endpoints=endpoints, channels=("status",), depth=64
+        )
+
+    def until(self, mode: RobotMode, *, tick: int = 0) -> RobotStatus:
+        """Waits for a mode at some tick or later."""
+
+        def look() -> RobotStatus | None:
+            for sample in self.observer.take():
+                status = self.observer.decode(sample)
+                assert isinstance(status, RobotStatus)
+                if status.mode is RobotMode.OFF and mode is not RobotMode.OFF:
+                    raise RuntimeError(f"the run is over: {status.reason}")
+                if status.mode is mode and status.tick >= tick:
+                    return status
+            return None
+
+        found = wait_until(look, what=f"{mode} at tick {tick}")
+        assert found is not None
+        return found
+
+
+def kill_once(robot: Robot, scenario: Path, pace: str, tick: int, seed: int) -> Kill:
+    """A run whose stabilizer is killed at a tick and replaced by another."""
+    endpoints = private_endpoints()
+    (locator,) = endpoints.listen
+    folder = scenario.parent
+    record = folder / "ticks.npz"
+    watch = Watch(robot, endpoints)
+    words = ("robot", scenario, "--listen", locator, "--seed", seed, pace)
+    dial = ("stabilizer", "--connect", locator, "--wait", 60, pace)
+    with (
+        Started(folder / "robot.log", *words, "--record-file", record) as plant,
+        watch.observer as observer,
+        ExitStack() as stack,
+    ):
+        observer.connect(timeout_s=60.0)  # first, so as to miss nothing
+        first = stack.enter_context(Started(folder / "first.log", *dial))
+        watch.until(RobotMode.ACTIVE, tick=tick)
+        killed_s = time.monotonic()
+        first.signal(signal.SIGKILL)
+        held = watch.until(RobotMode.HOLD)
+        hold_ms = 1e3 * (time.monotonic() - killed_s)
+        gap_s = None
+        with Started(folder / "second.log", *dial) as second:
+            try:
+                taken = watch.until(RobotMode.ACTIVE, tick=held.tick + 1)
+                gap_s = (taken.tick - held.tick) * robot.period_s
+            except RuntimeError:
+                pass  # it fell while it held
+            plant.exit_code()
+            second.exit_code()
+    with np.load(record) as arrays:
+        return _what_came(arrays, held.tick, hold_ms, gap_s, robot)
+
+
+def _what_came(
+    arrays: dict[str, np.ndarray],
+    tick: int,
+    hold_ms: float,
+    gap_s: float | None,
+    robot: Robot,
+) -> Kill:
+    steps = np.abs(np.diff(arrays["q_command"], axis=0)).max()
+    x, y = arrays["base_quat_xyzw"][-1][:2]
+    lean = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
+    ticks = len(arrays["q_command"])
+    is_short = ticks < round(DURATION_S / robot.period_s)
+    fell_at_s = ticks * robot.period_s if is_short else None
+    return Kill(
+        tick=tick,
+        hold_ms=hold_ms,
+        gap_s=gap_s,
+        step_rad=float(steps),
+        fell_at_s=fell_at_s,
+        fell_held=fell_at_s is not None and gap_s is None,
+        lean_deg=math.degrees(lean),
+    )
+
+
+def study_stabilizer(
+    robot: Robot, scenario: str, pace: str, kills: int, seed: int
+) -> bool:
+    """Kills the stabilizer again and again; whether the robot never jumped."""
+    rng = np.random.default_rng(seed)
+    limit = robot.file.gate.step_limit_rad
+    found = []
+    print(f"\n{scenario}, {pace[2:]}: kill -9 of the stabilizer", flush=True)
+    with tempfile.TemporaryDirectory() as name:
+        path = shortened(scenario, Path(name))
+        for index, moment_s in enumerate(rng.uniform(EARLIEST_S, LATEST_S, kills)):
+            tick = round(moment_s / robot.period_s)
+            try:
+                kill = kill_once(robot, path, pace, tick, index)
+            except RuntimeError as error:
+                print(f"  {error}: too late on a busy machine, once more", flush=True)
+                kill = kill_once(robot, path, pace, tick, index)
+            found.append(kill)
+            gap = "never" if kill.gap_s is None else f"{kill.gap_s:5.2f} s"
+            fell = "" if kill.fell_at_s is None else f"  fell at {kill.fell_at_s:.2f} s"
+            print(
+                f"  at {kill.tick * robot.period_s:5.2f} s: HOLD after "
+                f"{kill.hold_ms:6.1f} ms, commanded again after {gap}, largest step "
+                f"{1e3 * kill.step_rad:5.2f} mrad, lean at the end "
+                f"{kill.lean_deg:5.2f} deg{fell}",
+                flush=True,
+            )
+    holds = [kill.hold_ms for kill in found]
+    gaps = [kill.gap_s for kill in found if kill.gap_s is not None]
+    step = max(kill.step_rad for kill in found)
+    upright = [
+        kill
+        for kill in found
+        if kill.fell_at_s is None and math.radians(kill.lean_deg) < UPRIGHT_RAD
+    ]
+    print(
+        f"  {len(found)} kills: HOLD after median {np.median(holds):.1f}, max "
+        f"{max(holds):.1f} ms; largest step {1e3 * step:.2f} of {1e3 * limit:g} mrad; "
+        f"without a commander for median {np.median(gaps or [math.nan]):.2f}, max "
+        f"{max(gaps, default=math.nan):.2f} s; {len(upright)} upright at the end, "
+        f"{sum(kill.fell_held for kill in found)} fell before anybody took over, "
+        f"{sum(kill.fell_at_s is not None for kill in found)} fell in all"
+    )
+    return step <= limit + ROUNDING_RAD
+
+
+def study_robot(pace: str, kills: int, seed: int) -> None:
+    """Kills the robot, and times what its stabilizer says and does."""
+    rng = np.random.default_rng(seed)
+    robot = load_robot("walker")
+    said, back = [], []
+    for index in range(kills):
+        endpoints = private_endpoints()
+        (locator,) = endpoints.listen
+        reconnect = ("--reconnect",) if index % 2 else ()
+        words = ("robot", "standing", "--listen", locator, pace)
+        dial = ("stabilizer", "--connect", locator, "--wait", 60, pace, *reconnect)
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            with Started(folder / "stabilizer.log", *dial) as stabilizer:
+                watch = Watch(robot, endpoints)
+                with (
+                    Started(folder / "robot.log", *words) as plant,
+                    watch.observer as observer,
+                ):
+                    observer.connect(timeout_s=60.0)
+                    watch.until(RobotMode.ACTIVE, tick=int(rng.integers(200, 2000)))
+                    killed_s = time.monotonic()
+                    plant.signal(signal.SIGKILL)
+                    stabilizer.wait_for("the robot is gone")
+                    said.append(time.monotonic() - killed_s)
+                if not reconnect:
+                    code = stabilizer.exit_code()
+                    if code != 4:
+                        raise RuntimeError(f"exit code {code}, expected 4")
+                    continue
+                with Started(folder / "again.log", *words) as plant:
+                    plant.wait_for("waits for a stabilizer")
+                    begin_s = time.monotonic()
+                    stabilizer.wait_for("in command again")
+                    back.append(time.monotonic() - begin_s)
+    print(
+        f"\n{kills} times kill -9 of the robot, {pace[2:]}: the stabilizer says so "
+        f"after median {1e3 * np.median(said):.0f}, max {1e3 * max(said):.0f} ms; with "
+        f"--reconnect it commands a robot that is back {np.median(back):.2f} s (max "
+        f"{max(back):.2f}) after that one's first word"
+    )
+
+
+def main() -> int:
+    """Reads the command line, runs and prints."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("scenarios", nargs="*", default=SCENARIOS)
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--robot-kills", type=int, default=10)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--realtime", action="store_true")
+    arguments = parser.parse_args()
+    pace = "--realtime" if arguments.realtime else "--lockstep"
+    robot = load_robot("walker")
+    good = True
+    if arguments.kills:
+        for scenario in arguments.scenarios:
+            good &= study_stabilizer(
+                robot, scenario, pace, arguments.kills, arguments.seed
+            )
+    if arguments.robot_kills:
+        study_robot(pace, arguments.robot_kills, arguments.seed)
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,154 @@
+"""Whether those who look on disturb the loop: round trips with and without them.
+
+    python -m benchmarks.observers [--observers 3] [--rounds 5] [--seconds 10]
+                                   [--lockstep] [--controller whole-body]
+
+Rounds alternate, so that what else the machine does meets both alike: robot and
+stabilizer as two processes in real time, alone, and then with observers in processes
+of their own that take every message of every channel. Run it on a quiet machine with a
+processor to spare for them: what it measures is the bus, not who gets to compute.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import sys
+import tempfile
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from benchmarks.started import Started
+from cli.endpoints import private_endpoints
+from robot_io.observer import Observer
+from robot_io.robot import load_robot
+from schemas.endpoints import Endpoints
+from schemas.result import PlantResult
+from schemas.topics import TICK_SENSORS
+
+SPAWN = multiprocessing.get_context("spawn")
+DEPTH = 256
+WAIT_S = 60.0
+SCENARIO = """
+name = "observed"
+duration_s = {seconds}
+[sensors]
+force_noise_n = 2.0
+moment_noise_nm = 0.1
+gyro_noise_rad_s = 0.002
+accel_noise_m_s2 = 0.05
+[delay]
+command_ms = 1.0
+"""
+
+
+def look_on(endpoints: Endpoints, tell: Connection) -> None:
+    """Takes everything until the robot has gone; tells how many joint states came."""
+    robot = load_robot("walker")
+    joints = 0
+    with Observer(robot, endpoints=endpoints, depth=DEPTH) as observer:
+        observer.connect(timeout_s=WAIT_S)
+        tell.send("ready")
+        while observer.robot_is_here:
+            samples = observer.take(timeout_s=0.1)
+            joints += sum(sample.channel == TICK_SENSORS[0] for sample in samples)
+    tell.send(joints)
+
+
+class Watcher:
+    """An observer in a process of its own."""
+
+    def __init__(self, endpoints: Endpoints) -> None:
+        """Starts it, and waits until it looks on."""
+        self._come, tell = SPAWN.Pipe(duplex=False)
+        self.process: SpawnProcess = SPAWN.Process(
+            target=look_on, args=(endpoints, tell)
+        )
+        self.process.start()
+        self.heard()
+
+    def heard(self) -> object:
+        """What it tells next.
+
+        Raises:
+            TimeoutError: nothing in time.
+        """
+        if not self._come.poll(WAIT_S):
+            self.process.kill()
+            raise TimeoutError("an observer says nothing")
+        return self._come.recv()
+
+
+def one_run(
+    scenario: Path, pace: str, controller: str, observers: int
+) -> tuple[PlantResult, list[int]]:
+    """A run, and how many ticks each observer got."""
+    endpoints = private_endpoints()
+    (locator,) = endpoints.listen
+    folder = scenario.parent
+    result = folder / "plant.json"
+    words = ("robot", scenario, "--listen", locator, pace, "--result-file", result)
+    dial = ("stabilizer", "--connect", locator, pace, "--controller", controller)
+    with Started(folder / "robot.log", *words) as plant:
+        plant.wait_for("waits for a stabilizer")
+        watchers = [Watcher(endpoints) for _ in range(observers)]
+        with Started(folder / "stabilizer.log", *dial) as stabilizer:
+            plant.exit_code()
+            stabilizer.exit_code()
+        heard = [int(str(watcher.heard())) for watcher in watchers]
+        for watcher in watchers:
+            watcher.process.join()
+    return msgspec.json.decode(result.read_bytes(), type=PlantResult), heard
+
+
+def line(name: str, result: PlantResult, heard: list[int]) -> str:
+    """A run on one line."""
+    trip = result.round_trip_ms
+    got = ", ".join(f"{100.0 * count / result.ticks:.1f} %" for count in heard)
+    return (
+        f"{name:<16} round trip median {trip.median:.3f}, p99 {trip.p99:.3f}, max "
+        f"{trip.max:.3f} ms; period jitter p99 {result.period_jitter_ms.p99:.3f} ms; "
+        f"{result.deadline_misses} of {result.ticks} ticks without their command"
+        + (f"; observers got {got}" if heard else "")
+    )
+
+
+def main() -> int:
+    """Reads the command line, runs and prints."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--observers", type=int, default=3)
+    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--lockstep", action="store_true")
+    parser.add_argument("--controller", default="whole-body")
+    arguments = parser.parse_args()
+    pace = "--lockstep" if arguments.lockstep else "--realtime"
+    found: dict[int, list[PlantResult]] = {0: [], arguments.observers: []}
+    with tempfile.TemporaryDirectory() as name:
+        scenario = Path(name) / "observed.toml"
+        scenario.write_text(SCENARIO.format(seconds=arguments.seconds))
+        for _ in range(arguments.rounds):
+            for count, results in found.items():
+                result, heard = one_run(scenario, pace, arguments.controller, count)
+                results.append(result)
+                print(line(f"{count} observers", result, heard), flush=True)
+    print(f"\nmedian over {arguments.rounds} rounds, {pace[2:]}")
+    for count, results in found.items():
+        medians = np.median([r.round_trip_ms.median for r in results])
+        tails = np.median([r.round_trip_ms.p99 for r in results])
+        applied = np.median([r.end_to_end_ms.p99 for r in results])
+        print(
+            f"{count} observers: round trip median {medians:.3f}, p99 {tails:.3f} ms; "
+            f"sensors to servos p99 {applied:.3f} ms"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,77 @@
+"""``surefoot`` commands as processes of a study."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Self, TypeVar
+
+T = TypeVar("T")
+DEADLINE_S = 120.0
+PAUSE_S = 0.001
+
+
+def wait_until(condition: Callable[[], T], *, what: str) -> T:
+    """Asks again and again until the answer is truthy.
+
+    Raises:
+        TimeoutError: it was not in time.
+    """
+    end = time.monotonic() + DEADLINE_S
+    while not (answer := condition()):
+        if time.monotonic() > end:
+            raise TimeoutError(f"waited {DEADLINE_S:g} s for {what}")
+        time.sleep(PAUSE_S)
+    return answer
+
+
+class Started:
+    """A ``surefoot`` command; a context manager that leaves no process behind."""
+
+    def __init__(self, log: Path, *words: object) -> None:
+        """Starts it; what it says goes to a log."""
+        self._log = log
+        with log.open("w") as file:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "cli", *map(str, words)],
+                stdout=file,
+                stderr=subprocess.STDOUT,
+            )
+
+    def __enter__(self) -> Self:
+        """Nothing more to do: it runs."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Kills what still runs."""
+        self.process.kill()
+        self.process.wait()
+
+    def signal(self, number: int) -> None:
+        """Sends a signal."""
+        self.process.send_signal(number)
+
+    def exit_code(self) -> int:
+        """Waits for its end."""
+        return self.process.wait(DEADLINE_S)
+
+    def said(self) -> str:
+        """All it has said so far."""
+        return self._log.read_text(errors="replace")
+
+    def wait_for(self, words: str) -> None:
+        """Waits until it has said something.
+
+        Raises:
+            TimeoutError: it did not in time.
+        """
+        wait_until(lambda: words in self.said(), what=f"{words!r} in {self._log}")

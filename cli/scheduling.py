@@ -1,0 +1,29 @@
+"""What the user asked of the scheduler, done or told why not."""
+
+from __future__ import annotations
+
+from cli.logs import log_note, log_warning
+
+
+def claim_processor(*, cpu: int | None, priority: int | None) -> None:
+    """Pins this process and takes its priority; goes on without where not permitted.
+
+    Called before anything starts a thread: threads inherit both.
+
+    Args:
+        cpu: processor to stay on; None for any.
+        priority: of SCHED_FIFO; None for an ordinary process.
+    """
+    from robot_io.scheduling import pin_to_cpu, take_priority
+
+    if cpu is not None:
+        _tell(pin_to_cpu(cpu), f"on processor {cpu}")
+    if priority is not None:
+        _tell(take_priority(priority), f"SCHED_FIFO at priority {priority}")
+
+
+def _tell(refusal: str, done: str) -> None:
+    if refusal:
+        log_warning(refusal)
+    else:
+        log_note(done)

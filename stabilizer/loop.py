@@ -1,0 +1,264 @@
+"""The stabilizer's loop: answers the robot's ticks until there is a reason to end."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+
+from robot_io.assembler import SnapshotReading
+from robot_io.client import RobotClient
+from robot_io.errors import RobotIoError
+from robot_io.stop_request import StopRequest
+from schemas.arrays import Array
+from schemas.messages import RobotMode, RobotStatus
+from stabilizer.controller import ControllerOutput
+from stabilizer.desk import Desk
+from stabilizer.failure_dump import save_failure
+from stabilizer.safety import Safety
+from stabilizer.telemetry import GOOD, ControllerTelemetry
+
+_LOG = logging.getLogger(__name__)
+
+SILENCE_POLL_S = 0.1
+SILENCE_LIMIT_S = 10.0
+"""A robot that is there but sends nothing for so long is given up."""
+STATUS_RATE_HZ = 50.0
+RUN_OVER = "run over"
+"""How a robot begins to say that its run went to its end."""
+LEAVING_LIMIT_S = 1.0
+"""An orderly end may take so long beyond its own ramp, then it is at once."""
+RETAKE_AFTER_NS = 100_000_000
+"""The robot holds for so long, for commands that came late: start from its posture."""
+
+
+class End(NamedTuple):
+    """Why a stay in command ended.
+
+    Attributes:
+        reason: in words.
+        may_return: whether to take command again when the robot is back: it went
+            away, or gave nobody else the command that our silence cost us.
+    """
+
+    reason: str
+    may_return: bool = False
+
+
+class Loop:
+    """Answers snapshots until there is a reason to end."""
+
+    def __init__(
+        self,
+        safety: Safety,
+        client: RobotClient,
+        telemetry: ControllerTelemetry,
+        desk: Desk,
+        *,
+        period_s: float,
+        leave_s: float,
+        failure_file: Path | None,
+    ) -> None:
+        """Joins controller and bus.
+
+        Args:
+            safety: the watched controller, not started yet.
+            client: in command of the robot.
+            telemetry: counts and times the ticks.
+            desk: answers what the stabilizer is asked.
+            period_s: from tick to tick [s].
+            leave_s: over which commands fade out when asked to stop [s].
+            failure_file: where the first QP that cannot be solved is kept.
+        """
+        self._desk = desk
+        self._output: ControllerOutput | None = None
+        self._safety, self._controller = safety, safety.controller
+        self._client = client
+        self._telemetry = telemetry
+        self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
+        self._is_started = False
+        self._began_ns = 0
+        self._answered = 0
+        self._last_tick = 0
+        self._hold_since_ns: int | None = None
+        self._leave_s = leave_s
+        self._leave_by_s: float | None = None
+        self._failure_file = failure_file
+
+    def run(self, q_held: Array, stop: StopRequest) -> End:
+        """Answers until the end.
+
+        Args:
+            q_held: (n_a,) posture the robot holds, to begin from [rad].
+            stop: asks for an end: the commands fade out first.
+        """
+        heard_s = time.monotonic()
+        while not (stop.is_set and self._has_left(stop)):
+            reading = self._client.wait_snapshot(timeout_s=SILENCE_POLL_S)
+            if reading is not None:
+                heard_s = time.monotonic()
+                is_time = self._attend(reading, q_held)
+                if self._safety.is_done and self._output is not None:
+                    self._tell(reading, self._output)
+                    self._ask_to_hold()
+                    return End(self._safety.reason)
+                if not is_time:
+                    continue
+            end = self._why_end(time.monotonic() - heard_s, q_held)
+            if end is not None:
+                return end if self._leave_by_s is None else End(_stopped(stop))
+        return End(_stopped(stop))
+
+    def _has_left(self, stop: StopRequest) -> bool:
+        """Fades the commands out; whether there is nothing more to wait for."""
+        if stop.is_urgent or not self._is_started or self._desk.holding:
+            return True
+        now_s = time.monotonic()
+        if self._leave_by_s is None:
+            self._leave_by_s = now_s + self._leave_s + LEAVING_LIMIT_S
+            self._safety.leave(_stopped(stop))
+        return now_s > self._leave_by_s
+
+    def _ask_to_hold(self) -> None:
+        """At rest; whoever leaves anyway does not mind a robot that has gone."""
+        is_leaving = self._leave_by_s is not None
+        with contextlib.suppress(*([RobotIoError] if is_leaving else [])):
+            self._client.request_mode("hold")
+
+    def _attend(self, reading: SnapshotReading, q_held: Array) -> bool:
+        """Requests, then the answer; whether it is time to look after the robot."""
+        desk = self._desk
+        desk.serve(reading.snapshot.tick)
+        if desk.holding:
+            return self._hold(reading)
+        if desk.q_held is not None:
+            # What came before the hold's end is old: the next snapshot begins anew.
+            q_held[:], desk.q_held = desk.q_held, None
+            self._is_started = False
+            return True
+        self._output = self._answer(reading, q_held)
+        if self._answered % self._status_every != 0:
+            return False
+        self._tell(reading, self._output)
+        return True
+
+    def _hold(self, reading: SnapshotReading) -> bool:
+        """Keeps command of a robot that keeps its posture."""
+        self._desk.keep_lease()
+        self._answered += 1
+        if self._answered % self._status_every != 0:
+            return False
+        if self._output is not None:
+            self._tell(reading, self._output)
+        return True
+
+    def _answer(self, reading: SnapshotReading, q_held: Array) -> ControllerOutput:
+        tick = reading.snapshot.tick
+        if not self._is_started:
+            self._safety.start(reading.snapshot, q_held)
+            self._is_started = True
+            self._began_ns = reading.snapshot.stamp_ns
+            self._hold_since_ns = None
+            self._last_tick = tick - 1
+        output = self._safety.step(
+            reading.snapshot, reading.ages, self._client.reference()
+        )
+        self._client.send(output.q_command, tick=tick)
+        self._telemetry.add(
+            output,
+            duration_ns=time.perf_counter_ns() - reading.complete_ns,
+            is_stale=bool(reading.stale),
+            skipped=tick - self._last_tick - 1,
+        )
+        self._last_tick = tick
+        self._telemetry.note(self._safety.state, self._safety.reason)
+        self._answered += 1
+        if output.qp_status != GOOD and self._failure_file is not None:
+            self._keep_failure(self._failure_file)
+        return output
+
+    def _keep_failure(self, path: Path) -> None:
+        """Writes the failed QP, once; the command has left already."""
+        self._failure_file = None
+        if self._controller.failure is None:
+            return
+        try:
+            save_failure(self._controller.failure, path)
+        except OSError as error:
+            _LOG.warning("a QP failed and could not be kept: %s", error)
+        else:
+            _LOG.warning("a QP failed, the posture is held; it is kept in %s", path)
+
+    def _tell(self, reading: SnapshotReading, output: ControllerOutput) -> None:
+        status = self._telemetry.status(
+            output,
+            tick=reading.snapshot.tick,
+            stamp_ns=time.monotonic_ns(),
+            stale=reading.stale,
+        )
+        if self._desk.holding:
+            status = msgspec.structs.replace(
+                status, state="hold", reason=self._desk.holding
+            )
+        self._client.publish_status(status)
+
+    def _why_end(self, silence_s: float, q_held: Array) -> End | None:
+        """Why to end; None to go on, from the held posture if the robot holds."""
+        client = self._client
+        status = client.status()
+        if status is not None:
+            if status.mode is RobotMode.FAULT:
+                return End(f"the robot is in fault: {status.fault}")
+            if status.mode is RobotMode.OFF:
+                return _off(status.reason)
+            # On a busy machine, one from before the lease may come after it.
+            if self._is_started and status.stamp_ns >= self._began_ns:
+                if status.commander != client.identity:
+                    reason = f"lost command of the robot: {status.reason}"
+                    return End(reason, may_return=not status.commander)
+                if self._is_held_too_long(status):
+                    self._start_anew(status, q_held)
+        if not client.robot_is_here:
+            return End("the robot is gone", may_return=True)
+        if silence_s > SILENCE_LIMIT_S:
+            names = ", ".join(client.missing_sensors()) or "any sensor"
+            reason = f"no news from {names} for {silence_s:.1f} s"
+            return End(reason, may_return=True)
+        return None
+
+    def _is_held_too_long(self, status: RobotStatus) -> bool:
+        """Whether the robot holds by itself and does not take up our commands."""
+        if status.mode is not RobotMode.HOLD or self._desk.holding:
+            self._hold_since_ns = None
+            return False
+        if self._hold_since_ns is None:
+            self._hold_since_ns = status.stamp_ns
+        held_ns = status.stamp_ns - self._hold_since_ns
+        return held_ns > RETAKE_AFTER_NS and self._leave_by_s is None
+
+    def _start_anew(self, status: RobotStatus, q_held: Array) -> None:
+        """Has the robot follow again, the controller from what it holds."""
+        _LOG.warning(
+            "tick %d: the robot holds (%s); starting again from its posture",
+            status.tick,
+            status.reason,
+        )
+        with contextlib.suppress(RobotIoError):  # its next status tells why
+            q_held[:] = self._client.enable()
+            self._is_started = False
+            self._telemetry.restarts += 1
+
+
+def _stopped(stop: StopRequest) -> str:
+    return f"stopped: {stop.cause}"
+
+
+def _off(reason: str) -> End:
+    """A robot that has done its run says so; any other end is the robot's own."""
+    if reason.startswith(RUN_OVER):
+        return End(reason)
+    return End(f"the robot ended: {reason or 'it is off'}", may_return=True)

@@ -1,0 +1,56 @@
+"""A robot that falls is exit code 5, of whoever tells it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import TIMEOUT_S, Surefoot
+from tests.cli.test_two_terminals import Start, start
+from tests.support import free_port
+
+__all__ = ["start"]
+FELL = 5
+
+
+@pytest.fixture
+def huge_push(tmp_path: Path) -> Path:
+    """A push nobody withstands."""
+    path = tmp_path / "huge-push.toml"
+    path.write_text(
+        'name = "huge push"\nduration_s = 6.0\n[[push]]\nbody = "torso"\n'
+        "force_n = [900.0, 0.0, 0.0]\nstart_s = 0.5\nduration_s = 0.2\n"
+    )
+    return path
+
+
+@pytest.mark.parametrize("mode", ["--lockstep"])
+def test_a_run_in_which_the_robot_falls(
+    surefoot: Surefoot, huge_push: Path, mode: str
+) -> None:
+    done = surefoot("run", huge_push, mode, "--json")
+    assert done.returncode == FELL, done.stderr
+    result = json.loads(done.stdout)
+    assert result["fell"]
+    assert result["fell_at_s"] > 0.5
+
+
+@pytest.mark.parametrize(
+    ("tilt_limit_rad", "reason"), [(3.0, "run over: fell at"), (0.3, "fell: leans by")]
+)
+def test_a_stabilizer_whose_robot_falls(
+    start: Start, huge_push: Path, tmp_path: Path, tilt_limit_rad: float, reason: str
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    robot = start("robot", huge_push, "--listen", locator)
+    stabilizer = start(
+        *("stabilizer", "--connect", locator),
+        *("--set", f"safety.tilt_limit_rad={tilt_limit_rad}"),
+    )
+    assert reason in stabilizer.communicate(timeout=TIMEOUT_S)[0]
+    assert stabilizer.returncode == FELL
+    assert reason in (tmp_path / "stabilizer.log").read_text()
+    assert "fell at" in robot.communicate(timeout=TIMEOUT_S)[0]
+    assert robot.returncode == FELL

@@ -1,0 +1,214 @@
+"""A stabilizer that waits for a robot that went away, over loopback TCP."""
+
+from __future__ import annotations
+
+import signal
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from robot_io.snapshot import Snapshot
+from schemas.endpoints import Endpoints
+from schemas.messages import Reference, RobotMode, RobotStatus
+from schemas.settings import SafetySettings
+from stabilizer.controller import ControllerOutput
+from stabilizer.hold import HoldController
+from stabilizer.node import run_stabilizer
+from tests.nodes.processes import Running, robot, running
+from tests.nodes.test_nodes import LONG, is_running, observer
+from tests.nodes.test_requests import looking
+from tests.support import DEADLINE_S, wait_until
+
+WALKER = load_robot("walker")
+FAR_RAD = 0.3
+"""Beyond what a first command may be away from the held posture."""
+PAUSE_S = 0.08
+LONG_LEAVE_S = 5.0
+
+
+class HiccupController(HoldController):
+    """Once falls silent for a moment, and then asks for a posture far away."""
+
+    def __init__(self, joint_count: int) -> None:
+        super().__init__(joint_count)
+        self._ticks = 0
+        self._is_ahead = False
+
+    def start(self, snapshot: Snapshot, q_command: np.ndarray) -> None:
+        super().start(snapshot, q_command)
+        self._is_ahead = False
+
+    def step(
+        self, snapshot: Snapshot, reference: Reference | None = None
+    ) -> ControllerOutput:
+        self._ticks += 1
+        if self._ticks == 100:
+            self._is_ahead = True
+            time.sleep(PAUSE_S)  # the fault itself, not a wait for something
+        output = super().step(snapshot, reference)
+        if self._is_ahead:
+            output.q_command[0] = FAR_RAD
+        return output
+
+
+def faithful(endpoints: Endpoints, pace: Pace) -> Any:
+    return run_stabilizer(
+        HoldController(WALKER.n_a),
+        WALKER,
+        endpoints=endpoints,
+        pace=pace,
+        identity="ann",
+        connect_timeout_s=DEADLINE_S,
+        reconnect=True,
+    )
+
+
+def hiccuping(endpoints: Endpoints) -> Any:
+    return run_stabilizer(
+        HiccupController(WALKER.n_a),
+        WALKER,
+        endpoints=endpoints,
+        pace=Pace.REALTIME,
+        identity="ann",
+        connect_timeout_s=DEADLINE_S,
+    )
+
+
+def slow_to_leave(endpoints: Endpoints) -> Any:
+    return run_stabilizer(
+        HoldController(WALKER.n_a),
+        WALKER,
+        endpoints=endpoints,
+        pace=Pace.LOCKSTEP,
+        identity="ann",
+        connect_timeout_s=DEADLINE_S,
+        safety=SafetySettings(leave_s=LONG_LEAVE_S),
+    )
+
+
+def is_commanded_again(status: RobotStatus) -> bool:
+    return is_running(status) and status.commander == "ann-2"
+
+
+def end_it(controller: Running) -> Any:
+    controller.signal(signal.SIGTERM)
+    return controller.result()
+
+
+@pytest.mark.parametrize(
+    ("sent", "pace"),
+    [(signal.SIGKILL, Pace.LOCKSTEP), (signal.SIGTERM, Pace.REALTIME)],
+)
+def test_it_takes_over_again_when_the_robot_is_back(
+    endpoints: Endpoints, sent: int, pace: Pace
+) -> None:
+    with running(faithful, endpoints, pace) as controller:
+        with running(robot, endpoints, LONG, pace) as first:
+            with observer(endpoints) as when:
+                when(is_running, what="the first robot's run")
+            first.signal(sent)
+            first.process.join(DEADLINE_S)
+        with (
+            running(robot, endpoints, LONG, pace) as second,
+            observer(endpoints) as when,
+        ):
+            when(is_commanded_again, what="command of the second robot")
+            result = end_it(controller)
+            held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
+            assert "ann-2" in held.reason
+            assert held.commander == ""
+            second.signal(signal.SIGTERM)
+            # At most the last command, which the request to hold has overtaken.
+            assert set(second.result().result.refused) <= {"mode"}
+    assert result.reason == "stopped: SIGTERM"
+    assert result.restarts == 1
+
+
+def test_it_does_not_come_back_to_a_robot_that_was_stopped_by_hand(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.REALTIME),
+        running(faithful, endpoints, Pace.REALTIME) as controller,
+        observer(endpoints) as when,
+        looking(endpoints) as eve,
+    ):
+        when(is_running, what="the run")
+        eve.requests.stop_robot()
+        result = controller.result()
+    assert result.reason.startswith("the robot is in fault: e-stop")
+    assert result.restarts == 0
+
+
+def test_it_takes_over_again_after_a_silence_of_its_own(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.REALTIME),
+        running(faithful, endpoints, Pace.REALTIME) as controller,
+        observer(endpoints) as when,
+    ):
+        when(is_running, what="the run")
+        controller.signal(signal.SIGSTOP)
+        left = when(lambda s: s.commander == "", what="the lease to be free")
+        assert left.mode is RobotMode.HOLD
+        controller.signal(signal.SIGCONT)
+        when(is_commanded_again, what="command of the robot again")
+        assert end_it(controller).restarts >= 1
+
+
+def test_it_ends_while_it_waits_for_the_robot(endpoints: Endpoints) -> None:
+    with running(faithful, endpoints, Pace.LOCKSTEP) as controller:
+        with (
+            running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant,
+            observer(endpoints) as when,
+        ):
+            when(is_running, what="the run")
+            plant.kill()
+        assert end_it(controller).reason in ("stopped: SIGTERM", "the robot is gone")
+
+
+def test_a_robot_that_holds_for_late_commands_is_taken_up_from_its_posture(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.REALTIME) as plant,
+        running(hiccuping, endpoints) as controller,
+        observer(endpoints) as when,
+    ):
+        refused = when(lambda s: s.refused.get("first_command"), what="the refusal")
+        when(
+            lambda s: s.tick > refused.tick and s.mode is RobotMode.ACTIVE,
+            what="command of the robot",
+        )
+        result = end_it(controller)
+        plant.signal(signal.SIGTERM)
+        run = plant.result()
+    assert result.reason == "stopped: SIGTERM"
+    assert result.restarts >= 1
+    assert not run.result.fell
+
+
+def test_a_second_signal_ends_it_at_once(endpoints: Endpoints) -> None:
+    with (
+        running(robot, endpoints, LONG, Pace.LOCKSTEP),
+        running(slow_to_leave, endpoints) as controller,
+        observer(endpoints) as when,
+        looking(endpoints) as eve,
+    ):
+        when(is_running, what="the run")
+        controller.signal(signal.SIGINT)
+
+        def is_leaving() -> bool:
+            told = eve.look().stabilizer
+            return told is not None and told.state == "leaving"
+
+        wait_until(is_leaving, what="the stabilizer to leave")
+        status = when(lambda s: True, what="a status")
+        controller.signal(signal.SIGINT)
+        assert controller.result().reason == "stopped: SIGINT"
+        held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
+        assert held.reason == "ann is gone"
+        assert held.tick - status.tick < LONG_LEAVE_S / WALKER.period_s

@@ -1,0 +1,41 @@
+"""A robot on a bus of its own, and clients of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import pytest
+
+from robot_io.client import RobotClient
+from schemas.endpoints import Endpoints
+from tests.robot_io.client_at_work import WALKER, MakeClient, new_client
+from tests.robot_io.served_robot import ServedRobot, serving
+from tests.support import DEADLINE_S
+
+
+@pytest.fixture
+def served(endpoints: Endpoints) -> Iterator[ServedRobot]:
+    with serving(WALKER, endpoints) as robot:
+        yield robot
+
+
+@pytest.fixture
+def make_client(endpoints: Endpoints) -> Iterator[MakeClient]:
+    with ExitStack() as stack:
+
+        def make(identity: str) -> RobotClient:
+            client = stack.enter_context(new_client(endpoints, identity))
+            assert client.connect(timeout_s=DEADLINE_S)
+            return client
+
+        yield make
+
+
+@pytest.fixture
+def commander(served: ServedRobot, make_client: MakeClient) -> RobotClient:
+    """A client that has taken command."""
+    client = make_client("ann")
+    client.take_lease()
+    client.enable()
+    return client

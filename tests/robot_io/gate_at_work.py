@@ -1,0 +1,58 @@
+"""A gate in use, for tests of it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from robot_io.gate import CommandGate
+from robot_io.robot import Robot, load_robot
+from robot_io.verdict import Verdict
+from schemas.arrays import Array
+from schemas.messages import SCHEMA_VERSION, JointCommand
+
+WALKER = load_robot("walker")
+GATE = WALKER.file.gate
+PERIOD_S = WALKER.period_s
+ROUNDING_RAD = 1e-12
+NOT_A_POSTURE = np.full(WALKER.n_a, math.nan)
+
+
+def command(q: Array, tick: int = 0, **changes: Any) -> JointCommand:
+    """Joint command of ann that answers a tick; ``changes`` are fields of it."""
+    fields: dict[str, Any] = {
+        "schema": SCHEMA_VERSION,
+        "tick": tick,
+        "stamp_ns": 0,
+        "q": np.asarray(q).tolist(),
+        "commander": "ann",
+        "sequence": tick,
+    }
+    return JointCommand(**{**fields, **changes})
+
+
+def active_gate(robot: Robot = WALKER) -> CommandGate:
+    """A gate that holds the nominal posture and listens to ann."""
+    gate = CommandGate(robot, robot.nominal)
+    assert gate.request("take", "ann", now_s=0.0).accepted
+    assert gate.request("enable", "ann", now_s=0.0).accepted
+    return gate
+
+
+def at_tick(
+    gate: CommandGate, tick: int, q: Array | None = None, **changes: Any
+) -> Verdict:
+    """Begins a tick and commands a posture, the present one if none is given."""
+    gate.begin_tick(now_s=tick * PERIOD_S)
+    wanted = gate.posture if q is None else q
+    return gate.check(
+        command(wanted, tick, **changes), tick=tick, now_s=tick * PERIOD_S
+    )
+
+
+def offset(joint: str, by_rad: float) -> Array:
+    posture = WALKER.nominal.copy()
+    posture[WALKER.joint_names.index(joint)] += by_rad
+    return posture

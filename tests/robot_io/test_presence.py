@@ -1,0 +1,98 @@
+"""Coming and going of robot and client, and what ends their waits."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from robot_io.bus import Bus
+from robot_io.errors import RobotUnreachableError
+from robot_io.gate import CommandGate
+from robot_io.server import RobotServer
+from robot_io.session import Role
+from robot_io.stop_request import StopRequest
+from schemas.endpoints import Endpoints
+from tests.robot_io.client_at_work import (
+    WALKER,
+    new_client,
+)
+from tests.robot_io.served_robot import ServedRobot, serving
+from tests.support import DEADLINE_S, wait_until
+
+
+def test_no_robot_is_an_error_that_names_endpoint_and_limit(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        new_client(endpoints, "ann") as client,
+        pytest.raises(RobotUnreachableError, match=r"within 0.2 s.*is the robot") as e,
+    ):
+        client.connect(timeout_s=0.2)
+    assert endpoints.connect[0] in str(e.value)
+
+
+def test_something_else_that_listens_is_not_taken_for_the_robot(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        Bus(endpoints, Role.ROBOT, namespace="other"),
+        new_client(endpoints, "ann") as client,
+        pytest.raises(RobotUnreachableError, match="no robot 'walker' is ready"),
+    ):
+        client.connect(timeout_s=0.2)
+
+
+def test_the_client_notices_that_the_robot_is_gone(endpoints: Endpoints) -> None:
+    with new_client(endpoints, "ann") as client:
+        with serving(WALKER, endpoints):
+            client.connect(timeout_s=DEADLINE_S)
+            client.take_lease()
+        wait_until(lambda: not client.robot_is_here, what="the robot to be gone")
+        assert client.wait_snapshot(timeout_s=DEADLINE_S) is None, "the wait is ended"
+        with pytest.raises(RobotUnreachableError, match="went away"):
+            client.enable()
+
+
+def test_the_client_may_come_before_the_robot(endpoints: Endpoints) -> None:
+    started = threading.Event()
+    over = threading.Event()
+
+    def robot() -> None:
+        started.wait(DEADLINE_S)
+        with serving(WALKER, endpoints):
+            over.wait(DEADLINE_S)
+
+    thread = threading.Thread(target=robot)
+    thread.start()
+    with new_client(endpoints, "ann") as client:
+        started.set()
+        assert client.connect(timeout_s=DEADLINE_S)
+        client.take_lease()
+        client.enable()
+    over.set()
+    thread.join()
+
+
+def test_a_stop_request_ends_the_robots_waits(endpoints: Endpoints) -> None:
+    stop = StopRequest()
+    stop.set("a test")
+    gate = CommandGate(WALKER, WALKER.nominal)
+    with RobotServer(WALKER, gate, endpoints=endpoints, stop=stop) as server:
+        assert not server.wait_until_active(now_s=0.0, timeout_s=None)
+        assert server.wait_answer(0, now_s=0.0, timeout_s=DEADLINE_S) is None
+
+
+def test_a_stop_request_ends_the_clients_waits(
+    served: ServedRobot, endpoints: Endpoints
+) -> None:
+    stop = StopRequest()
+    with new_client(endpoints, "ann", stop) as client:
+        assert client.connect(timeout_s=DEADLINE_S)
+        stop.set("a test")
+        begin = time.monotonic()
+        assert client.wait_snapshot(timeout_s=DEADLINE_S) is None
+        assert time.monotonic() < begin + DEADLINE_S
+    with new_client(endpoints, "bob", stop) as late:
+        assert not late.connect(timeout_s=DEADLINE_S)
