@@ -63,7 +63,7 @@ schemas: $(STAMP)
 
 # Every warning ends it. Material's word on the future of mkdocs is none of ours.
 docs: $(STAMP)
-	DISABLE_MKDOCS_2_WARNING=true $(BIN)/mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	@echo "Look into out/site/index.html."
 
 clean:

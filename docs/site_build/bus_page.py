@@ -78,9 +78,8 @@ def _message(kind: type[msgspec.Struct]) -> str:
         rows = [row for row in rows if row.name not in common]
     keys = [f"`{topic.key}`" for topic in TOPICS if topic.message is kind]
     where = f" Carried by {', '.join(keys)}." if keys else ""
-    return (
-        f"### {kind.__name__}\n\n{literals(first_line(kind))}{where}\n\n"
-        + table(rows, _COLUMNS)
+    return f"### {kind.__name__}\n\n{literals(first_line(kind))}{where}\n\n" + table(
+        rows, _COLUMNS
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import typer
 from typer.cli import get_docs_for_click
 from typer.main import get_command
@@ -27,9 +29,17 @@ def commands_page() -> str:
     context = typer.Context(command, info_name=_NAME)
     body = get_docs_for_click(obj=command, ctx=context, name=_NAME)
     _, _, rest = body.partition("\n")
+    for name, child in getattr(command, "commands", {}).items():
+        rest = re.sub(rf"(?m)^\* `{name}`: .*$", _entry(name, child.help), rest)
     codes = "".join(f"| {int(code)} | {text} |\n" for code, text in _CODES.items())
     return (
         "# Commands\n\nWritten from the command line itself; `surefoot COMMAND --help` "
         "says the same. With `--json`, stdout is one JSON object and nothing else.\n\n"
         f"| exit code | means |\n|---|---|\n{codes}\n## `{_NAME}`\n{rest}"
     )
+
+
+def _entry(name: str, help_text: str | None) -> str:
+    """A line of the list of commands, whole and with a link."""
+    words = " ".join((help_text or "").split("\n\n")[0].split())
+    return f"* [`{name}`](#{_NAME}-{name}): {words}"

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from inspect import cleandoc
 from pathlib import Path
 
 import msgspec
 
-from docs.site_build.struct_table import field_rows, first_line, literals, table
+from docs.site_build.struct_table import field_rows, literals, table
 from docs.site_build.structs import structs_within
 from schemas.endpoints import DEFAULT_LOCATOR, Endpoints
 from schemas.result import RunResult
@@ -88,16 +89,19 @@ same code, scenario, seed and settings have the same one, on whatever machine of
 
 def _tables(kind: type[msgspec.Struct]) -> str:
     parts = []
-    for struct in structs_within(kind):
+    for struct, head in structs_within(kind).items():
+        title = f"{struct.__name__}: `{head}`" if head else struct.__name__
+        tag = struct.__struct_config__.tag
+        words = f' Written with `kind = "{tag}"`.' if tag else ""
         parts.append(
-            f"\n## {_title(struct, kind)}\n\n{literals(first_line(struct))}\n\n"
+            f"\n## {title}\n\n{_whole_doc(struct)}{words}\n\n"
             + table(field_rows(struct), _COLUMNS)
         )
     return "".join(parts)
 
 
-def _title(struct: type[msgspec.Struct], whole: type[msgspec.Struct]) -> str:
-    return "The whole" if struct is whole else struct.__name__
+def _whole_doc(struct: type[msgspec.Struct]) -> str:
+    return literals(cleandoc(struct.__doc__ or ""))
 
 
 def _example(path: Path) -> str:

@@ -20,6 +20,7 @@ from docs.site_build import generated_pages, source_links  # noqa: E402
 _MATH = re.compile(
     r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL
 )
+_DOTTED_CAPITAL = re.compile(r'(<mover accent="true">)(<mi>[A-Z]</mi>)')
 FONT = "STIXTwoMath-Regular.ttf"
 
 
@@ -66,7 +67,10 @@ def on_page_content(text: str, page: Any, config: Any, files: Files) -> str:
 def _to_mathml(match: re.Match[str]) -> str:
     display = "block" if match[1] == "div" else "inline"
     tex = html.unescape(match[2]).strip()
-    return f'<{match[1]} class="math">{convert(tex, display=display)}</{match[1]}>'
+    # As accents dots keep their size; over a capital they need some room.
+    mathml = convert(tex, display=display).replace("<mover>", '<mover accent="true">')
+    mathml = _DOTTED_CAPITAL.sub(r'\1<mpadded height="+0.12em">\2</mpadded>', mathml)
+    return f'<{match[1]} class="math">{mathml}</{match[1]}>'
 
 
 def _existing(node: Any, there: set[str]) -> Any:

@@ -35,6 +35,8 @@ _SUFFIXES = {
     "_s": "s",
 }
 """Endings of names that say the unit, longest first."""
+_NBSP = "\N{NO-BREAK SPACE}"
+_HEADINGS = {"text": "what it is", "type": "holds"}
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -73,7 +75,7 @@ def table(rows: list[FieldRow], columns: tuple[str, ...]) -> str:
     """Markdown table of some attributes of rows; empty columns are left out."""
     kept = [name for name in columns if any(getattr(row, name) for row in rows)]
     lines = [
-        "| " + " | ".join(kept) + " |",
+        "| " + " | ".join(_HEADINGS.get(name, name) for name in kept) + " |",
         "|" + "---|" * len(kept),
     ]
     for row in rows:
@@ -162,11 +164,11 @@ def _range(kind: inspect.Type) -> str:
 
 
 def _bounds(kind: inspect.FloatType | inspect.IntType) -> str:
-    low = f"> {kind.gt:g}" if kind.gt is not None else ""
-    low = f"≥ {kind.ge:g}" if kind.ge is not None else low
-    high = f"< {kind.lt:g}" if kind.lt is not None else ""
+    low = f">{_NBSP}{kind.gt:g}" if kind.gt is not None else ""
+    low = f"≥{_NBSP}{kind.ge:g}" if kind.ge is not None else low
+    high = f"<{_NBSP}{kind.lt:g}" if kind.lt is not None else ""
     if kind.le is not None and kind.le < 2**53:
-        high = f"≤ {kind.le:g}"
+        high = f"≤{_NBSP}{kind.le:g}"
     return ", ".join(filter(None, (low, high)))
 
 
