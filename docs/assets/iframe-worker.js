@@ -15,6 +15,7 @@ if (location.protocol === "file:") {
         this.dispatchEvent(answer);
         if (this.onmessage) this.onmessage(answer);
       });
+      frame.addEventListener("ready", () => this.send());
       const inside = frame.contentDocument;
       inside.open();
       inside.write(`<script>
@@ -25,9 +26,10 @@ if (location.protocol === "file:") {
           script.onload = done;
           document.head.append(script);
         })));
-      <\/script><script src="${url}"><\/script>`);
+      <\/script><script src="${url}"><\/script><script>
+        frameElement.dispatchEvent(new Event("ready"));
+      <\/script>`);
       inside.close();
-      frame.addEventListener("load", () => this.send());
     }
 
     postMessage(data) {

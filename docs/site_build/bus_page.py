@@ -24,13 +24,13 @@ What robot and stabilizer say to each other, written from the topic table
 [`schemas/topics.py`](../../schemas/topics.py#TOPICS) and the structs in
 [`schemas/messages.py`](../../schemas/messages.py).
 
-- Transport is Zenoh; the robot's name is the session's namespace, so the joints of `walker` are on
-  `walker/state/joints`. A robot file may [rename keys](robot-file.md).
+- Transport is Zenoh; the robot's name is the session's namespace, so the joints of
+  `walker` are on `walker/state/joints`. A robot file may [rename keys](robot-file.md).
 - A message is a MessagePack map with string keys. All fields are required, unknown ones
   are refused, and every number must be finite. SI units and radians.
 - A wrench is [force; moment], of the ground on the robot. Quaternions are x y z w.
-- The format has version {SCHEMA_VERSION}, which every message carries as `schema`. JSON Schema of each:
-  [`schemas/json`](../../schemas/json).
+- The format has version {SCHEMA_VERSION}, which every message carries as `schema`. JSON
+  Schema of each: [`schemas/json`](../../schemas/json).
 - The robot listens, everyone else dials. Liveliness tokens: `{ALIVE_ROBOT}`,
   `{ALIVE_STABILIZER}/NAME`, `{ALIVE_OBSERVER}/NAME`.
 """

@@ -24,8 +24,8 @@ def scenario_page() -> str:
     """Scenario file: keys, and the scenarios that ship."""
     head = """# Scenario file
 
-What the world does to the robot, in TOML. A misspelt key is refused by its path, with the
-nearest valid one. The shortest one is a name and a duration; start from a
+What the world does to the robot, in TOML. A misspelt key is refused by its path, with
+the nearest valid one. The shortest one is a name and a duration; start from a
 [shipped one](../../sim_robot/scenarios):
 
 """
@@ -48,10 +48,11 @@ def robot_page() -> str:
     """Robot file: keys."""
     head = """# Robot file
 
-A TOML beside a URDF: what the URDF has no words for. The URDF gives geometry, inertia, joint ranges
-and torque limits; files that contradict each other are refused. A file that says
-`extends = "other.toml"` changes only what it names. [Robots](../robots.md) tells of the
-Walker and where its numbers are from. The same robot with the names of its real bus:
+A TOML beside a URDF: what the URDF has no words for. The URDF gives geometry, inertia,
+joint ranges and torque limits; files that contradict each other are refused. A file
+that says `extends = "other.toml"` changes only what it names. [Robots](../robots.md)
+tells of the Walker and where its numbers are from. The same robot with the names of its
+real bus:
 
 """
     folder = "walker-real"
@@ -63,9 +64,10 @@ def endpoint_page() -> str:
     """Endpoint file: keys."""
     head = f"""# Endpoint file
 
-Where a process meets the others on the network, and as whom; given with `--endpoints FILE`.
-Without one, everything is on `{DEFAULT_LOCATOR}`. Who may do what is told in
-[Security](../security.md); ready files are in [`deploy/hardware`](../../deploy/hardware).
+Where a process meets the others on the network, and as whom; given with
+`--endpoints FILE`. Without one, everything is on `{DEFAULT_LOCATOR}`. Who may do what
+is told in [Security](../security.md); ready files are in
+[`deploy/hardware`](../../deploy/hardware).
 
 """
     path = SCENARIOS_DIR.parents[1] / "deploy/hardware/stabilizer.toml"
@@ -76,12 +78,14 @@ def results_page() -> str:
     """What ``surefoot run`` reports."""
     head = """# Results
 
-What `surefoot run --json` prints and `--out DIR` keeps as `result.json`. A folder of a run holds besides:
-`ticks.npz` (every tick), `run.mcap` ([every message](../recording.md)), `settings.toml` and
-`scenario.toml` (as resolved), and a log per process.
+What `surefoot run --json` prints and `--out DIR` keeps as `result.json`. A folder of a
+run holds besides: `ticks.npz` (every tick), `run.mcap`
+([every message](../recording.md)), `settings.toml` and `scenario.toml` (as resolved),
+and a log per process.
 
-`log_sha256` is over every tick's sensors and commands, never over timings: two lockstep runs of the
-same code, scenario, seed and settings have the same one, on whatever machine of one kind.
+`log_sha256` is over every tick's sensors and commands, never over timings: two lockstep
+runs of the same code, scenario, seed and settings have the same one, however busy the
+machine is.
 
 """
     return head + _tables(RunResult)
@@ -90,7 +94,8 @@ same code, scenario, seed and settings have the same one, on whatever machine of
 def _tables(kind: type[msgspec.Struct]) -> str:
     parts = []
     for struct, head in structs_within(kind).items():
-        title = f"{struct.__name__}: `{head}`" if head else struct.__name__
+        is_toml = head and kind is not RunResult
+        title = f"{struct.__name__}: `{head}`" if is_toml else struct.__name__
         tag = struct.__struct_config__.tag
         words = f' Written with `kind = "{tag}"`.' if tag else ""
         parts.append(
@@ -114,8 +119,8 @@ def _paths() -> str:
     return f"""
 ## Values by path
 
-`surefoot sweep --vary PATH=...` varies a value by its path, and some paths stand for several keys: the
-impulse of a push, a peak rate. Those of `push-slow-platform`:
+`surefoot sweep --vary PATH=...` varies a value by its path, and some paths stand for
+several keys: the impulse of a push, a peak rate. Those of `push-slow-platform`:
 
 {paths}
 """

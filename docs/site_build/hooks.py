@@ -20,7 +20,7 @@ from docs.site_build import generated_pages, source_links  # noqa: E402
 _MATH = re.compile(
     r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL
 )
-_DOTTED_CAPITAL = re.compile(r'(<mover accent="true">)(<mi>[A-Z]</mi>)')
+_DOTTED_CAPITAL = re.compile(r'(<mover accent="true"><mi>[A-Z]</mi>)<mo>')
 FONT = "STIXTwoMath-Regular.ttf"
 
 
@@ -69,7 +69,7 @@ def _to_mathml(match: re.Match[str]) -> str:
     tex = html.unescape(match[2]).strip()
     # As accents dots keep their size; over a capital they need some room.
     mathml = convert(tex, display=display).replace("<mover>", '<mover accent="true">')
-    mathml = _DOTTED_CAPITAL.sub(r'\1<mpadded height="+0.12em">\2</mpadded>', mathml)
+    mathml = _DOTTED_CAPITAL.sub(r'\1<mo class="over-capital">', mathml)
     return f'<{match[1]} class="math">{mathml}</{match[1]}>'
 
 

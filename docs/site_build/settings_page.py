@@ -28,12 +28,12 @@ surefoot run moving-platform-slow --set tsid.base_kp=120 --set dik.k_force=-40
 surefoot run moving-platform-slow --settings my-settings.toml
 ```
 
-A settings file has a table per section and names only what it changes; `--set` wins over
-it. One number given for a setting with several axes stands for all of them. A name that
-does not exist is refused, with the nearest one that does. Each run keeps its settings, all
-of them, in `settings.toml`. Settings with a ● can also be changed while the stabilizer
-runs, from the live page or by a request on `srv/settings`; they move to their new value
-over half a second.
+A settings file has a table per section and names only what it changes; `--set` wins
+over it. One number given for a setting with several axes stands for all of them. A name
+that does not exist is refused, with the nearest one that does. Each run keeps its
+settings, all of them, in `settings.toml`. Settings with a ● can also be changed while
+the stabilizer runs, from the live page or by a request on `srv/settings`; they move to
+their new value over half a second. Unit 1 stands for a number without one.
 """
 _COLUMNS = ("name", "default", "unit", "range", "text")
 

@@ -90,7 +90,7 @@ def first_line(kind: type) -> str:
 
 
 def literals(text: str) -> str:
-    """reStructuredText's ``literal`` as Markdown's `literal`."""
+    """Docstrings' ``literal`` as Markdown's `literal`."""
     return text.replace("``", "`")
 
 
