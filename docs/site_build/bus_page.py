@@ -35,7 +35,10 @@ What robot and stabilizer say to each other, written from the topic table
   `{ALIVE_STABILIZER}/NAME`, `{ALIVE_OBSERVER}/NAME`.
 """
 _COLUMNS = ("name", "type", "unit", "range", "text")
-_REPLIES = (messages.ServiceReply, messages.StabilizerReply)
+_REPLIES: tuple[type[msgspec.Struct], ...] = (
+    messages.ServiceReply,
+    messages.StabilizerReply,
+)
 
 
 def bus_page() -> str:
@@ -63,9 +66,9 @@ def _channels() -> str:
 
 def _messages() -> list[type[msgspec.Struct]]:
     """Every message, and every struct inside one, once."""
-    carried = [topic.message for topic in TOPICS]
+    carried: list[type[msgspec.Struct]] = [topic.message for topic in TOPICS]
     found: dict[type[msgspec.Struct], None] = {}
-    for kind in (*carried, *_REPLIES):
+    for kind in [*carried, *_REPLIES]:
         found.update(dict.fromkeys(structs_within(kind)))
     return list(found)
 
