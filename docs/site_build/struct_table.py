@@ -73,7 +73,7 @@ def field_rows(kind: type[msgspec.Struct]) -> list[FieldRow]:
 
 def table(rows: list[FieldRow], columns: tuple[str, ...]) -> str:
     """Markdown table of some attributes of rows; empty columns are left out."""
-    kept = [name for name in columns if any(getattr(row, name) for row in rows)]
+    kept = [name for name in columns if any(getattr(row, name) != "" for row in rows)]
     lines = [
         "| " + " | ".join(_HEADINGS.get(name, name) for name in kept) + " |",
         "|" + "---|" * len(kept),
