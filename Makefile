@@ -11,7 +11,7 @@ export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint format schemas clean
+.PHONY: help install demo test lint format schemas docs clean
 
 help:
 	@echo "make demo    install into .venv and run the moving-platform demo"
@@ -19,6 +19,7 @@ help:
 	@echo "make lint    style, types and layers only"
 	@echo "make format  let ruff rewrite the code"
 	@echo "make schemas write schemas/json anew after a message or file format changed"
+	@echo "make docs    build the documentation into out/site; open out/site/index.html"
 	@echo "make clean   remove .venv, caches and out/"
 
 install: $(STAMP)
@@ -59,6 +60,11 @@ format: $(STAMP)
 
 schemas: $(STAMP)
 	$(BIN)/python -m schemas.json_schema
+
+# Every warning ends it. Material's word on the future of mkdocs is none of ours.
+docs: $(STAMP)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
+	@echo "Look into out/site/index.html."
 
 clean:
 	rm -rf $(VENV) out build dist *.egg-info \

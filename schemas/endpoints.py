@@ -60,7 +60,9 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
     """
 
     listen: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
+    """Locators where the robot listens."""
     connect: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
+    """Locators that everyone else dials."""
     router: list[str] = []
     """Where a router listens, when there is one: everyone dials it, also the robot."""
     lease_ms: Annotated[int, msgspec.Meta(ge=50, le=60000)] = 500

@@ -83,6 +83,7 @@ class RobotStatus(Message, frozen=True, kw_only=True):
     PER_JOINT: ClassVar[tuple[str, ...]] = ("q_command",)
 
     mode: RobotMode
+    """Mode of the gate."""
     fault: str
     """Why the robot is in FAULT; empty otherwise."""
     reason: str
@@ -120,6 +121,7 @@ class FootReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     position: Floats3
     """Sole origin in the reference frame between the feet [m]."""
     quat_xyzw: Floats4
+    """Orientation of the sole there."""
 
 
 class Reference(Message, frozen=True, kw_only=True):
@@ -134,9 +136,9 @@ class Reference(Message, frozen=True, kw_only=True):
     com: Floats3
     """Centre of mass [m]."""
     com_velocity: Floats3
-    """[m/s]."""
+    """Its velocity [m/s]."""
     com_acceleration: Floats3
-    """[m/s^2]."""
+    """Its acceleration, fed forward [m/s^2]."""
     base_quat_xyzw: Floats4
     """Orientation of the base link, stance from base."""
     posture: Floats
@@ -154,11 +156,13 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
     """What the stabilizer wants, measures and how it fares."""
 
     controller: str
+    """Name of the control law."""
     state: str
     """One word: ``active``; ``degraded`` when a sensor is silent or lost; ``hold`` when
     a QP failed and the posture is kept; ``stopping`` or ``leaving`` while the command
     comes to rest; ``held`` when it stands still for good."""
     reason: str
+    """Why it is not active; empty when it is."""
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""
     com_reference: Floats3
@@ -166,11 +170,11 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
     F_id_left: Floats6
     """Wrench the first QP wants at the left sole [N, N m]."""
     F_id_right: Floats6
-    """The same at the right sole."""
+    """The same at the right sole [N, N m]."""
     F_meas_left: Floats6
     """Measured wrench, compensated to the left sole [N, N m]."""
     F_meas_right: Floats6
-    """The same at the right sole."""
+    """The same at the right sole [N, N m]."""
     in_contact: Annotated[list[bool], msgspec.Meta(min_length=2, max_length=2)]
     """Left, right."""
     qp_status: str
@@ -189,6 +193,7 @@ class PlatformTruth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     position: Floats3
     """Top centre in the world [m]."""
     quat_xyzw: Floats4
+    """World from platform."""
 
 
 class Truth(Message, frozen=True, kw_only=True):
@@ -201,15 +206,15 @@ class Truth(Message, frozen=True, kw_only=True):
     com: Floats3
     """Centre of mass in the world [m]."""
     com_velocity: Floats3
-    """[m/s]."""
+    """Its velocity, world axes [m/s]."""
     sole_left: Floats3
     """Origin of the left sole in the world [m]."""
     sole_right: Floats3
-    """The same of the right sole."""
+    """The same of the right sole [m]."""
     F_left: Floats6
     """Contact wrench at the left sole, in the sole frame [N, N m]."""
     F_right: Floats6
-    """The same at the right sole."""
+    """The same at the right sole [N, N m]."""
     normal_force: Pair
     """Along the soles' normals, left and right [N]."""
     platforms: list[PlatformTruth]
@@ -220,6 +225,7 @@ class ModeRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Asked on srv/mode: enable, hold, disable or reset."""
 
     schema: int
+    """Version of this format."""
     action: str
     """``enable``, ``hold``, ``disable`` or ``reset``."""
     commander: str
@@ -230,6 +236,7 @@ class LeaseRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Asked on srv/lease: take or release command."""
 
     schema: int
+    """Version of this format."""
     action: str
     """``take`` or ``release``."""
     commander: str
@@ -240,6 +247,7 @@ class EstopRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Asked on srv/estop by anyone: stop now."""
 
     schema: int
+    """Version of this format."""
     source: str
     """Who stops the robot, for the log."""
 
@@ -250,10 +258,13 @@ class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     PER_JOINT: ClassVar[tuple[str, ...]] = ("q_command",)
 
     schema: int
+    """Version of this format."""
     accepted: bool
+    """Whether it was done."""
     reason: str
     """Why not; may be empty when accepted."""
     mode: RobotMode
+    """Mode of the gate after it."""
     commander: str
     """Who holds the lease now; empty when nobody does."""
     q_command: Floats
@@ -267,6 +278,7 @@ class SettingsRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Asked on srv/settings of the stabilizer: change gains while it runs."""
 
     schema: int
+    """Version of this format."""
     source: str
     """Who asks, for the log."""
     changes: dict[str, Floats]
@@ -278,6 +290,7 @@ class ControlRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Asked on srv/control of the stabilizer, which commands the robot."""
 
     schema: int
+    """Version of this format."""
     source: str
     """Who asks, for the log."""
     action: str
@@ -288,7 +301,9 @@ class StabilizerReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Answer of the stabilizer's services."""
 
     schema: int
+    """Version of this format."""
     accepted: bool
+    """Whether it is done."""
     reason: str
     """Why not; may be empty when accepted."""
     tick: Count
@@ -315,6 +330,7 @@ class PushRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Asked on srv/push of a simulated robot: a force on a link for a while."""
 
     schema: int
+    """Version of this format."""
     source: str
     """Who pushes, for the log."""
     body: str
@@ -322,7 +338,7 @@ class PushRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     force_n: Floats3
     """Force at its centre of mass, world axes [N]."""
     duration_s: float
-    """[s]"""
+    """How long it acts [s]."""
 
 
 class PushEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -331,7 +347,10 @@ class PushEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     tick: Count
     """First control tick in which it acts."""
     source: str
+    """Who pushed."""
     body: str
+    """Link of the URDF."""
     force_n: Floats3
     """World axes [N]."""
     duration_s: float
+    """How long it acts."""

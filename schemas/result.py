@@ -14,8 +14,11 @@ class Distribution(msgspec.Struct, frozen=True, kw_only=True):
     """Median, 99th percentile and maximum of a time [ms]."""
 
     median: float
+    """Half of all are below it [ms]."""
     p99: float
+    """All but one in a hundred are below it [ms]."""
     max: float
+    """The largest [ms]."""
 
 
 class Histogram(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,37 +99,63 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """One run, whole."""
 
     scenario: str
+    """Its name."""
     controller: str
+    """Which law."""
     robot: str
+    """Which robot file."""
     seed: int
+    """Of the sensor noise."""
     mode: Literal["lockstep", "realtime", "inline"]
+    """How the two sides met."""
     fell: bool
+    """Whether the robot fell."""
     fell_at_s: float | None
+    """When it did; null when it stood."""
     duration_s: float
+    """Simulated time, to the end or the fall."""
     com_error_rms_mm: Floats3
+    """CoM against its reference, x y z, true, from 1 s on: root mean square."""
     com_error_max_mm: Floats3
+    """The same: largest."""
     base_tilt_max_deg: float
+    """Farthest the base leaned from upright."""
     force_error_rms_n: Pair
+    """Measured against wanted normal force, left and right."""
     force_deviation_rms_n: Pair
+    """True normal force against half the robot's weight, left and right."""
     force_peak_n: Pair
+    """Largest true normal force, left and right."""
     contact_lost_s: Pair
+    """Time without the ground, left and right, all together."""
     contact_gap_s: Pair
     """Longest time at a stretch without the ground, left and right."""
     real_time_factor: float
+    """Simulated time over time taken."""
     tick_ms: Distribution
+    """Stabilizer's time from snapshot to command."""
     round_trip_ms: Distribution
+    """Sensors sent to command received, per tick."""
     period_jitter_ms: Distribution
+    """Real time only: how late each tick began; zero in lockstep."""
     deadline_misses: int
+    """Ticks that went on without their command."""
     qp_failures: int
+    """Ticks whose QPs were not solved; the posture was held."""
     degraded_ticks: int
     """Ticks answered without a sensor, or while giving up."""
     reason: str
     """Why the stabilizer ended, or gave up."""
     refused: dict[str, int]
+    """Commands the gate refused, by reason."""
     clipped: dict[str, int]
+    """Commands the gate clipped, by limit."""
     ticks: int
+    """Control ticks run."""
     log_sha256: str
+    """Digest of every tick's sensors and commands."""
     out: str | None
+    """Folder of the run; null when none was asked for."""
     pushes: list[PushEvent] = []
     """Pushes asked for during the run, besides the scenario's."""
     settings_changes: list[SettingsChange] = []

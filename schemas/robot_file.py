@@ -24,18 +24,22 @@ class Foot(FileStruct, frozen=True, kw_only=True):
     """One foot: its sole rectangle and its force-torque sensor."""
 
     side: Side
+    """Left or right."""
     sole_frame: str
     """URDF link in the middle of the contact rectangle, z out of the ground."""
     ft_link: str
     """URDF link below the sensor; the sensor frame is this link's frame."""
     half_length_m: Positive
+    """Half of the sole along x."""
     half_width_m: Positive
+    """Half of the sole along y."""
 
 
 class ServoProfile(FileStruct, frozen=True, kw_only=True):
     """How a servo's set-point follows the position command."""
 
     velocity_limit_rad_s: Positive
+    """Fastest the set-point moves."""
     lag_s: NonNegative
     """Time constant of the first-order lag behind the limit [s]."""
 
@@ -44,14 +48,18 @@ class Servo(FileStruct, frozen=True, kw_only=True):
     """Servo profiles and which one is used."""
 
     profile: str
+    """The one used when no other is asked for."""
     profiles: dict[str, ServoProfile]
+    """By name."""
 
 
 class Gate(FileStruct, frozen=True, kw_only=True):
     """Limits of the robot-side command gate."""
 
     step_limit_rad: Positive
+    """Farthest a command may move a joint in one tick."""
     position_margin_rad: NonNegative = 0.0
+    """Kept free before each end of the joint range."""
     hold_after_s: Positive = 0.02
     """Silence of the commander after which the last posture is held [s]."""
     fault_after_s: Positive = 1.0
@@ -74,12 +82,17 @@ class Joint(FileStruct, frozen=True, kw_only=True):
     """One actuated joint; its range stands in the URDF."""
 
     name: str
+    """Joint of the URDF."""
     kp_nm_rad: Positive
+    """Stiffness of the servo."""
     kd_nm_s_rad: NonNegative
+    """Damping of the servo."""
     armature_kg_m2: NonNegative
     """Rotor inertia seen at the joint."""
     damping_nm_s_rad: NonNegative
+    """Passive damping of the drive."""
     torque_limit_nm: Positive
+    """Largest torque; the same as in the URDF."""
     velocity_limit_rad_s: Positive
     """Fastest command the gate lets pass and the controller asks for."""
     nominal_rad: float
@@ -94,20 +107,27 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
     """A robot: geometry in the URDF it names, the rest here."""
 
     name: str
+    """Shown to people."""
     urdf: str
     """Path of the URDF, relative to this file."""
     namespace: str
+    """Zenoh's namespace: what every key on the bus begins with."""
     rate_hz: Positive
+    """Control ticks in a second."""
     base_link: str
+    """URDF link that floats."""
     nominal_base_height_m: Positive
     """Base origin above the ground in the nominal posture."""
     com_travel_m: tuple[float, float] = (-0.1, 0.03)
     """How far the centre of mass may sink and rise over its feet, from nominal."""
     imu: Imu
+    """Inertial unit."""
     foot: Annotated[list[Foot], msgspec.Meta(min_length=2, max_length=2)]
     """Left, then right."""
     servo: Servo
+    """Servos."""
     gate: Gate
+    """Limits of the command gate."""
     joint: Annotated[list[Joint], msgspec.Meta(min_length=1)]
     """Their order is the order of every array on the bus."""
     keys: dict[str, str] = {}

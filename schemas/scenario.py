@@ -24,11 +24,13 @@ class _Motion(FileStruct, frozen=True, kw_only=True):
     """What all motions share: an axis of the platform's top centre and a size."""
 
     axis: Axis
+    """What moves, of the platform's top centre."""
     amplitude_m: float | None = None
     """Along x, y or z; for ramps and drops signed."""
     amplitude_deg: float | None = None
     """About roll, pitch or yaw; for ramps and drops signed."""
     start_s: NonNegative = 0.0
+    """When it begins."""
 
     def __post_init__(self) -> None:
         """Checks that the size has the unit of the axis."""
@@ -65,14 +67,18 @@ class SineMotion(_Motion, frozen=True, kw_only=True, tag="sine", tag_field="kind
     """Sine that fades in over its first period."""
 
     frequency_hz: Positive
+    """Of the sine."""
     phase_deg: float = 0.0
+    """Of the sine at its start."""
 
 
 class RampMotion(_Motion, frozen=True, kw_only=True, tag="ramp", tag_field="kind"):
     """Constant rate to the amplitude, 20 ms blends at both ends."""
 
     rate_m_s: Positive | None = None
+    """Magnitude of the rate along x, y or z."""
     rate_deg_s: Positive | None = None
+    """Magnitude of the rate about roll, pitch or yaw."""
 
     def __post_init__(self) -> None:
         """Checks units of amplitude and rate."""
@@ -89,7 +95,9 @@ class DropMotion(_Motion, frozen=True, kw_only=True, tag="drop", tag_field="kind
     """Falls to the amplitude: freely, or at a given rate."""
 
     rate_m_s: Positive | None = None
+    """Magnitude of the rate along x, y or z; z falls freely without one."""
     rate_deg_s: Positive | None = None
+    """Magnitude of the rate about roll, pitch or yaw."""
 
     def __post_init__(self) -> None:
         """Checks units; only z can fall freely."""
@@ -109,59 +117,88 @@ class Platform(FileStruct, frozen=True, kw_only=True):
     """Ground under one foot or both; without motion it stands still."""
 
     foot: Literal["left", "right", "both"]
+    """Which foot stands on it."""
     motion: list[Motion] = []
+    """They add up."""
 
 
 class Push(FileStruct, frozen=True, kw_only=True):
     """Force on a body, in the world frame, at its centre of mass."""
 
     body: str
+    """Link of the URDF."""
     force_n: Floats3
+    """Force in world axes."""
     start_s: NonNegative
+    """When it begins."""
     duration_s: Positive
+    """How long it acts."""
 
 
 class Sensors(FileStruct, frozen=True, kw_only=True):
     """Standard deviations per sample, biases and resolution; zero when absent."""
 
     force_noise_n: NonNegative = 0.0
+    """Ankle forces: standard deviation."""
     moment_noise_nm: NonNegative = 0.0
+    """Ankle moments: standard deviation."""
     gyro_noise_rad_s: NonNegative = 0.0
+    """Gyroscope: standard deviation."""
     accel_noise_m_s2: NonNegative = 0.0
+    """Accelerometer: standard deviation."""
     gyro_bias_rad_s: float = 0.0
+    """Gyroscope: constant offset of each axis."""
     accel_bias_m_s2: float = 0.0
+    """Accelerometer: constant offset of each axis."""
     force_bias_n: float = 0.0
+    """Ankle forces: constant offset of each axis."""
     moment_bias_nm: float = 0.0
+    """Ankle moments: constant offset of each axis."""
     encoder_resolution_rad: NonNegative = 0.0
+    """Joint positions come in steps of this size."""
 
 
 class Delay(FileStruct, frozen=True, kw_only=True):
     """Transport delays, in whole milliseconds at 1 kHz."""
 
     sensor_ms: NonNegative = 0.0
+    """From measuring to sending."""
     command_ms: NonNegative = 1.0
+    """From a tick's sensors to the servos: the least is the next tick."""
 
 
 class ModelError(FileStruct, frozen=True, kw_only=True):
     """What the robot is, against what the controller believes."""
 
     mass_scale: Positive = 1.0
+    """The robot's true mass over the believed one."""
     servo_kp_scale: Positive = 1.0
+    """The servos' true stiffness over the believed one."""
 
 
 class Scenario(FileStruct, frozen=True, kw_only=True):
     """A run: its ground, pushes, sensors and their faults, delays, model errors."""
 
     name: str
+    """Shown in tables and kept in results."""
     duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+    """Simulated time."""
     description: str = ""
+    """One sentence for the list of scenarios."""
     friction: Positive = 0.7
+    """Friction coefficient of all ground [1]."""
     platform: list[Platform] = []
+    """Moving ground; firm level ground where there is none."""
     push: list[Push] = []
+    """Forces on links."""
     sensors: Sensors = Sensors()
+    """Noise and offsets."""
     delay: Delay = Delay()
+    """Transport delays."""
     model_error: ModelError = ModelError()
+    """What the controller does not know."""
     fault: list[SensorFault] = []
+    """Sensors that fail."""
 
     def __post_init__(self) -> None:
         """Checks that every foot has at most one platform."""

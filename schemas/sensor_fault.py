@@ -30,9 +30,13 @@ class SensorFault(FileStruct, frozen=True, kw_only=True):
     """
 
     sensor: SensorName
+    """Which one fails."""
     kind: FaultKind
+    """How it fails, see above."""
     start_s: NonNegative
+    """When it begins."""
     duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+    """How long it lasts."""
     size: Positive | None = None
     """Of a jump, in the sensor's unit; see JUMP_SIZES."""
 

@@ -42,11 +42,13 @@ class TsidSettings(FileStruct, frozen=True, kw_only=True):
     posture_kd: Positive = 14.0
     """Joint velocity gain [1/s]."""
     com_weight: Positive = 1.0
+    """Weight of the CoM's acceleration error, the scale of all others [1]."""
     base_weight: Positive = 0.1
+    """Weight of the base's angular acceleration error [1]."""
     posture_weight: Positive = 1e-3
-    """Weight of the joints above the legs."""
+    """Weight of the joints above the legs [1]."""
     leg_posture_weight: NonNegative = 1e-6
-    """Weight of the leg joints: the feet's ground moves them, so keep it small."""
+    """Weight of the leg joints: the feet's ground moves them, so keep it small [1]."""
     torque_weight: Positive = 1e-6
     """Weight of |tau|^2 [(N m)^-2]."""
     force_weight: Positive = 1e-6
@@ -54,28 +56,28 @@ class TsidSettings(FileStruct, frozen=True, kw_only=True):
     moment_weight: Positive = 1e-5
     """Weight of the sole moments [(N m)^-2]."""
     friction: Positive = 0.6
-    """Friction coefficient assumed; keep it under the true one."""
+    """Friction coefficient assumed; keep it under the true one [1]."""
     yaw_friction: Positive = 0.05
     """Yaw moment per normal force [m]."""
     sole_scale: Fraction = 0.9
-    """Part of the sole rectangle the centre of pressure may use."""
+    """Part of the sole rectangle the centre of pressure may use [1]."""
     normal_force_min_n: NonNegative = 20.0
     """Least normal force of a foot in contact [N]."""
     normal_force_max_weights: Positive = 2.0
-    """Largest normal force of a foot, in body weights."""
+    """Largest normal force of a foot [body weights]."""
 
 
 class DikSettings(FileStruct, frozen=True, kw_only=True):
     """Second QP (op: u): joint velocities that drive the wrenches there."""
 
     k_force: NegativeSix = (-50.0, -50.0, -50.0, -50.0, -50.0, -50.0)
-    """Diagonal of K per foot, [x y z roll pitch yaw], negative. A wrench error moves
-    the sole by Lambda_c^-1 / |K|: a smaller magnitude yields faster."""
+    """Diagonal of K per foot, x y z roll pitch yaw, negative [1/s]. A wrench error
+    moves the sole by Lambda_c^-1 / |K|: a smaller magnitude yields faster."""
     k_lag_s: Positive = 0.01
     """The servo profile's lag that doubles K: the loop through the feet must stay
     slower than its delays [s]."""
     contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
-    """Weight of the wrench law per foot axis."""
+    """Weight of the wrench law per foot, x y z roll pitch yaw [1]."""
     yield_limit_m_s: Positive = 1.0
     """Fastest a sole yields to a force error."""
     yield_limit_rad_s: Positive = 6.0
@@ -83,17 +85,19 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     com_gain: PositiveTriple = (2.0, 2.0, 2.0)
     """CoM position gain, x y z [1/s]."""
     com_weight: PositiveTriple = (10.0, 10.0, 10.0)
+    """Weight of the CoM's velocity error, x y z [1]."""
     base_gain: Positive = 2.0
     """Base orientation gain [1/s]."""
     base_weight: Positive = 2.0
+    """Weight of the base's angular velocity error [1]."""
     posture_gain: Positive = 1.0
     """Pull of the commanded posture to the reference posture [1/s]."""
     posture_weight: Positive = 1e-2
-    """Weight of the joints above the legs."""
+    """Weight of the joints above the legs [1]."""
     leg_posture_weight: NonNegative = 1e-3
-    """Weight of the leg joints: the feet's ground moves them, so keep it small."""
+    """Weight of the leg joints: the feet's ground moves them, so keep it small [1]."""
     regularisation: Positive = 1e-4
-    """Weight of |v|^2."""
+    """Weight of |v|^2, which keeps the problem solvable [1]."""
     velocity_limit_rad_s: Positive = 6.0
     """Fastest joint command; the robot file may be stricter."""
     limit_time_s: Positive = 0.02
@@ -112,7 +116,7 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     """Feed-forward of the ground's estimated motion; all zero is the paper."""
 
     gain: FractionSix = (0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-    """Part of each foot's estimated twist fed forward, [x y z roll pitch yaw]."""
+    """Part of each foot's estimated twist fed forward, x y z roll pitch yaw [1]."""
     cutoff_hz: Positive = 15.0
     """Low-pass of the estimated twist."""
     lead_s: NonNegative = 0.015
@@ -121,7 +125,7 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     """Feed-forward is whole above this normal force, and in proportion below [N]."""
     edge_begins: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.7
     """Rotations are fed forward whole while the centre of pressure keeps within this
-    part of the sole, and not at all at its edge, over which the foot may tip."""
+    part of the sole, and not at all at its edge, over which the foot may tip [1]."""
     edge_recovery_s: Positive = 0.03
     """Time it takes to return after the pressure has left the edge [s]."""
     recovery_s: Positive = 0.2
@@ -145,7 +149,7 @@ class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     below it the ground is taken to be level on average, above it the accelerometer
     decides."""
     height_damping: Positive = 0.25
-    """Damping ratio of that pull; less damping lets less of the ground through."""
+    """Damping ratio of that pull; less damping lets less of the ground through [1]."""
     still_height_bandwidth: Positive = 2.5
     """The same pull while the ground stands still [rad/s]; its damping is 0.7."""
     still_speed_m_s: Positive = 0.01
@@ -239,13 +243,21 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     """All settings of all controllers."""
 
     whole_body: WholeBodySettings = WholeBodySettings()
+    """Which law the whole-body stabilizer follows."""
     tsid: TsidSettings = TsidSettings()
+    """First QP."""
     dik: DikSettings = DikSettings()
+    """Second QP."""
     ground: GroundSettings = GroundSettings()
+    """Feed-forward of the ground's motion."""
     estimator: EstimatorSettings = EstimatorSettings()
+    """Estimator."""
     contact: ContactSettings = ContactSettings()
+    """Contact of the feet."""
     safety: SafetySettings = SafetySettings()
+    """Sensors and giving up."""
     zmp: ZmpSettings = ZmpSettings()
+    """The ZMP baseline."""
 
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {

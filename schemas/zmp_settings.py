@@ -38,17 +38,17 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     com_velocity_lag_s: Positive = 0.01
     """Low-pass of the measured CoM velocity [s]."""
     friction: Positive = 0.6
-    """Friction coefficient assumed; keep it under the true one."""
+    """Friction coefficient assumed; keep it under the true one [1]."""
     sole_scale: Fraction = 0.9
-    """Part of the sole rectangle the centre of pressure may use."""
+    """Part of the sole rectangle the centre of pressure may use [1]."""
     normal_force_min_n: NonNegative = 15.0
     """Least normal force asked of a foot in contact [N]."""
     net_weight: Positive = 1e4
-    """Distribution: weight of the net wrench's error."""
+    """Distribution: weight of the net wrench's error [1]."""
     ankle_weight: Positive = 100.0
-    """Distribution: weight of the ankles' torques."""
+    """Distribution: weight of the ankles' torques [1]."""
     share_weight: Positive = 1.0
-    """Distribution: weight of the load share's error."""
+    """Distribution: weight of the load share's error [1]."""
     cop_admittance: tuple[CopAdmittance, CopAdmittance] = (0.1, 0.1)
     """Foot rotation per error of the centre of pressure along x (a torque about y)
     and along y [rad/s per N m]."""
@@ -79,8 +79,8 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     leak of the foot poses."""
     com_weight: Positive = 100000.0
     """Inverse kinematics: weight of the CoM, against 1e4 of the feet and 10 of the
-    posture, which holds the CoM back."""
+    posture, which holds the CoM back [1]."""
     level_base: Fraction = 0.0
-    """Base orientation wanted: 0 that of the commanded feet, 1 upright."""
+    """Base orientation wanted: 0 that of the commanded feet, 1 upright [1]."""
     level_height: Fraction = 1.0
-    """CoM height wanted: 0 constant over the feet, 1 constant in the world."""
+    """CoM height wanted: 0 constant over the feet, 1 constant in the world [1]."""

@@ -1,0 +1,63 @@
+"""The documentation in a browser, opened as files: mathematics, search, no network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.docs.test_site import build
+
+FONT = "STIX Two Math"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("site")
+    done = build(folder)
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def test_formulas_are_drawn_in_the_font_that_comes_along(page: Any, site: Path) -> None:
+    page.goto((site / "controller.html").as_uri())
+    page.wait_for_function(f"document.fonts.check('16px \"{FONT}\"')")
+    formulas = page.locator("div.math math")
+    assert formulas.count() > 5
+    for index in range(formulas.count()):
+        box = formulas.nth(index).bounding_box()
+        assert box["width"] > 50
+        assert box["height"] > 15
+    # No formula is cut off at this width.
+    wide = page.locator("div.math").evaluate_all(
+        "boxes => boxes.filter(box => box.scrollWidth > box.clientWidth + 1).length"
+    )
+    assert wide == 0
+
+
+def test_a_link_to_a_function_opens_its_line(page: Any, site: Path) -> None:
+    page.goto((site / "controller.html").as_uri())
+    page.get_by_role("link", name="Tsid.solve", exact=True).first.click()
+    page.wait_for_url("**/tsid.py.html#__codelineno-*")
+    anchor = page.locator(f"[id='{page.url.split('#')[1]}']")
+    assert "def solve" in anchor.evaluate("a => a.parentElement.textContent")
+
+
+def test_search_finds_a_setting_without_a_server(page: Any, site: Path) -> None:
+    page.goto((site / "index.html").as_uri())
+    page.locator("input.md-search__input").click()
+    page.locator("input.md-search__input").press_sequentially("windup_limit_rad")
+    result = page.locator(".md-search-result__link").first
+    result.wait_for()
+    assert "settings" in result.get_attribute("href")
+
+
+def test_the_pages_ask_nobody_for_anything(page: Any, site: Path) -> None:
+    errors: list[str] = []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    for name in ("index", "tutorial", "reference/settings", "source/stabilizer/dik.py"):
+        page.goto((site / f"{name}.html").as_uri())
+        page.wait_for_load_state("networkidle")
+    assert page.strangers == []
+    assert errors == []

@@ -1,0 +1,91 @@
+"""Nothing a user can set, send or read is without words."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from docs.site_build.bus_page import bus_page
+from docs.site_build.commands_page import commands_page
+from docs.site_build.settings_page import settings_page
+from docs.site_build.struct_table import FieldRow, field_rows
+from docs.site_build.structs import structs_within
+from schemas.endpoints import Endpoints
+from schemas.messages import ServiceReply, StabilizerReply
+from schemas.result import RunResult
+from schemas.robot_file import RobotFile
+from schemas.scenario import Scenario
+from schemas.settings import ControllerSettings, setting_names
+from schemas.topics import TOPICS
+
+FILES = (Scenario, RobotFile, Endpoints, RunResult)
+SECTIONS = msgspec.structs.fields(ControllerSettings)
+
+
+def rows_within(kind: type[msgspec.Struct]) -> list[tuple[str, FieldRow]]:
+    return [
+        (f"{struct.__name__}.{row.name}", row)
+        for struct in structs_within(kind)
+        for row in field_rows(struct)
+    ]
+
+
+@pytest.mark.parametrize("section", SECTIONS, ids=lambda section: section.name)
+def test_every_setting_has_unit_effect_and_default(
+    section: msgspec.structs.FieldInfo,
+) -> None:
+    rows = field_rows(section.type)
+    assert rows
+    for row in rows:
+        assert row.text, row.name
+        assert row.default, row.name
+        assert row.range, row.name
+        assert bool(row.unit) is row.is_numeric, row.name
+
+
+@pytest.mark.parametrize("kind", FILES, ids=lambda kind: kind.__name__)
+def test_every_key_of_a_file_has_words(kind: type[msgspec.Struct]) -> None:
+    assert not [name for name, row in rows_within(kind) if not row.text]
+
+
+def test_every_field_of_a_message_has_words() -> None:
+    for kind in (*(topic.message for topic in TOPICS), ServiceReply, StabilizerReply):
+        assert not [name for name, row in rows_within(kind) if not row.text]
+
+
+def test_pages_hold_all_there_is() -> None:
+    settings, bus, commands = settings_page(), bus_page(), commands_page()
+    for name in setting_names():
+        section, key = name.split(".")
+        table = settings.split(f"## `{section}`")[1].split("\n## ")[0]
+        assert f"| `{key}` |" in table
+    for topic in TOPICS:
+        assert f"| {topic.name} | `{topic.key}` | [{topic.message.__name__}]" in bus
+        assert f"### {topic.message.__name__}\n" in bus
+    for words in ("## `surefoot run`", "`--lockstep / --realtime`", "| 130 |"):
+        assert words in commands
+    assert "--result-file" not in commands
+
+
+def test_rows_tell_unit_range_and_default() -> None:
+    rows = {row.name: row for row in field_rows(SECTIONS[1].type)}
+    assert SECTIONS[1].name == "tsid"
+    assert rows["com_kp"] == FieldRow(
+        name="com_kp",
+        type="3 numbers",
+        unit="1/s²",
+        range=">\N{NO-BREAK SPACE}0",
+        default="30",
+        text="CoM position gain, x y z.",
+        is_numeric=True,
+    )
+    assert rows["normal_force_min_n"].unit == "N"
+
+
+def test_tables_of_a_file_have_their_heads() -> None:
+    heads = {kind.__name__: head for kind, head in structs_within(Scenario).items()}
+    assert heads["Scenario"] == ""
+    assert heads["SineMotion"] == "[[platform.motion]]"
+    assert heads["Sensors"] == "[sensors]"
+    robot = {kind.__name__: head for kind, head in structs_within(RobotFile).items()}
+    assert robot["ServoProfile"] == "[servo.profiles.NAME]"

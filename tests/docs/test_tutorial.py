@@ -1,0 +1,122 @@
+"""Every command of the tutorial is run, in its order, in an empty folder.
+
+``make demo`` and the environment are not made anew; what they run is. Scenarios are
+shortened to two seconds.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cli.app import app
+from sim_robot.catalogue import find_scenario
+from tests.cli.conftest import environment
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
+BLOCK = re.compile(r"^```(sh|toml)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+SCENARIO_FILE = "my-seesaw.toml"
+PUSH = "force_n = [0.0, 150.0, 0.0]"
+DEADLINE_S = 300.0
+SHIPPED = "moving-platform-slow"
+LASTS = re.compile(r"^duration_s = .*$", re.MULTILINE)
+SHORT_S = 2.0
+MADE_BEFORE = ("make demo", "source .venv/bin/activate")
+
+
+def blocks(language: str) -> list[str]:
+    return [text for kind, text in BLOCK.findall(PAGE) if kind == language]
+
+
+def commands() -> list[list[str]]:
+    """Every command, word by word."""
+    lines = [line for text in blocks("sh") for line in text.splitlines()]
+    return [shlex.split(line) for line in lines if line not in MADE_BEFORE]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the commands are run one after the other, with the reader's scenario."""
+    place = tmp_path_factory.mktemp("tutorial")
+    (scenario,) = blocks("toml")
+    shipped = find_scenario(SHIPPED).read_text(encoding="utf-8")
+    for name, text in ((SCENARIO_FILE, scenario), (f"{SHIPPED}.toml", shipped)):
+        shorter = LASTS.sub(f"duration_s = {SHORT_S}", text, count=1)
+        (place / name).write_text(shorter, encoding="utf-8")
+    return place
+
+
+def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
+    assert words[0] == "surefoot"
+    return subprocess.run(
+        [sys.executable, "-m", "cli", *words[1:]],
+        cwd=folder,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+
+
+def known() -> set[str]:
+    """Names of the commands there are."""
+    names = {
+        c.name or getattr(c.callback, "__name__", "") for c in app.registered_commands
+    }
+    return names | {group.name or "" for group in app.registered_groups}
+
+
+def test_the_demo_is_what_make_demo_runs() -> None:
+    done = subprocess.run(
+        ["make", "--dry-run", "--always-make", "demo"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert "surefoot run moving-platform-slow --out out/demo" in done.stdout
+    assert "make demo" in PAGE
+
+
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
+def test_each_command_does_what_it_should(folder: Path, words: list[str]) -> None:
+    if words[1] not in known():
+        pytest.skip(f"surefoot {words[1]} is not there yet")
+    if "--view" in words:
+        pytest.importorskip("viser")
+        words = [*words, "--view-port", "0"]
+    words = [f"{word}.toml" if word == SHIPPED else word for word in words]
+    done = run(folder, words)
+    assert done.returncode == 0, done.stderr
+    if "--out" in words:
+        assert (folder / words[words.index("--out") + 1]).is_dir()
+    if words[1] == "run":
+        assert "stood" in done.stdout
+    if "--view" in words:
+        assert "live page: http://127.0.0.1:" in done.stderr
+
+
+def test_files_the_tutorial_names_are_there(folder: Path) -> None:
+    there = {path.name for path in (folder / "out/mine").iterdir()}
+    named = {"result.json", "ticks.npz", "run.mcap", "settings.toml", "scenario.toml"}
+    assert named <= there
+    for name in ("result.json", "ticks.npz", "run.mcap"):
+        assert f"`{name}`" in PAGE
+
+
+def test_a_hard_push_makes_the_robot_fall(folder: Path) -> None:
+    (scenario,) = blocks("toml")
+    assert "900 N" in PAGE
+    assert PUSH in scenario
+    harder = scenario.replace(PUSH, PUSH.replace("150.0", "900.0"))
+    (folder / "harder.toml").write_text(harder, encoding="utf-8")
+    done = run(folder, ["surefoot", "run", "harder.toml", "--inline"])
+    assert done.returncode == 5, done.stderr
+    assert "fell" in done.stdout
