@@ -107,7 +107,7 @@ class ReplayServer:
             now = {
                 name
                 for name, publisher in self._publishers.items()
-                if publisher.matching_status.matching
+                if publisher.matching_status.matching  # type: ignore[attr-defined]
             }
             if now != seen:
                 seen, since_s = now, time.monotonic()

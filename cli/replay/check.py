@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -139,7 +140,7 @@ def _followable(session: Session, notes: list[str]) -> Session | None:
 
 def _gap(session: Session) -> tuple[int, int]:
     """Ticks of the commands before and after the first missing one."""
-    for earlier, later in zip(session.commands, session.commands[1:], strict=False):
+    for earlier, later in pairwise(session.commands):
         if later.sequence != earlier.sequence + 1:
             return earlier.tick, later.tick
     raise AssertionError("no command is missing")
@@ -245,17 +246,19 @@ class _Said:
         if last is None or last.mode is RobotMode.OFF:
             return entries
         places = sorted(entry.place for entry in statuses)
-        moments = [
-            place
-            for place, later in zip(places, places[1:], strict=False)
-            if later != place + 1
-        ]
+        moments = [place for place, later in pairwise(places) if later != place + 1]
         end = moments[-1] if moments else 0
-        return [
+        settled = [
             entry
             for entry in entries
             if entry.channel != "joint_command" or entry.place < end
         ]
+        if len(settled) < len(entries):
+            self.notes.append(
+                f"the record ends in mid-run: its last {len(entries) - len(settled)} "
+                "commands are left out, as what they answer may be missing"
+            )
+        return settled
 
 
 _CHANNELS: dict[type[Message], str] = {
