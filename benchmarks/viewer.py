@@ -3,10 +3,10 @@
     python -m benchmarks.viewer [SCENARIO] [--rounds 5] [--window 10] [--lockstep]
 
 Runs the robot in this process and the stabilizer in another, in real time unless asked
-otherwise, starts and ends ``surefoot view`` in turn, and prints the round trips (sensors
-sent to command taken in) of each window. What happens while the page comes or goes is
-left out. No browser is open: its drawing would be measured, not the page's part on the
-bus.
+otherwise, starts and ends ``surefoot view`` in turn, and prints the round trips of each
+window: from sensors sent to command taken in. What happens while the page comes or goes
+is left out. No browser is open: its drawing would be measured, not the page's part on
+the bus.
 """
 
 from __future__ import annotations
