@@ -187,10 +187,10 @@ class _Said:
         entries = [entry for entry in timeline.entries if entry.round == 0]
         if len(entries) < len(timeline.entries):
             self.notes.append("the robot began anew: only what came before is compared")
+        self.entries = self._settled(entries)
         if until_s is not None:
             end = timeline.first_tick + round(until_s / robot.period_s)
-            entries = [entry for entry in entries if entry.tick < end]
-        self.entries = self._settled(entries)
+            self.entries = [entry for entry in self.entries if entry.tick < end]
 
     @property
     def mode(self) -> str:
