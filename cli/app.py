@@ -10,6 +10,7 @@ from cli.certs_command import certs
 from cli.check_robot_command import check_robot
 from cli.log_command import log
 from cli.record_command import record
+from cli.replay_command import replay
 from cli.reproduce_command import reproduce
 from cli.robot_command import robot
 from cli.router_command import router
@@ -59,6 +60,7 @@ app.command()(robot)
 app.command()(stabilizer)
 app.command()(view)
 app.command()(record)
+app.command()(replay)
 app.add_typer(log, name="log")
 app.command()(scenarios)
 app.command()(sweep)

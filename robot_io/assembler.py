@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import struct
 import time
 from collections.abc import Sequence
-from itertools import accumulate
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from robot_io.inbox import NEVER
 from robot_io.sensor import Sensor
 from robot_io.snapshot import Snapshot
+from robot_io.snapshot_layout import SnapshotLayout
 from schemas.messages import ForceTorque, ImuState, JointState
 
 
@@ -70,13 +67,7 @@ class SnapshotAssembler:
         self._was_partial = False
         self._tick = NEVER
         self._complete_ns = 0
-        sizes = (joint_count, joint_count, joint_count, 4, 3, 3, 6, 6)
-        ends = list(accumulate(sizes))
-        self._slices = [
-            slice(end - size, end) for size, end in zip(sizes, ends, strict=True)
-        ]
-        self._size = ends[-1]
-        self._floats = struct.Struct(f"{self._size}d")
+        self._layout = SnapshotLayout(joint_count)
 
     def wait(self, deadline: float) -> SnapshotReading | None:
         """Waits for the next snapshot.
@@ -152,22 +143,7 @@ class SnapshotAssembler:
         assert imu is not None
         assert left is not None
         assert right is not None
-        numbers = np.empty(self._size)
-        self._floats.pack_into(  # half the time of np.array
-            numbers.data,
-            0,
-            *joints.q,
-            *joints.dq,
-            *joints.effort,
-            *imu.quat_xyzw,
-            *imu.angular_velocity,
-            *imu.linear_acceleration,
-            *left.force,
-            *left.moment,
-            *right.force,
-            *right.moment,
-        )
-        snapshot = Snapshot(tick, joints.stamp_ns, *(numbers[s] for s in self._slices))
+        snapshot = self._layout.join(tick, joints, imu, left, right)
         ages = (
             tick - joints.tick,
             tick - imu.tick,

@@ -179,6 +179,21 @@ def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
     urdf_path = (urdf_folder / file.urdf).resolve()
     if not urdf_path.is_file():
         raise RobotFileError(f"{path}: urdf: no such file: {urdf_path}")
+    return make_robot(file, path=path, urdf_path=urdf_path)
+
+
+def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
+    """Holds a robot file that was read already against its URDF.
+
+    Args:
+        file: resolved: extended, the servo profile chosen.
+        path: where it stands, for messages.
+        urdf_path: its URDF.
+
+    Raises:
+        RobotFileError: TOML and URDF contradict each other.
+        FileFormatError: the TOML contradicts itself.
+    """
     ranges = check_robot(file, path, urdf_path)
     return Robot(
         file=file,

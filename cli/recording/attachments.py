@@ -39,7 +39,7 @@ def attachments(robot: Robot, files: Iterable[Path]) -> list[Attachment]:
         _attachment(ROBOT_TOML, robot.path.read_bytes()),
         _attachment(ROBOT_JSON, msgspec.json.encode(robot.file)),
         _attachment(ROBOT_URDF, robot.urdf_path.read_bytes()),
-        _attachment(VERSIONS, msgspec.json.encode(_versions())),
+        _attachment(VERSIONS, msgspec.json.encode(versions())),
     ]
     below = read_toml(robot.path).get(EXTENDS)
     if below is not None:
@@ -60,7 +60,8 @@ def _attachment(name: str, data: bytes) -> Attachment:
     return Attachment(name, media, data)
 
 
-def _versions() -> dict[str, object]:
+def versions() -> dict[str, object]:
+    """What runs here: packages, Python, commit and changed files of our own code."""
     return {
         "python": platform.python_version(),
         "platform": platform.platform(),

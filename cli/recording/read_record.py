@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -40,13 +41,23 @@ class Record:
 
     def messages(self, channel: str) -> list[dict[str, Any]]:
         """What came on a channel, in the order it came."""
-        is_raw = self._encodings[channel] == MSGPACK
+        is_raw = self.is_raw(channel)
         decode = msgspec.msgpack.decode if is_raw else msgspec.json.decode
         return [decode(data) for data in self._data[channel]]
 
+    def is_raw(self, channel: str) -> bool:
+        """Whether a channel holds the bytes of the bus, not JSON."""
+        return self._encodings[channel] == MSGPACK
 
-def read_record(path: Path) -> Record:
+
+def read_record(
+    path: Path, each: Callable[[str, Message], None] | None = None
+) -> Record:
     """Reads a whole record from its beginning, since one cut off has no index.
+
+    Args:
+        path: the file.
+        each: called with channel and message, in the order of the file.
 
     Raises:
         UsageError: there is no such file, or it is no MCAP file.
@@ -57,6 +68,8 @@ def read_record(path: Path) -> Record:
         with path.open("rb") as file:
             for entry in StreamReader(file).records:
                 _take(entry, record, names)
+                if each is not None and isinstance(entry, Message):
+                    each(names[entry.channel_id], entry)
     except EndOfFile:
         record.is_cut_off = True
     except OSError as error:

@@ -22,6 +22,7 @@ COMMANDS = (
     "robot",
     "stabilizer",
     "record",
+    "replay",
     "log",
     "scenarios",
     "router",

@@ -1,0 +1,1 @@
+"""Records played back: on the bus, or through the controller."""

@@ -1,0 +1,266 @@
+"""``surefoot replay``: a record on the bus again, or through the controller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli import options
+from cli.errors import UsageError
+from cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    from cli.replay.timeline import Timeline
+    from robot_io.robot import Robot
+    from schemas.endpoints import Endpoints
+
+_CONTROLLER = "With --controller"
+_PLAYING = "Playing on the bus"
+
+
+def replay(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A record (.mcap, or .mcap.partial).")
+    ],
+    controller: Annotated[
+        bool,
+        typer.Option(
+            "--controller",
+            help="Compute the commands again from the recorded sensors and compare.",
+        ),
+    ] = False,
+    speed: Annotated[
+        float,
+        typer.Option(
+            "--speed",
+            min=0.001,
+            metavar="X",
+            help="Robot's seconds per second.",
+            rich_help_panel=_PLAYING,
+        ),
+    ] = 1.0,
+    loop: Annotated[
+        bool,
+        typer.Option(
+            "--loop", help="Begin again at the end.", rich_help_panel=_PLAYING
+        ),
+    ] = False,
+    now: Annotated[
+        bool,
+        typer.Option(
+            "--now",
+            help="Begin at once, not when somebody subscribes.",
+            rich_help_panel=_PLAYING,
+        ),
+    ] = False,
+    from_s: Annotated[
+        float,
+        typer.Option(
+            "--from",
+            min=0.0,
+            metavar="SECONDS",
+            help="Leave out what came before, from the first tick on.",
+            rich_help_panel=_PLAYING,
+        ),
+    ] = 0.0,
+    until_s: Annotated[
+        float | None,
+        typer.Option(
+            "--until",
+            min=0.0,
+            metavar="SECONDS",
+            help="Leave out what came later, from the first tick on.",
+        ),
+    ] = None,
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot", help="Robot to take instead of the one attached to the record."
+        ),
+    ] = None,
+    law: Annotated[
+        options.ControllerName | None,
+        typer.Option(
+            "--law",
+            help="Control law to take instead of the recorded one.",
+            rich_help_panel=_CONTROLLER,
+        ),
+    ] = None,
+    settings: Annotated[
+        Path | None,
+        typer.Option(
+            "--settings",
+            metavar="FILE",
+            help="Settings to take instead of those attached to the record.",
+            rich_help_panel=_CONTROLLER,
+        ),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Override one setting, such as tsid.base_kp=120. May be repeated.",
+            rich_help_panel=_CONTROLLER,
+        ),
+    ] = None,
+    as_json: options.JsonOption = False,
+    endpoints: options.EndpointsOption = None,
+    listen: options.ListenOption = None,
+    router: options.RouterOption = None,
+    insecure: options.InsecureOption = False,
+) -> None:
+    """Play a record back on the bus, or through the controller.
+
+    On the bus it looks like the robot, for surefoot view and record, and refuses to be
+    commanded. With --controller nothing goes on any bus: exits with 0 when all
+    commands come out the same, bit for bit, and with 1 when not. The whole record is
+    read into memory.
+    """
+    from cli.replay.recorded_robot import recorded_robot
+    from cli.replay.timeline import read_timeline
+
+    bus = bool(loop or now or from_s or speed != 1.0 or endpoints or listen or router)
+    tuned = bool(law or settings or overrides or as_json)
+    if controller and bus:
+        raise UsageError(
+            "--controller uses no bus and begins at the first tick; leave out --speed, "
+            "--loop, --now, --from, --endpoints, --listen and --router"
+        )
+    if not controller and tuned:
+        raise UsageError("--law, --settings, --set and --json need --controller")
+    timeline = read_timeline(file)
+    with recorded_robot(timeline.record, robot) as model:
+        if controller:
+            _check(
+                timeline,
+                model,
+                file=file,
+                law=law,
+                settings=settings,
+                overrides=overrides or [],
+                until_s=until_s,
+                as_json=as_json,
+            )
+            return
+        from cli.endpoints import choose_endpoints
+
+        meeting = choose_endpoints(
+            endpoints, listen=listen or [], connect=[], router=router, insecure=insecure
+        )
+        _play(
+            timeline,
+            model,
+            meeting,
+            file=file,
+            speed=speed,
+            loop=loop,
+            now=now,
+            span=(from_s, until_s),
+        )
+
+
+def _check(
+    timeline: Timeline,
+    robot: Robot,
+    *,
+    file: Path,
+    law: str | None,
+    settings: Path | None,
+    overrides: list[str],
+    until_s: float | None,
+    as_json: bool,
+) -> None:
+    from cli.console import (
+        print_json,
+        print_note,
+        print_table,
+        print_text,
+        progress_bar,
+    )
+    from cli.replay.check import check, recorded_settings
+    from cli.replay.tables import outcome_table, verdict
+    from cli.run_plan import load_settings
+
+    resolved = (
+        recorded_settings(timeline, overrides)
+        if settings is None
+        else load_settings(settings, overrides=overrides)
+    )
+    first = timeline.first_tick
+    with progress_bar(
+        file.name, ticks=timeline.last_tick + 1 - first, period_s=robot.period_s
+    ) as on_tick:
+        outcome = check(
+            timeline,
+            robot,
+            resolved,
+            file=file,
+            law=law,
+            until_s=until_s,
+            on_tick=lambda tick: on_tick(tick - first),
+        )
+    for note in outcome.notes:
+        print_note(f"note: {note}")
+    if as_json:
+        print_json(outcome)
+    else:
+        print_table(outcome_table(outcome))
+        print_text(verdict(outcome))
+    if not outcome.is_equal:
+        raise typer.Exit(ExitCode.FAILED)
+
+
+def _play(
+    timeline: Timeline,
+    robot: Robot,
+    meeting: Endpoints,
+    *,
+    file: Path,
+    speed: float,
+    loop: bool,
+    now: bool,
+    span: tuple[float, float | None],
+) -> None:
+    from cli.console import progress_bar
+    from cli.logs import log_note, set_up_logging
+    from cli.replay.play import between, play
+    from cli.replay.timeline import PLAYABLE
+    from robot_io.replay_server import ReplayServer
+    from robot_io.stop_request import StopRequest
+
+    set_up_logging("replay")
+    period_s = robot.period_s
+    entries = between(timeline, period_s=period_s, from_s=span[0], until_s=span[1])
+    if not entries:
+        raise UsageError(f"{file}: nothing between --from and --until")
+    first = entries[0].tick
+    where = ", ".join(meeting.router or meeting.listen)
+    stop = StopRequest()
+    with (
+        stop.on_signals(),
+        ReplayServer(robot, endpoints=meeting, channels=PLAYABLE) as server,
+    ):
+        if not now:
+            log_note(f"waits at {where} for somebody to subscribe (surefoot view)")
+            server.wait_for_audience(stop)
+        again = True
+        while again and not stop.is_set:
+            log_note(f"plays {file} as {robot.file.name} at {where}, {speed:g} x")
+            with progress_bar(
+                file.name, ticks=entries[-1].tick + 1 - first, period_s=period_s
+            ) as on_tick:
+                counts = play(
+                    entries,
+                    server,
+                    raw=timeline.record.is_raw,
+                    tick_s=period_s / speed,
+                    stop=stop,
+                    on_tick=lambda tick: on_tick(tick - first),
+                )
+            log_note(f"{sum(counts.values())} messages played")
+            again = loop
+    if stop.is_set:
+        raise typer.Exit(ExitCode.INTERRUPTED)

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.conftest import REPOSITORY, TIMEOUT_S, Surefoot, environment
+
+FAST = REPOSITORY / "sim_robot" / "scenarios" / "moving-platform-fast.toml"
+NOISE = """
+[sensors]
+force_noise_n = 2.0
+gyro_noise_rad_s = 0.002
+accel_noise_m_s2 = 0.05
+"""
+Check = Callable[..., tuple[int, dict[str, Any]]]
+
+
+def fast_platform(folder: Path, duration_s: float) -> Path:
+    """The shipped scenario, cut short."""
+    lines = [
+        f"duration_s = {duration_s}" if line.startswith("duration_s") else line
+        for line in FAST.read_text().splitlines()
+    ]
+    path = folder / "fast.toml"
+    path.write_text("\n".join(lines))
+    return path
+
+
+def standing(folder: Path, duration_s: float, more: str = "") -> Path:
+    path = folder / "standing.toml"
+    path.write_text(f'name = "standing"\nduration_s = {duration_s}\n{NOISE}{more}')
+    return path
+
+
+def record_of(folder: Path, scenario: Path, *words: object) -> Path:
+    """Runs a scenario on the bus and gives its record."""
+    out = folder / "run"
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "cli", "run", str(scenario), "--out", str(out)),
+            *map(str, words),
+        ],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return out / "run.mcap"
+
+
+def patient_robot(folder: Path) -> Path:
+    """The Walker with a gate that waits long for its commander: a busy machine."""
+    walker = REPOSITORY / "robot_io" / "robots" / "walker" / "walker.toml"
+    path = folder / "patient.toml"
+    path.write_text(
+        f'extends = "{walker}"\n'
+        "[gate]\nhold_after_s = 30.0\nfault_after_s = 60.0\nlease_s = 60.0\n"
+    )
+    return path
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The moving platform in lockstep, shortened; for tests that do not change it."""
+    folder = tmp_path_factory.mktemp("recorded")
+    return record_of(folder, fast_platform(folder, 1.0))
+
+
+@pytest.fixture
+def check(surefoot: Surefoot) -> Check:
+    """Replays through the controller: exit code and what was found."""
+
+    def run(path: Path, *words: object) -> tuple[int, dict[str, Any]]:
+        done = surefoot("replay", "--controller", path, "--json", *words)
+        assert done.returncode in (0, 1), done.stderr
+        return done.returncode, json.loads(done.stdout)
+
+    return run

@@ -1,0 +1,252 @@
+"""A record played on the bus, seen by real subscribers."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from robot_io.errors import RequestRefusedError
+from robot_io.observer import Observer, Sample
+from robot_io.replay_server import REFUSAL
+from robot_io.robot import load_robot
+from robot_io.spectator import Spectator
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode
+from schemas.topics import TICK_SENSORS
+from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.cli.mcap_reading import messages
+from tests.cli.replay.conftest import Check
+from tests.cli.replay.records import rewritten
+from tests.support import wait_until
+
+DEPTH = 4096
+CHANNELS = (
+    *TICK_SENSORS,
+    "joint_command",
+    "reference",
+    "settings_change",
+    "stabilizer",
+    "truth",
+    "status",
+)
+
+
+@contextmanager
+def playing(
+    path: Path, endpoints: Endpoints, *words: object
+) -> Iterator[subprocess.Popen[str]]:
+    """``surefoot replay`` as a process."""
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "cli", "replay", str(path)),
+            *("--listen", endpoints.listen[0], *map(str, words)),
+        ],
+        env=environment(),
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.wait()
+
+
+def watched(endpoints: Endpoints, channels: tuple[str, ...] = CHANNELS) -> list[Sample]:
+    """Everything said until the robot leaves, each channel in its order."""
+    samples: list[Sample] = []
+    with Observer(
+        load_robot("walker"), endpoints=endpoints, channels=channels, depth=DEPTH
+    ) as observer:
+        observer.connect(timeout_s=TIMEOUT_S)
+
+        def has_left() -> bool:
+            samples.extend(observer.take(timeout_s=0.05))
+            return not observer.robot_is_here
+
+        wait_until(has_left, what="the end of the replay", deadline_s=TIMEOUT_S)
+        samples.extend(observer.take(timeout_s=0.2))
+    return samples
+
+
+def by_channel(path: Path) -> dict[str, list[dict[str, Any]]]:
+    said: dict[str, list[dict[str, Any]]] = {}
+    for message in messages(path):
+        said.setdefault(message.channel, []).append(message.content)
+    return said
+
+
+def test_a_subscriber_gets_every_message_in_order(
+    record: Path, endpoints: Endpoints
+) -> None:
+    with playing(record, endpoints) as process:
+        samples = watched(endpoints)
+        assert process.wait(TIMEOUT_S) == 0
+    seen: dict[str, list[dict[str, Any]]] = {}
+    for sample in samples:
+        seen.setdefault(sample.channel, []).append(msgspec.msgpack.decode(sample.data))
+    expected = by_channel(record)
+    assert set(seen) == set(expected)
+    for channel, said in expected.items():
+        assert seen[channel] == said, channel
+
+
+def test_a_record_of_a_replay_computes_the_same(
+    record: Path, endpoints: Endpoints, tmp_path: Path, surefoot: Surefoot, check: Check
+) -> None:
+    again = tmp_path / "again.mcap"
+    with playing(record, endpoints) as process:
+        done = surefoot(
+            *("record", "--raw", "--out", again, "--connect", endpoints.connect[0]),
+            *("--json", "--wait", TIMEOUT_S),
+        )
+        assert process.wait(TIMEOUT_S) == 0
+    assert done.returncode == 0, done.stderr
+    counts = {entry["channel"]: entry for entry in json.loads(done.stdout)}
+    assert [counts[name]["missing"] for name in TICK_SENSORS] == [0] * 4
+    code, found = check(again)
+    expected = by_channel(record)["joint_command"]
+    assert (code, found["compared"]) == (0, len(expected))
+
+
+def test_it_cannot_be_commanded_and_looks_like_the_robot(
+    record: Path, endpoints: Endpoints
+) -> None:
+    expected = by_channel(record)
+    commander = expected["joint_command"][0]["commander"]
+    with (
+        playing(record, endpoints, "--speed", 0.2) as process,
+        looking(endpoints) as spectator,
+    ):
+        wait_until(lambda: spectator.stabilizer_is_here, what="the stabilizer")
+        sight = wait_until(
+            lambda: (s := spectator.look()).status and s.truth and s.stabilizer and s,
+            what="robot, truth and stabilizer",
+        )
+        assert sight.status.commander == commander
+        requests: tuple[Callable[[], object], ...] = (
+            spectator.stop_robot,
+            lambda: spectator.push("torso", [9.0, 0.0, 0.0], duration_s=0.1),
+            lambda: spectator.control("hold"),
+            lambda: spectator.change_settings({"tsid.com_kp": [31.0]}),
+            lambda: spectator.change_settings({}),
+        )
+        for request in requests:
+            with pytest.raises(RequestRefusedError, match=REFUSAL):
+                request()
+        later = wait_until(
+            lambda: (s := spectator.look()).status.tick > sight.status.tick and s,
+            what="the replay to go on",
+        )
+        assert later.status.mode is RobotMode.ACTIVE
+        process.send_signal(signal.SIGINT)
+        _, words = process.communicate(timeout=TIMEOUT_S)
+    assert process.returncode == 130
+    assert "Traceback" not in words
+
+
+def test_a_stabilizer_is_told_that_it_is_a_replay(
+    record: Path, endpoints: Endpoints, surefoot: Surefoot
+) -> None:
+    with playing(record, endpoints, "--loop"):
+        done = surefoot(
+            *("stabilizer", "--controller", "hold", "--wait", TIMEOUT_S),
+            *("--connect", endpoints.connect[0]),
+        )
+    assert done.returncode == 1
+    assert REFUSAL in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_part_of_a_record_that_is_cut_off_plays_at_another_speed(
+    record: Path, endpoints: Endpoints, tmp_path: Path
+) -> None:
+    cut = tmp_path / "cut.mcap.partial"
+    data = record.read_bytes()
+    cut.write_bytes(data[: 3 * len(data) // 4])
+    words = ("--from", 0.1, "--until", 0.4, "--speed", 0.5)
+    with playing(cut, endpoints, *words) as process:
+        samples = watched(endpoints, ("joints",))
+        assert process.wait(TIMEOUT_S) == 0
+    ticks = [msgspec.msgpack.decode(sample.data)["tick"] for sample in samples]
+    assert ticks == list(range(100, 400))
+    # Never faster than asked for, whatever the machine does.
+    taken_s = (samples[-1].received_ns - samples[0].received_ns) * 1e-9
+    assert taken_s > 0.9 * 0.3 / 0.5
+
+
+def test_readings_that_were_no_numbers_are_none_again(
+    record: Path, endpoints: Endpoints, tmp_path: Path
+) -> None:
+    def spoil(channel: str, message: dict[str, Any]) -> dict[str, Any]:
+        if channel == "imu" and message["tick"] == 50:
+            message["angular_velocity"][1] = None
+        return message
+
+    path = rewritten(record, tmp_path / "spoilt.mcap", spoil)
+    with playing(path, endpoints, "--until", 0.1):
+        samples = watched(endpoints, ("imu",))
+    read = [msgspec.msgpack.decode(sample.data) for sample in samples]
+    assert [m["tick"] for m in read] == list(range(100))
+    numbers = read[50]["angular_velocity"]
+    assert [math.isnan(number) for number in numbers] == [False, True, False]
+
+
+def test_a_loop_begins_again(record: Path, endpoints: Endpoints) -> None:
+    with (
+        playing(record, endpoints, "--loop", "--until", 0.1),
+        looking(endpoints) as spectator,
+    ):
+        ticks: list[int] = []
+
+        def has_begun_again() -> bool:
+            sight = spectator.look()
+            if sight.joints is not None:
+                ticks.append(sight.joints.tick)
+            return any(later < earlier for earlier, later in pairwise(ticks))
+
+        wait_until(has_begun_again, what="the second round")
+
+
+def test_a_port_in_use_is_code_3(
+    record: Path, endpoints: Endpoints, surefoot: Surefoot
+) -> None:
+    with playing(record, endpoints):
+        where = endpoints.listen[0]
+
+        def is_taken() -> subprocess.CompletedProcess[str] | None:
+            words = ("--until", 0.01, "--now", "--listen", where)
+            done = surefoot("replay", record, *words)
+            return done if done.returncode else None
+
+        done = wait_until(is_taken, what="the port to be taken")
+    assert done.returncode == 3
+    assert "in use" in done.stderr
+
+
+@contextmanager
+def looking(endpoints: Endpoints) -> Iterator[Spectator]:
+    def dial() -> Spectator | None:
+        try:
+            return Spectator(
+                load_robot("walker"), endpoints=endpoints, identity="eve"
+            ).__enter__()
+        except TimeoutError:
+            return None
+
+    spectator = wait_until(dial, what="the replay to listen", deadline_s=TIMEOUT_S)
+    try:
+        yield spectator
+    finally:
+        spectator.__exit__(None, None, None)

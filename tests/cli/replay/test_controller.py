@@ -1,0 +1,189 @@
+"""Recorded sensors through the controller again: the same commands, bit for bit."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.cli.conftest import Surefoot
+from tests.cli.mcap_reading import messages
+from tests.cli.replay.conftest import (
+    Check,
+    fast_platform,
+    patient_robot,
+    record_of,
+    standing,
+)
+from tests.cli.replay.records import rewritten
+
+FAULTS = """
+[[fault]]
+sensor = "left_ankle_ft"
+kind = "nan"
+start_s = 0.4
+duration_s = 0.1
+
+[[fault]]
+sensor = "right_ankle_ft"
+kind = "drop"
+start_s = 0.7
+duration_s = 0.1
+"""
+
+
+def commands(path: Path) -> list[dict[str, Any]]:
+    return [m.content for m in messages(path) if m.channel == "joint_command"]
+
+
+def answered(path: Path, ticks: int) -> int:
+    """Commands of a run in lockstep; the robot may be gone before the last comes."""
+    count = len(commands(path))
+    assert ticks - 1 <= count <= ticks
+    return count
+
+
+def test_the_moving_platform_in_lockstep_is_equal(record: Path, check: Check) -> None:
+    code, found = check(record)
+    assert (code, found["is_equal"]) == (0, True)
+    assert found["compared"] == answered(record, 1000)
+    (session,) = found["sessions"]
+    assert (session["controller"], session["first_tick"]) == ("whole-body", 0)
+    assert (session["differing"], session["first"]) == (0, None)
+
+
+@pytest.mark.parametrize("law", ["whole-body", "zmp", "hold"])
+def test_standing_is_equal_with_every_controller(
+    tmp_path: Path, check: Check, law: str
+) -> None:
+    path = record_of(tmp_path, standing(tmp_path, 0.8), "--controller", law)
+    code, found = check(path)
+    assert (code, found["compared"]) == (0, answered(path, 800))
+    assert [session["controller"] for session in found["sessions"]] == [law]
+
+
+def test_real_time_is_equal_with_the_ticks_that_were_answered(
+    tmp_path: Path, check: Check
+) -> None:
+    robot = patient_robot(tmp_path)
+    words = ("--realtime", "--robot", robot, "--controller", "whole-body")
+    path = record_of(tmp_path, fast_platform(tmp_path, 1.5), *words)
+    code, found = check(path)
+    assert code == 0, found
+    ticks = [command["tick"] for command in commands(path)]
+    assert found["compared"] == len(ticks) > 0
+    (session,) = found["sessions"]
+    assert (session["first_tick"], session["last_tick"]) == (ticks[0], ticks[-1])
+
+
+def test_sensors_that_fail_are_equal(tmp_path: Path, check: Check) -> None:
+    """One whose messages hold no numbers, and one that falls silent."""
+    path = record_of(tmp_path, standing(tmp_path, 0.9, FAULTS))
+    said = [m.content for m in messages(path) if m.channel == "stabilizer"]
+    reasons = {status["reason"] for status in said if status["state"] == "degraded"}
+    assert reasons == {"left_ankle_ft missing", "right_ankle_ft missing"}
+    code, found = check(path)
+    assert (code, found["compared"]) == (0, answered(path, 900))
+
+
+def test_another_gain_is_told_with_the_first_tick_it_shows_at(
+    record: Path, surefoot: Surefoot, check: Check
+) -> None:
+    code, found = check(record, "--set", "tsid.com_kp=31")
+    assert (code, found["is_equal"]) == (1, False)
+    (session,) = found["sessions"]
+    first, largest = session["first"], session["largest"]
+    # The robot is held while its sensors are calibrated: nothing shows before.
+    assert 290 <= first["tick"] <= 320
+    assert session["differing"] <= 1000 - first["tick"]
+    assert abs(largest["computed"] - largest["recorded"]) >= abs(
+        first["computed"] - first["recorded"]
+    )
+    done = surefoot("replay", "--controller", record, "--set", "tsid.com_kp=31")
+    assert done.returncode == 1
+    assert f"first: tick {first['tick']} " in done.stdout
+    assert first["joint"] in done.stdout
+
+
+def test_the_last_bit_of_one_joint_is_found(
+    record: Path, tmp_path: Path, check: Check
+) -> None:
+    tick, joint = 700, 5
+    before = commands(record)[tick]["q"][joint]
+
+    def spoil(channel: str, message: dict[str, Any]) -> dict[str, Any]:
+        if channel == "joint_command" and message["tick"] == tick:
+            message["q"][joint] = math.nextafter(before, math.inf)
+        return message
+
+    code, found = check(rewritten(record, tmp_path / "spoilt.mcap", spoil))
+    (session,) = found["sessions"]
+    assert (code, session["differing"]) == (1, 1)
+    assert session["first"] == session["largest"]
+    assert session["first"]["tick"] == tick
+    assert session["first"]["computed"] == before
+    assert session["first"]["recorded"] == math.nextafter(before, math.inf)
+
+
+def test_a_record_that_is_cut_off_is_compared_as_far_as_it_goes(
+    record: Path, tmp_path: Path, check: Check
+) -> None:
+    cut = tmp_path / "cut.mcap.partial"
+    data = record.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    code, found = check(cut)
+    assert code == 0, found
+    assert found["is_cut_off"]
+    assert 0 < found["compared"] < 1000
+    assert any("ends in mid-run" in note for note in found["notes"])
+
+
+def test_commands_that_the_record_lacks_end_the_comparison(
+    record: Path, tmp_path: Path, check: Check
+) -> None:
+    def lose(channel: str, message: dict[str, Any]) -> dict[str, Any] | None:
+        is_lost = channel == "joint_command" and message["tick"] in (400, 401)
+        return None if is_lost else message
+
+    code, found = check(rewritten(record, tmp_path / "lost.mcap", lose))
+    assert (code, found["compared"]) == (0, 400)
+    assert any("2 commands" in note and "tick 399" in note for note in found["notes"])
+
+
+def test_a_record_that_begins_late_says_what_it_lacks(
+    record: Path, tmp_path: Path, surefoot: Surefoot
+) -> None:
+    def late(channel: str, message: dict[str, Any]) -> dict[str, Any] | None:
+        return message if message["tick"] >= 500 else None
+
+    path = rewritten(record, tmp_path / "late.mcap", late)
+    done = surefoot("replay", "--controller", path)
+    assert done.returncode == 2
+    assert "commanded before the record begins (tick 500)" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_until_compares_the_beginning(record: Path, check: Check) -> None:
+    code, found = check(record, "--until", "0.35")
+    assert (code, found["compared"]) == (0, 350)
+    assert not any("mid-run" in note for note in found["notes"])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("nowhere.mcap", "--controller"),
+        ("--controller", "--speed", "2"),
+        ("--set", "tsid.com_kp=3"),
+        ("--controller", "--set", "tsid.com_kb=3"),
+    ],
+)
+def test_wrong_usage_is_code_2(
+    record: Path, surefoot: Surefoot, words: tuple[str, ...]
+) -> None:
+    file = () if words[0].endswith(".mcap") else (record,)
+    done = surefoot("replay", *file, *words)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr

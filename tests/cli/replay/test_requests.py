@@ -1,0 +1,180 @@
+"""Records of runs in which somebody asked for something, computed again."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot_io.pace import Pace
+from robot_io.robot import load_robot
+from robot_io.spectator import Sight, Spectator
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode
+from schemas.scenario import scenario_from_table
+from schemas.settings import ControllerSettings
+from sim_robot.node import run_robot
+from stabilizer.factory import make_controller
+from stabilizer.node import run_stabilizer
+from tests.cli.conftest import TIMEOUT_S, environment
+from tests.cli.mcap_reading import messages
+from tests.cli.replay.conftest import Check, patient_robot
+from tests.nodes.processes import running
+from tests.support import DEADLINE_S, wait_until
+
+LONG = {"duration_s": 600.0, "sensors": {"force_noise_n": 2.0}}
+LATER_TICKS = 150
+
+
+def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
+    scenario = scenario_from_table({"name": "test", **LONG}, source="test")
+    return run_robot(
+        load_robot(path),
+        scenario,
+        seed=1,
+        endpoints=endpoints,
+        pace=pace,
+        wait_s=DEADLINE_S,
+    )
+
+
+def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
+    walker, settings = load_robot(path), ControllerSettings()
+    return run_stabilizer(
+        make_controller("whole-body", walker, settings),
+        walker,
+        endpoints=endpoints,
+        pace=pace,
+        identity=identity,
+        connect_timeout_s=DEADLINE_S,
+        settings=settings,
+    )
+
+
+class Onlooker:
+    """Looks on, and waits until it has seen something."""
+
+    def __init__(self, spectator: Spectator) -> None:
+        self.spectator = spectator
+
+    def until(self, condition: Callable[[Sight], object], *, what: str) -> Sight:
+        def look() -> Sight | None:
+            sight = self.spectator.look()
+            is_whole = sight.status and sight.stabilizer and sight.joints
+            return sight if is_whole and condition(sight) else None
+
+        seen = wait_until(look, what=what)
+        assert seen is not None
+        return seen
+
+    def mode(self, mode: RobotMode, commander: str) -> None:
+        self.until(
+            lambda sight: (
+                sight.status
+                and sight.status.mode is mode
+                and sight.status.commander == commander
+            ),
+            what=f"{mode} by {commander}",
+        )
+
+    def let_go_on(self) -> None:
+        start = self.until(lambda sight: True, what="anything").joints
+        assert start is not None
+        self.until(
+            lambda sight: sight.joints and sight.joints.tick > start.tick + LATER_TICKS,
+            what="the run to go on",
+        )
+
+
+@contextmanager
+def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Onlooker]:
+    """A recorder and an onlooker of a robot; the robot must end inside."""
+    log = out.with_suffix(".log")
+    with log.open("w") as stderr:
+        recorder = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "cli", "record", "--out", str(out)),
+                *("--robot", path, "--connect", endpoints.connect[0], "--json"),
+            ],
+            env=environment(),
+            stdout=subprocess.DEVNULL,
+            stderr=stderr,
+        )
+    try:
+        wait_until(lambda: "ready" in log.read_text(), what="the recorder")
+        with Spectator(
+            load_robot(path), endpoints=endpoints, identity="eve"
+        ) as spectator:
+            yield Onlooker(spectator)
+        assert recorder.wait(TIMEOUT_S) == 0, log.read_text()
+    finally:
+        recorder.kill()
+        recorder.wait()
+
+
+@pytest.mark.parametrize("pace", list(Pace), ids=str)
+def test_gains_holds_and_pushes_are_equal(
+    endpoints: Endpoints, tmp_path: Path, check: Check, pace: Pace
+) -> None:
+    path, out = str(patient_robot(tmp_path)), tmp_path / "asked.mcap"
+    with (
+        running(plant, path, endpoints, pace) as robot,
+        recorded(path, endpoints, out) as onlooker,
+        running(balance, path, endpoints, pace, "ann"),
+    ):
+        ask = onlooker.spectator
+        onlooker.mode(RobotMode.ACTIVE, "ann")
+        onlooker.let_go_on()
+        ask.change_settings({"tsid.com_kp": [35.0]})
+        ask.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
+        # The ramp is on its way when the hold begins, and goes on after it.
+        ask.control("hold")
+        onlooker.mode(RobotMode.HOLD, "ann")
+        ask.change_settings({"dik.com_gain": [2.5], "tsid.base_kd": [22.0]})
+        onlooker.let_go_on()
+        ask.control("resume")
+        onlooker.mode(RobotMode.ACTIVE, "ann")
+        for _ in range(5):
+            onlooker.let_go_on()
+        robot.signal(signal.SIGINT)
+        robot.result()
+    code, found = check(out)
+    assert code == 0, found
+    (session,) = found["sessions"]
+    answered = [m for m in messages(out) if m.channel == "joint_command"]
+    assert session["compared"] == len(answered)
+    changes = [m.content for m in messages(out) if m.channel == "settings_change"]
+    assert len(changes) == 2
+    # Without the hold's restart, or the gains, the commands would be others.
+    assert session["last_tick"] > changes[-1]["tick"] + LATER_TICKS
+
+
+def test_a_second_stabilizer_is_a_session_of_its_own(
+    endpoints: Endpoints, tmp_path: Path, check: Check
+) -> None:
+    path, out = str(patient_robot(tmp_path)), tmp_path / "two.mcap"
+    with (
+        running(plant, path, endpoints, Pace.LOCKSTEP) as robot,
+        recorded(path, endpoints, out) as onlooker,
+    ):
+        with running(balance, path, endpoints, Pace.LOCKSTEP, "ann") as first:
+            onlooker.mode(RobotMode.ACTIVE, "ann")
+            onlooker.let_go_on()
+            first.kill()
+        onlooker.mode(RobotMode.HOLD, "")
+        with running(balance, path, endpoints, Pace.LOCKSTEP, "bob"):
+            onlooker.mode(RobotMode.ACTIVE, "bob")
+            onlooker.let_go_on()
+            onlooker.let_go_on()
+            robot.signal(signal.SIGINT)
+            robot.result()
+    code, found = check(out)
+    assert code == 0, found
+    assert [session["commander"] for session in found["sessions"]] == ["ann", "bob"]
+    assert all(session["compared"] > LATER_TICKS for session in found["sessions"])

@@ -1,0 +1,75 @@
+"""Page and recorder die in the middle of a run; robot and stabilizer never notice."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.cli.mcap_reading import messages_of_cut_off
+from tests.cli.replay.conftest import fast_platform
+from tests.support import free_port, wait_until
+
+pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
+
+DURATION_S = 4.0
+PROCESS = re.compile(r", process (\d+)")
+WRITTEN_BYTES = 1_000_000
+"""More than attachments and schemas: the run is under way."""
+
+
+def process_of(log: Path) -> int | None:
+    found = PROCESS.search(log.read_text()) if log.exists() else None
+    return None if found is None else int(found.group(1))
+
+
+def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    words = ("run", fast_platform(tmp_path, DURATION_S), "--json")
+    bare = json.loads(surefoot(*words).stdout)
+    folder = tmp_path / "out"
+    watched = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "cli", *map(str, words), "--view"),
+            *("--view-port", str(free_port()), "--out", str(folder / "run")),
+        ],
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        partial = wait_until(
+            lambda: next(folder.glob(".*/run.mcap.partial"), None),
+            what="the recorder",
+            deadline_s=TIMEOUT_S,
+        )
+        wait_until(
+            lambda: partial.exists() and partial.stat().st_size > WRITTEN_BYTES,
+            what="the run to be under way",
+            deadline_s=TIMEOUT_S,
+        )
+        for name in ("view", "recorder"):
+            victim = process_of(partial.with_name(f"{name}.log"))
+            assert victim is not None
+            os.kill(victim, signal.SIGKILL)
+        stdout, stderr = watched.communicate(timeout=TIMEOUT_S)
+    finally:
+        watched.kill()
+        watched.wait()
+    assert watched.returncode == 0, stderr
+    assert "recorder: was ended by signal 9; the run went on" in stderr
+    told = json.loads(stdout)
+    assert told["ticks"] == round(DURATION_S * 1000)
+    assert (told["log_sha256"], told["fell"]) == (bare["log_sha256"], False)
+    left = messages_of_cut_off(folder / "run" / "run.mcap.partial")
+    ticks = [m.content["tick"] for m in left if m.channel == "joints"]
+    assert 0 < len(ticks) < told["ticks"], "killed in the middle"
