@@ -10,6 +10,7 @@ from cli.certs_command import certs
 from cli.check_robot_command import check_robot
 from cli.log_command import log
 from cli.record_command import record
+from cli.report_command import report
 from cli.reproduce_command import reproduce
 from cli.robot_command import robot
 from cli.router_command import router
@@ -62,6 +63,7 @@ app.command()(record)
 app.add_typer(log, name="log")
 app.command()(scenarios)
 app.command()(sweep)
+app.command()(report)
 app.command()(reproduce)
 app.command()(router)
 app.command()(certs)

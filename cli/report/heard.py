@@ -117,5 +117,8 @@ def _column(messages: list[dict[str, Any]], field: str) -> Array:
 
 def _rows(messages: list[dict[str, Any]], *fields: str, width: int) -> Array:
     """(n, width) the fields of each message, one behind the other."""
-    rows = [sum((message[field] for field in fields), []) for message in messages]
+    rows = [
+        [number for field in fields for number in message[field]]
+        for message in messages
+    ]
     return np.array(rows, dtype=np.float64).reshape(-1, width)

@@ -114,9 +114,7 @@ def panel_groups(runs: list[tuple[str, list[s.Signal]]]) -> list[dict[str, Any]]
     ]
 
 
-def _curve(
-    signal: s.Signal, *, index: int, label: str, alone: bool
-) -> dict[str, Any]:
+def _curve(signal: s.Signal, *, index: int, label: str, alone: bool) -> dict[str, Any]:
     kind = signal.kind
     return {
         "run": index,

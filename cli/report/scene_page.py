@@ -6,6 +6,7 @@ import contextlib
 import io
 import logging
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -29,9 +30,7 @@ def frame_rows(run: RunData) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     return np.linspace(0, count - 1, max(frames, 2)).astype(np.int64)
 
 
-def scene_page(
-    run: RunData, shape: RobotShape, *, on_frame: Callable[[], None]
-) -> str:
+def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None]) -> str:
     """Draws a run.
 
     Args:
@@ -55,7 +54,7 @@ def scene_page(
         scene = Scene(server.scene, run.robot, shape)
         scene.update(state_at(run, int(rows[0])))
         film = server.get_scene_serializer()
-        for before, row in zip(rows[:-1], rows[1:], strict=True):
+        for before, row in pairwise(rows):
             film.insert_sleep(float(row - before) * run.robot.period_s)
             scene.update(state_at(run, int(row)))
             on_frame()

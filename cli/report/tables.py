@@ -130,9 +130,10 @@ def figure_rows(results: list[RunResult]) -> list[Row]:
 
 def setting_rows(runs: list[RunData]) -> list[SettingRow]:
     """All settings of runs, beside the defaults of this version."""
+    shipped = build_settings({}, overrides=[], source="defaults")
     defaults = {
         f"{section}.{name}": value
-        for section, table in msgspec.to_builtins(build_settings({}, overrides=[], source="defaults")).items()
+        for section, table in msgspec.to_builtins(shipped).items()
         for name, value in table.items()
     }
     names = [*defaults, *(name for run in runs for name in run.settings)]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from schemas.arrays import Array
@@ -10,9 +12,7 @@ BUCKETS = 800
 """Stretches of time per curve, about one per pixel of a wide plot."""
 
 
-def thin(
-    times: Array, values: Array, *, buckets: int = BUCKETS
-) -> tuple[Array, Array]:
+def thin(times: Array, values: Array, *, buckets: int = BUCKETS) -> tuple[Array, Array]:
     """Keeps the least and the largest value of each stretch of time.
 
     So a peak of one tick is seen, which every n-th point would miss.
@@ -30,7 +30,7 @@ def thin(
         return times, values
     edges = np.linspace(0, count, buckets + 1).astype(int)
     kept = {0, count - 1}
-    for start, end in zip(edges[:-1], edges[1:], strict=True):
+    for start, end in pairwise(edges):
         stretch = values[start:end]
         kept.add(start + int(np.argmin(stretch)))
         kept.add(start + int(np.argmax(stretch)))
