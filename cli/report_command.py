@@ -62,11 +62,12 @@ def report(
             f"a report needs {', '.join(missing)}, not installed here; "
             "pip install 'surefoot[view]'"
         )
-    from cli.report.run_data import load_runs
-    from cli.report.video import check_drawing, choose_gl
+    from cli.report.video import check_drawing, load_drawing
 
     if video or animation:
-        choose_gl()
+        load_drawing()  # before the simulator is loaded for anything else
+    from cli.report.run_data import load_runs
+
     loaded = load_runs(runs)
     folder = out or (runs[0] if len(runs) == 1 else runs[0].parent) / "report"
     if video or animation:

@@ -31,7 +31,7 @@ LEG_INSET, LEG_SPREAD = 0.75, 0.95
 CYLINDER_SHARE = 0.55
 CYLINDER_RADIUS_M, CYLINDER_RGBA = 0.028, (0.25, 0.28, 0.33, 1.0)
 ROD_RADIUS_M, ROD_RGBA = 0.016, (0.74, 0.77, 0.80, 1.0)
-_QUICK_SHADOW_PIXELS, _QUICK_SAMPLES = 2048, 4
+_QUICK_SHADOW_PIXELS, _QUICK_SAMPLES = 4096, 4
 _NO_GL = (
     "no picture can be drawn: {reason}. Set MUJOCO_GL=egl (or osmesa) before Python "
     "starts; on Debian: apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"

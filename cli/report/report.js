@@ -5,6 +5,7 @@
   const report = window.surefootReport;
   const drawn = new Map();
   const hidden = { runs: new Set(), kinds: new Set() };
+  const LEGEND_ROW = 18; // pixels; two names fit beside each other
   let range = null;
 
   const ink = (name) =>
@@ -26,7 +27,7 @@
   function layoutOf(panel) {
     return {
       autosize: true,
-      height: 240,
+      height: 240 + LEGEND_ROW * Math.max(0, Math.ceil(panel.curves.length / 2) - 1),
       margin: { l: 66, r: 10, t: 8, b: 40 },
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",

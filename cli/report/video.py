@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import closing
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -20,18 +21,35 @@ from cli.report.run_data import RunData
 from schemas.arrays import Array
 
 VIDEO_SIZE, VIDEO_HZ = (960, 720), 25.0
-ANIMATION_SIZE, ANIMATION_HZ = (480, 360), 20.0
+ANIMATION_SIZE, ANIMATION_HZ = (600, 450), 20.0
 ANIMATION_S = (5.0, 7.0)
 """Between so short and so long, where it ends most like it began."""
 ANIMATION_QUALITY = 72
 MS_PER_S = 1000
 
 
-def choose_gl() -> None:
-    """Lets MuJoCo draw without a display; to be called before it is imported.
+def load_drawing() -> None:
+    """Loads what draws, without a display where there is none.
 
-    Without a display it would look for a window and end. A wish of the user's stays.
+    To be called before anything else loads it, since it reads ``MUJOCO_GL`` then; a
+    wish of the user's there stays.
+
+    Raises:
+        EnvironmentFailedError: it cannot be loaded; the message says what to install.
     """
+    _choose_gl()
+    try:
+        import_module("sim_robot.render")
+    except (ImportError, RuntimeError, AttributeError, OSError) as error:
+        # Each OpenGL back end that is not there fails in its own way.
+        raise EnvironmentFailedError(
+            f"no picture can be drawn: {error}. MUJOCO_GL is "
+            f"{os.environ.get('MUJOCO_GL', 'not set')}; set it to egl or osmesa; on "
+            "Debian: apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
+        ) from error
+
+
+def _choose_gl() -> None:
     if sys.platform != "linux" or "MUJOCO_GL" in os.environ:
         return
     if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
