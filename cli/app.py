@@ -11,6 +11,7 @@ from cli.check_robot_command import check_robot
 from cli.log_command import log
 from cli.record_command import record
 from cli.replay_command import replay
+from cli.report_command import report
 from cli.reproduce_command import reproduce
 from cli.robot_command import robot
 from cli.router_command import router
@@ -64,6 +65,7 @@ app.command()(replay)
 app.add_typer(log, name="log")
 app.command()(scenarios)
 app.command()(sweep)
+app.command()(report)
 app.command()(reproduce)
 app.command()(router)
 app.command()(certs)

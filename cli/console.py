@@ -81,13 +81,16 @@ def progress_bar(
 
 
 @contextmanager
-def count_bar(title: str, *, total: int, done: int) -> Iterator[Callable[[], None]]:
-    """Shows how many of many runs are done, and the time left, on a terminal only.
+def count_bar(
+    title: str, *, total: int, done: int, of: str = "runs"
+) -> Iterator[Callable[[], None]]:
+    """Shows how many of many things are done, and the time left, on a terminal only.
 
     Args:
-        title: what is running.
-        total: of all runs.
+        title: what is under way.
+        total: of all things.
         done: already, before now.
+        of: what the things are called.
 
     Yields:
         A function to be called after each.
@@ -95,7 +98,7 @@ def count_bar(title: str, *, total: int, done: int) -> Iterator[Callable[[], Non
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f} runs"),
+        TextColumn("{task.completed:.0f} of {task.total:.0f} {task.fields[of]}"),
         TimeRemainingColumn(),
         console=_stderr,
         refresh_per_second=REFRESH_HZ,
@@ -103,5 +106,5 @@ def count_bar(title: str, *, total: int, done: int) -> Iterator[Callable[[], Non
         transient=True,
     )
     with bar:
-        task = bar.add_task(title, total=total, completed=done)
+        task = bar.add_task(title, total=total, completed=done, of=of)
         yield lambda: bar.advance(task)

@@ -26,17 +26,24 @@ class RunDirectory:
         path: where files are written meanwhile.
     """
 
-    def __init__(self, out: Path | None) -> None:
+    def __init__(
+        self, out: Path | None, *, marker: str = MARKER, content: str = "a run"
+    ) -> None:
         """Checks the name before any work is done.
 
+        Args:
+            out: where the folder goes; None for a run that keeps nothing.
+            marker: file that every folder of its kind holds.
+            content: what such a folder is, for errors.
+
         Raises:
-            UsageError: something else than a run stands under this name.
+            UsageError: something of another kind stands under this name.
         """
-        self.out = out
+        self.out, self._marker, self._content = out, marker, content
         if out is None:
             self.path = Path(tempfile.mkdtemp(prefix="surefoot-"))
             return
-        _check_free(out)
+        self._check_free(out)
         try:
             out.parent.mkdir(parents=True, exist_ok=True)
         except (FileExistsError, NotADirectoryError) as error:
@@ -61,7 +68,7 @@ class RunDirectory:
         """Puts the folder in its place; a former run there is replaced."""
         if self.out is None:
             return
-        _check_free(self.out)
+        self._check_free(self.out)
         former = None
         if self.out.exists():
             former = Path(tempfile.mkdtemp(prefix=".former-", dir=self.out.parent))
@@ -70,14 +77,13 @@ class RunDirectory:
         if former is not None:
             shutil.rmtree(former, ignore_errors=True)
 
-
-def _check_free(out: Path) -> None:
-    if not out.exists():
-        return
-    if not out.is_dir():
-        raise UsageError(f"--out {out}: is a file, expected a folder or a new name")
-    if any(out.iterdir()) and not (out / MARKER).is_file():
-        raise UsageError(
-            f"--out {out}: holds other files than a run of surefoot; name an empty "
-            "or new folder"
-        )
+    def _check_free(self, out: Path) -> None:
+        if not out.exists():
+            return
+        if not out.is_dir():
+            raise UsageError(f"--out {out}: is a file, expected a folder or a new name")
+        if any(out.iterdir()) and not (out / self._marker).is_file():
+            raise UsageError(
+                f"--out {out}: holds other files than {self._content} of surefoot; "
+                "name an empty or new folder"
+            )
