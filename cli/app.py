@@ -6,6 +6,9 @@ from typing import Annotated
 
 import typer
 
+from cli.bus.echo_command import echo
+from cli.bus.hz_command import hz
+from cli.bus.topics_command import topics
 from cli.certs_command import certs
 from cli.check_robot_command import check_robot
 from cli.log_command import log
@@ -58,6 +61,9 @@ app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
 app.command()(view)
+app.command()(topics)
+app.command()(echo)
+app.command()(hz)
 app.command()(record)
 app.add_typer(log, name="log")
 app.command()(scenarios)

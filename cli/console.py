@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import msgspec
 from rich.console import Console, RenderableType
+from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
 
-_stdout = Console()
+WIDE = 200
+"""Columns in a pipe or a file, which have no width of their own."""
+
+
+def _console_for_results() -> Console:
+    console = Console()
+    if console.is_terminal or "COLUMNS" in os.environ:
+        return console
+    return Console(width=WIDE)
+
+
+_stdout = _console_for_results()
 _stderr = Console(stderr=True)
 
 
@@ -60,22 +73,10 @@ def progress_bar(
     Yields:
         A function to be told the present tick.
     """
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[simulated]}"),
-        TimeRemainingColumn(),
-        console=_stderr,
-        refresh_per_second=REFRESH_HZ,
-        disable=not _stderr.is_terminal,
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task(title, total=ticks, simulated="starting")
+    with _bar(title, total=ticks, words="starting") as update:
 
         def advance(tick: int) -> None:
-            text = f"{tick * period_s:.1f} of {ticks * period_s:g} s"
-            bar.update(task, completed=tick, simulated=text)
+            update(tick, f"{tick * period_s:.1f} of {ticks * period_s:g} s")
 
         yield advance
 
@@ -92,10 +93,24 @@ def count_bar(title: str, *, total: int, done: int) -> Iterator[Callable[[], Non
     Yields:
         A function to be called after each.
     """
+    with _bar(title, total=total, words=f"{done} of {total} runs") as update:
+        update(done, f"{done} of {total} runs")
+
+        def advance() -> None:
+            nonlocal done
+            done += 1
+            update(done, f"{done} of {total} runs")
+
+        yield advance
+
+
+@contextmanager
+def _bar(title: str, *, total: int, words: str) -> Iterator[Callable[[int, str], None]]:
+    """A bar on a terminal, nothing elsewhere; takes what is done, and words for it."""
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f} runs"),
+        TextColumn("{task.fields[words]}"),
         TimeRemainingColumn(),
         console=_stderr,
         refresh_per_second=REFRESH_HZ,
@@ -103,5 +118,21 @@ def count_bar(title: str, *, total: int, done: int) -> Iterator[Callable[[], Non
         transient=True,
     )
     with bar:
-        task = bar.add_task(title, total=total, completed=done)
-        yield lambda: bar.advance(task)
+        task = bar.add_task(title, total=total, words=words)
+        yield lambda done, told: bar.update(task, completed=done, words=told)
+
+
+@contextmanager
+def live_table(
+    *, enabled: bool = True
+) -> Iterator[Callable[[RenderableType], None] | None]:
+    """A table that is renewed in place, on a terminal only; gone at the end.
+
+    Yields:
+        A function to be given the present table; None where nobody would see it.
+    """
+    if not enabled or not _stdout.is_terminal:
+        yield None
+        return
+    with Live(console=_stdout, transient=True, auto_refresh=False) as live:
+        yield lambda table: live.update(table, refresh=True)

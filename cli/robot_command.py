@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 
 def robot(
-    scenario: Annotated[
-        str, typer.Argument(help="Shipped scenario, or a scenario file (.toml).")
-    ] = "standing",
+    scenario: options.ScenarioArgument = "standing",
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     seed: options.SeedOption = 0,
