@@ -11,6 +11,7 @@ from cli.bus.hz_command import hz
 from cli.bus.topics_command import topics
 from cli.certs_command import certs
 from cli.check_robot_command import check_robot
+from cli.doctor_command import doctor
 from cli.log_command import log
 from cli.record_command import record
 from cli.reproduce_command import reproduce
@@ -67,6 +68,7 @@ app.command()(hz)
 app.command()(record)
 app.add_typer(log, name="log")
 app.command()(scenarios)
+app.command()(doctor)
 app.command()(sweep)
 app.command()(reproduce)
 app.command()(router)

@@ -79,7 +79,7 @@ class Child:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
-                env=_environment(),
+                env=child_environment(),
                 start_new_session=True,
             )
         self._watch = threading.Thread(
@@ -140,7 +140,7 @@ class Child:
         events.put(Exit(self, self._process.wait()))
 
 
-def _environment() -> dict[str, str]:
+def child_environment() -> dict[str, str]:
     """Ours, such that the child runs the same code as we do from any folder."""
     root = str(Path(__file__).resolve().parent.parent)
     inherited = os.environ.get("PYTHONPATH", "")
