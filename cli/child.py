@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 from cli.child_mode import READY_LINE
+from cli.console import ERROR_PREFIX
 
 LAST_LINES = 12
 _TERMINATE_S = 5.0
@@ -125,6 +126,12 @@ class Child:
         with self.log.open(encoding="utf-8", errors="replace") as file:
             lines = (line.rstrip() for line in file)
             return list(deque(filter(None, lines), maxlen=LAST_LINES))
+
+    def last_error(self) -> str:
+        """What it gave as the reason of its end; empty when it gave none."""
+        text = self.log.read_text(encoding="utf-8", errors="replace")
+        *_, last = f"\n{text}".rpartition(f"\n{ERROR_PREFIX} ")
+        return last.strip() if last != f"\n{text}" else ""
 
     def _report(self, events: SimpleQueue[Event]) -> None:
         stdout = self._process.stdout

@@ -36,17 +36,10 @@ def complete_robot(incomplete: str) -> list[str]:
 
 def complete_setting(incomplete: str) -> list[str]:
     """Settings that ``--set`` knows, up to the equals sign."""
-    import msgspec
+    from schemas.settings import setting_names
 
-    from schemas.settings import ControllerSettings
-
-    return [
-        f"{section.name}.{setting.name}="
-        for section in msgspec.structs.fields(ControllerSettings)
-        if isinstance(section.type, type) and issubclass(section.type, msgspec.Struct)
-        for setting in msgspec.structs.fields(section.type)
-        if f"{section.name}.{setting.name}=".startswith(incomplete)
-    ]
+    known = (f"{name}=" for name in setting_names())
+    return [name for name in known if name.startswith(incomplete)]
 
 
 def _files(incomplete: str) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -12,6 +13,8 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+ERROR_PREFIX = "surefoot:"
+"""What every error begins with; a parent finds its children's by it."""
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
 
@@ -32,8 +35,8 @@ _stderr = Console(stderr=True)
 
 def print_error(error: BaseException) -> None:
     """Says what went wrong; the message itself, without decoration or traceback."""
-    _stderr.print("[bold red]surefoot:[/]", end=" ")
-    _stderr.print(str(error), markup=False, highlight=False, soft_wrap=True)
+    _stderr.print(f"[bold red]{ERROR_PREFIX}[/]", end=" ")
+    _stderr.print(_words(error), markup=False, highlight=False, soft_wrap=True)
 
 
 def print_note(text: str) -> None:
@@ -136,3 +139,22 @@ def live_table(
         return
     with Live(console=_stdout, transient=True, auto_refresh=False) as live:
         yield lambda table: live.update(table, refresh=True)
+
+
+def _words(error: BaseException) -> str:
+    """What an error says; the system's own in words, not by its number."""
+    if not isinstance(error, OSError) or type(error).__module__ != "builtins":
+        return str(error)
+    if error.strerror is None:
+        return str(error)
+    place = f"{error.filename}: " if error.filename is not None else ""
+    hint = _HINTS.get(error.errno or 0, "")
+    return f"{place}{error.strerror}{hint}"
+
+
+_UNWRITABLE = "; name a folder that can be written to"
+_HINTS = {
+    errno.ENOSPC: "; make room, or name a folder on another disk",
+    errno.EACCES: _UNWRITABLE,
+    errno.EROFS: _UNWRITABLE,
+}

@@ -36,15 +36,18 @@ def robot(
     from cli.child_mode import begin_as_child, progress_reporter
     from cli.endpoints import choose_endpoints
     from cli.logs import log_note, set_up_logging
+    from cli.scenario_errors import naming_scenario
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
-    from sim_robot.catalogue import open_scenario
+    from schemas.scenario import load_scenario
+    from sim_robot.catalogue import find_scenario
 
     set_up_logging("robot")
     if child:
         begin_as_child()
     model = load_robot(robot, servo_profile=servo_profile)
-    world = open_scenario(scenario)
+    path = find_scenario(scenario)
+    world = load_scenario(path)
     meeting = choose_endpoints(
         endpoints,
         listen=listen or [],
@@ -58,15 +61,16 @@ def robot(
     )
     from sim_robot.node import run_robot  # heavy: a wrong file is told first
 
-    done = run_robot(
-        model,
-        world,
-        seed=seed,
-        endpoints=meeting,
-        pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
-        record=record_file is not None,
-        on_tick=progress_reporter() if child else None,
-    )
+    with naming_scenario(path):
+        done = run_robot(
+            model,
+            world,
+            seed=seed,
+            endpoints=meeting,
+            pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+            record=record_file is not None,
+            on_tick=progress_reporter() if child else None,
+        )
     _write_files(done, result_file=result_file, record_file=record_file)
     if not child:
         _show(done, scenario, as_json=as_json)

@@ -28,10 +28,12 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     fell: bool
     fell_at_s: float | None
     duration_s: float
-    com_error_rms_mm: Floats3
-    com_error_max_mm: Floats3
+    com_error_rms_mm: Floats3 | None
+    """None for a run that ended within its first second, like all that counts from
+    there."""
+    com_error_max_mm: Floats3 | None
     base_tilt_max_deg: float
-    force_deviation_rms_n: Pair
+    force_deviation_rms_n: Pair | None
     """True normal force against half the robot's weight, left and right."""
     force_peak_n: Pair
     contact_lost_s: Pair
@@ -79,11 +81,13 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     fell: bool
     fell_at_s: float | None
     duration_s: float
-    com_error_rms_mm: Floats3
-    com_error_max_mm: Floats3
+    com_error_rms_mm: Floats3 | None
+    """None for a run that ended within its first second, like all that counts from
+    there."""
+    com_error_max_mm: Floats3 | None
     base_tilt_max_deg: float
     force_error_rms_n: Pair
-    force_deviation_rms_n: Pair
+    force_deviation_rms_n: Pair | None
     force_peak_n: Pair
     contact_lost_s: Pair
     contact_gap_s: Pair
