@@ -16,17 +16,15 @@ from typing import NamedTuple, Self
 import zenoh
 from zenoh.handlers import Callback
 
-from robot_io.bus import Bus
 from robot_io.census import Census, take_census
+from robot_io.dial import dialed_bus
 from robot_io.errors import RobotUnreachableError
 from robot_io.quiet import SWITCH_INTERVAL_S
 from robot_io.robot import Robot
-from robot_io.session import Role, unreachable
+from robot_io.session import unreachable
 from schemas.endpoints import Endpoints
 from schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
 
-DIAL_S = 0.5
-"""One attempt: Zenoh cannot be interrupted in it."""
 POLL_S = 0.01
 KEPT = 200_000
 """Messages kept until they are taken: ten seconds of a bus at its fastest."""
@@ -110,16 +108,10 @@ class Listener:
             RobotUnreachableError: no robot was ready in time.
         """
         end = time.monotonic() + timeout_s
-        while True:
-            try:
-                self._open(min(DIAL_S, timeout_s))
-                break
-            except RobotUnreachableError:
-                if time.monotonic() >= end:
-                    raise self._missing("nobody answers", timeout_s) from None
+        self._open(timeout_s)
         if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
             what = f"no robot {self._namespace!r} is ready"
-            raise self._missing(what, timeout_s)
+            raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
 
     @property
     def robot_is_here(self) -> bool:
@@ -153,7 +145,7 @@ class Listener:
             sys.setswitchinterval(SWITCH_INTERVAL_S)
             # Without namespace: only so are other keys and the census to be seen.
             bus = stack.enter_context(
-                Bus(self._endpoints, Role.CLIENT, namespace="", timeout_s=timeout_s)
+                dialed_bus(self._endpoints, namespace="", timeout_s=timeout_s)
             )
             self._session = bus.session
             for pattern in self._patterns:
@@ -192,6 +184,3 @@ class Listener:
             self._robot_is_here.set()
         else:
             self._robot_is_here.clear()
-
-    def _missing(self, what: str, timeout_s: float) -> RobotUnreachableError:
-        return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))

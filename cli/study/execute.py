@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 from cli.study.cell import Cell
-from cli.study.run_cell import plan_of, run_cell
+from cli.study.run_cell import plan_of
 from cli.study.store import StudyStore
+from cli.study.worker import run_for
 
 IDLE_S = 10
-"""A worker without work ends after so long, also when this process was killed [s]."""
+"""A worker without work ends after so long [s]."""
 
 
 def execute(
@@ -47,7 +49,7 @@ def execute(
     ):
         work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
         for row in work(
-            delayed(run_cell)(cell, robot=robot, overrides=overrides)
+            delayed(run_for)(os.getpid(), cell, robot=robot, overrides=overrides)
             for cell in missing
         ):
             store.add(row)
