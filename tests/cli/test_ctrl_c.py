@@ -34,7 +34,6 @@ DIALING = {
     **LISTENING,
     "stabilizer": ["stabilizer", "--controller", "hold"],
     "check-robot": ["check-robot"],
-    "view": ["view", "--port", "0"],
 }
 WORKING = {
     "run": ["run", "hour.toml", "--controller", "hold", "--inline", "--out", "out"],
@@ -79,13 +78,13 @@ def test_while_it_dials(tmp_path: Path, name: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(READY_S)
         locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        wait = [] if name == "view" else ["--wait", LONG_S]
-        words = [*DIALING[name], "--connect", locator, *wait]
+        words = [*DIALING[name], "--connect", locator, "--wait", LONG_S]
         with started(tmp_path, *words) as process:
             connection, _ = server.accept()
             with connection:
                 stdout, _ = ends_clean(process)
-    assert stdout == ""
+    if name != "stabilizer":  # which tells what it has done, even if that is nothing
+        assert stdout == ""
 
 
 @pytest.mark.parametrize("name", LISTENING)
