@@ -6,8 +6,12 @@ from typing import Annotated
 
 import typer
 
+from cli.bus.echo_command import echo
+from cli.bus.hz_command import hz
+from cli.bus.topics_command import topics
 from cli.certs_command import certs
 from cli.check_robot_command import check_robot
+from cli.doctor_command import doctor
 from cli.log_command import log
 from cli.record_command import record
 from cli.replay_command import replay
@@ -60,10 +64,14 @@ app.command()(run)
 app.command()(robot)
 app.command()(stabilizer)
 app.command()(view)
+app.command()(topics)
+app.command()(echo)
+app.command()(hz)
 app.command()(record)
 app.command()(replay)
 app.add_typer(log, name="log")
 app.command()(scenarios)
+app.command()(doctor)
 app.command()(sweep)
 app.command()(report)
 app.command()(reproduce)

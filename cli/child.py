@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 from cli.child_mode import READY_LINE
+from cli.console import ERROR_PREFIX
 
 LAST_LINES = 12
 _TERMINATE_S = 5.0
@@ -79,7 +80,7 @@ class Child:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,
-                env=_environment(),
+                env=child_environment(),
                 start_new_session=True,
             )
         self._watch = threading.Thread(
@@ -126,6 +127,12 @@ class Child:
             lines = (line.rstrip() for line in file)
             return list(deque(filter(None, lines), maxlen=LAST_LINES))
 
+    def last_error(self) -> str:
+        """What it gave as the reason of its end; empty when it gave none."""
+        text = self.log.read_text(encoding="utf-8", errors="replace")
+        *_, last = f"\n{text}".rpartition(f"\n{ERROR_PREFIX} ")
+        return last.strip() if last != f"\n{text}" else ""
+
     def _report(self, events: SimpleQueue[Event]) -> None:
         stdout = self._process.stdout
         if stdout is not None:
@@ -140,7 +147,7 @@ class Child:
         events.put(Exit(self, self._process.wait()))
 
 
-def _environment() -> dict[str, str]:
+def child_environment() -> dict[str, str]:
     """Ours, such that the child runs the same code as we do from any folder."""
     root = str(Path(__file__).resolve().parent.parent)
     inherited = os.environ.get("PYTHONPATH", "")

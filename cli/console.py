@@ -2,25 +2,41 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import msgspec
 from rich.console import Console, RenderableType
+from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+ERROR_PREFIX = "surefoot:"
+"""What every error begins with; a parent finds its children's by it."""
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
 
-_stdout = Console()
+WIDE = 200
+"""Columns in a pipe or a file, which have no width of their own."""
+
+
+def _console_for_results() -> Console:
+    console = Console()
+    if console.is_terminal or "COLUMNS" in os.environ:
+        return console
+    return Console(width=WIDE)
+
+
+_stdout = _console_for_results()
 _stderr = Console(stderr=True)
 
 
 def print_error(error: BaseException) -> None:
     """Says what went wrong; the message itself, without decoration or traceback."""
-    _stderr.print("[bold red]surefoot:[/]", end=" ")
-    _stderr.print(str(error), markup=False, highlight=False, soft_wrap=True)
+    _stderr.print(f"[bold red]{ERROR_PREFIX}[/]", end=" ")
+    _stderr.print(_words(error), markup=False, highlight=False, soft_wrap=True)
 
 
 def print_note(text: str) -> None:
@@ -60,22 +76,10 @@ def progress_bar(
     Yields:
         A function to be told the present tick.
     """
-    bar = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.fields[simulated]}"),
-        TimeRemainingColumn(),
-        console=_stderr,
-        refresh_per_second=REFRESH_HZ,
-        disable=not _stderr.is_terminal,
-        transient=True,
-    )
-    with bar:
-        task = bar.add_task(title, total=ticks, simulated="starting")
+    with _bar(title, total=ticks, words="starting") as update:
 
         def advance(tick: int) -> None:
-            text = f"{tick * period_s:.1f} of {ticks * period_s:g} s"
-            bar.update(task, completed=tick, simulated=text)
+            update(tick, f"{tick * period_s:.1f} of {ticks * period_s:g} s")
 
         yield advance
 
@@ -95,10 +99,24 @@ def count_bar(
     Yields:
         A function to be called after each.
     """
+    with _bar(title, total=total, words=f"{done} of {total} {of}") as update:
+        update(done, f"{done} of {total} {of}")
+
+        def advance() -> None:
+            nonlocal done
+            done += 1
+            update(done, f"{done} of {total} {of}")
+
+        yield advance
+
+
+@contextmanager
+def _bar(title: str, *, total: int, words: str) -> Iterator[Callable[[int, str], None]]:
+    """A bar on a terminal, nothing elsewhere; takes what is done, and words for it."""
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f} of {task.total:.0f} {task.fields[of]}"),
+        TextColumn("{task.fields[words]}"),
         TimeRemainingColumn(),
         console=_stderr,
         refresh_per_second=REFRESH_HZ,
@@ -106,5 +124,40 @@ def count_bar(
         transient=True,
     )
     with bar:
-        task = bar.add_task(title, total=total, completed=done, of=of)
-        yield lambda: bar.advance(task)
+        task = bar.add_task(title, total=total, words=words)
+        yield lambda done, told: bar.update(task, completed=done, words=told)
+
+
+@contextmanager
+def live_table(
+    *, enabled: bool = True
+) -> Iterator[Callable[[RenderableType], None] | None]:
+    """A table that is renewed in place, on a terminal only; gone at the end.
+
+    Yields:
+        A function to be given the present table; None where nobody would see it.
+    """
+    if not enabled or not _stdout.is_terminal:
+        yield None
+        return
+    with Live(console=_stdout, transient=True, auto_refresh=False) as live:
+        yield lambda table: live.update(table, refresh=True)
+
+
+def _words(error: BaseException) -> str:
+    """What an error says; the system's own in words, not by its number."""
+    if not isinstance(error, OSError) or type(error).__module__ != "builtins":
+        return str(error)
+    if error.strerror is None:
+        return str(error)
+    place = f"{error.filename}: " if error.filename is not None else ""
+    hint = _HINTS.get(error.errno or 0, "")
+    return f"{place}{error.strerror}{hint}"
+
+
+_UNWRITABLE = "; name a folder that can be written to"
+_HINTS = {
+    errno.ENOSPC: "; make room, or name a folder on another disk",
+    errno.EACCES: _UNWRITABLE,
+    errno.EROFS: _UNWRITABLE,
+}

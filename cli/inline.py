@@ -9,6 +9,7 @@ from pathlib import Path
 from cli.processes import Sides
 from cli.run_files import QP_FAILURE, TICKS, write_arrays
 from cli.run_plan import RunPlan
+from cli.scenario_errors import naming_scenario
 from robot_io.delivery import Delivery
 from robot_io.gate import CommandGate
 from robot_io.quiet import quiet_interpreter
@@ -67,9 +68,10 @@ class _InlineLoop:
     def __init__(self, plan: RunPlan, *, record: bool) -> None:
         """Builds both sides and enables the robot."""
         robot = plan.robot
-        self.simulated = SimulatedRobot(
-            robot, plan.scenario, seed=plan.seed, record=record
-        )
+        with naming_scenario(plan.scenario_path):
+            self.simulated = SimulatedRobot(
+                robot, plan.scenario, seed=plan.seed, record=record
+            )
         self.telemetry = ControllerTelemetry(plan.controller, period_s=robot.period_s)
         self.controller = make_controller(plan.controller, robot, plan.settings)
         self._gate = CommandGate(robot, self.simulated.held_posture)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from cli.completion import complete_robot, complete_scenario, complete_setting
+
 
 class ControllerName(StrEnum):
     """Controllers there are."""
@@ -20,8 +22,26 @@ class ControllerName(StrEnum):
 _BUS = "Bus"
 _CONTROLLER = "Controller"
 
+ScenarioArgument = Annotated[
+    str,
+    typer.Argument(
+        help="Shipped scenario, or a scenario file (.toml).",
+        autocompletion=complete_scenario,
+    ),
+]
 RobotOption = Annotated[
-    str, typer.Option("--robot", help="Shipped robot, or a robot file (.toml).")
+    str,
+    typer.Option(
+        "--robot",
+        help="Shipped robot, or a robot file (.toml).",
+        autocompletion=complete_robot,
+    ),
+]
+WaitOption = Annotated[
+    float,
+    typer.Option(
+        "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
+    ),
 ]
 ServoOption = Annotated[
     str | None,
@@ -59,6 +79,7 @@ SetOption = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Override one setting, such as tsid.base_kp=120. May be repeated.",
+        autocompletion=complete_setting,
         rich_help_panel=_CONTROLLER,
     ),
 ]

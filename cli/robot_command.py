@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 
 def robot(
-    scenario: Annotated[
-        str, typer.Argument(help="Shipped scenario, or a scenario file (.toml).")
-    ] = "standing",
+    scenario: options.ScenarioArgument = "standing",
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     seed: options.SeedOption = 0,
@@ -42,15 +40,18 @@ def robot(
     from cli.endpoints import choose_endpoints
     from cli.logs import log_note, set_up_logging
     from cli.scheduling import claim_processor
+    from cli.scenario_errors import naming_scenario
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
-    from sim_robot.catalogue import open_scenario
+    from schemas.scenario import load_scenario
+    from sim_robot.catalogue import find_scenario
 
     set_up_logging("robot")
     if child:
         begin_as_child()
     model = load_robot(robot, servo_profile=servo_profile)
-    world = open_scenario(scenario)
+    path = find_scenario(scenario)
+    world = load_scenario(path)
     meeting = choose_endpoints(
         endpoints,
         listen=listen or [],
@@ -65,16 +66,17 @@ def robot(
     claim_processor(cpu=cpu, priority=realtime_priority)
     from sim_robot.node import run_robot  # heavy: a wrong file is told first
 
-    done = run_robot(
-        model,
-        world,
-        seed=seed,
-        endpoints=meeting,
-        pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
-        record=record_file is not None,
-        histogram=histogram,
-        on_tick=progress_reporter() if child else None,
-    )
+    with naming_scenario(path):
+        done = run_robot(
+            model,
+            world,
+            seed=seed,
+            endpoints=meeting,
+            pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+            record=record_file is not None,
+            histogram=histogram,
+            on_tick=progress_reporter() if child else None,
+        )
     _write_files(done, result_file=result_file, record_file=record_file)
     if not child:
         _show(done, scenario, as_json=as_json)

@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
 
 def run(
-    scenario: Annotated[
-        str, typer.Argument(help="Shipped scenario, or a scenario file (.toml).")
-    ],
+    scenario: options.ScenarioArgument,
     controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,

@@ -8,6 +8,7 @@ from pathlib import Path
 from types import TracebackType
 
 from cli.errors import UsageError
+from cli.out_folder import make_out_folder
 
 MARKER = "run.json"
 """Every folder of a run holds this file; a folder without it is not overwritten."""
@@ -38,16 +39,14 @@ class RunDirectory:
 
         Raises:
             UsageError: something of another kind stands under this name.
+            EnvironmentFailedError: nothing can be written there.
         """
         self.out, self._marker, self._content = out, marker, content
         if out is None:
             self.path = Path(tempfile.mkdtemp(prefix="surefoot-"))
             return
         self._check_free(out)
-        try:
-            out.parent.mkdir(parents=True, exist_ok=True)
-        except (FileExistsError, NotADirectoryError) as error:
-            raise UsageError(f"--out {out}: {out.parent} is not a folder") from error
+        make_out_folder(out.parent, out=out)
         self.path = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
         self.path.chmod(0o755)
 

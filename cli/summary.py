@@ -119,7 +119,9 @@ def _add_gate(table: Table, result: RunResult | PlantResult) -> None:
     table.add_row("commands clipped", _counts(result.clipped))
 
 
-def _row(values: Sequence[float], unit: str) -> str:
+def _row(values: Sequence[float] | None, unit: str) -> str:
+    if values is None:
+        return "none; counts from 1 s on"
     return f"{', '.join(f'{value:.1f}' for value in values)} {unit}"
 
 

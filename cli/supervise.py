@@ -79,16 +79,20 @@ def _left(until: float) -> float:
 def failure(child: Child, code: int) -> ChildFailedError:
     """A child's end as an error that holds its last words.
 
+    A child that says what is wrong, as every command does, is quoted alone; the log
+    before that is of interest only when it ended without a word.
+
     Args:
         child: whose end.
         code: its exit code; negative: the signal that ended it.
     """
+    known = code in {int(entry) for entry in ExitCode}
     how = (
         f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
     )
-    known = code in {int(entry) for entry in ExitCode}
+    said = child.last_error() if known else ""
     return ChildFailedError(
-        f"{child.name}: {how}{_words(child)}",
+        f"{child.name}: {how}{f': {said}' if said else _words(child)}",
         exit_code=ExitCode(code) if known else ExitCode.FAILED,
     )
 

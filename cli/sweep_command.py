@@ -9,11 +9,16 @@ from typing import Annotated
 import typer
 
 from cli import options
+from cli.completion import complete_scenario
 
 
 def sweep(
     scenarios: Annotated[
-        list[str], typer.Argument(help="Shipped names or paths of scenario files.")
+        list[str],
+        typer.Argument(
+            help="Shipped names or paths of scenario files.",
+            autocompletion=complete_scenario,
+        ),
     ],
     out: Annotated[
         Path, typer.Option("--out", help="Folder of the study; a former one goes on.")

@@ -72,7 +72,7 @@ def check_exposure(endpoints: Endpoints) -> None:
     if endpoints.insecure:
         return
     for locator in endpoints.listen:
-        if protocol_of(locator) not in SECURED and not _is_local(locator):
+        if protocol_of(locator) not in SECURED and not is_local(locator):
             raise LocatorError(
                 f"{locator} would let anyone on that network command the robot; "
                 "listen on tls/ with certificates (surefoot certs), or say "
@@ -87,7 +87,7 @@ def protocol_of(locator: str) -> str:
     return locator.split("/", 1)[0]
 
 
-def _is_local(locator: str) -> bool:
+def is_local(locator: str) -> bool:
     """Whether only this host can reach it; a name might be anywhere."""
     protocol, address = locator.split("/", 1)
     if protocol == "unixsock-stream":

@@ -138,6 +138,13 @@ class Robot:
         return column
 
 
+def list_robots() -> list[str]:
+    """Names of the shipped robots, sorted."""
+    return sorted(
+        p.name for p in ROBOTS_DIR.iterdir() if (p / f"{p.name}.toml").is_file()
+    )
+
+
 def find_robot(name_or_path: str) -> Path:
     """Path of a robot file: a shipped name, or a path to a TOML.
 
@@ -152,11 +159,8 @@ def find_robot(name_or_path: str) -> Path:
     shipped = ROBOTS_DIR / name_or_path / f"{name_or_path}.toml"
     if shipped.is_file():
         return shipped
-    names = sorted(
-        p.name for p in ROBOTS_DIR.iterdir() if (p / f"{p.name}.toml").is_file()
-    )
     raise RobotFileError(
-        f"no robot named {name_or_path!r}; shipped are {', '.join(names)}, "
+        f"no robot named {name_or_path!r}; shipped are {', '.join(list_robots())}, "
         "or give the path of a robot file (.toml)"
     )
 

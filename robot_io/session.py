@@ -80,7 +80,8 @@ def open_session(
     Args:
         endpoints: both sides of the bus; the role picks its own.
         role: robot or client.
-        namespace: put before every key on the wire, such as ``walker``.
+        namespace: put before every key on the wire, such as ``walker``; empty for a
+            tool that looks at all of the wire.
         timeout_s: how long who dials does so before it gives up [s].
         keys: channel name to key, for access control; the usual ones when None.
 
@@ -161,7 +162,8 @@ def session_config(
         "queries_default_timeout": QUERY_TIMEOUT_MS,
         "transport": _transport(endpoints),
     }
-    if role is not Role.ROUTER:  # a router hears the keys as they are on the wire
+    # A router hears the keys as they are on the wire; so does who names no robot.
+    if role is not Role.ROUTER and namespace:
         config["namespace"] = namespace
     if is_listening:
         config["low_pass_filter"] = [_size_limit(endpoints)]

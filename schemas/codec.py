@@ -91,7 +91,7 @@ def _decode_in_steps(data: bytes, kind: type[_T]) -> _T:
     try:
         raw = msgpack.unpackb(data)
     except _UNREADABLE as error:
-        raise _refusal(kind, error) from error
+        raise MessageError(f"{kind.__name__}: not MessagePack: {error}") from error
     version = raw.get("schema") if isinstance(raw, dict) else None
     # Anything but a whole number is left to the type check.
     if type(version) is int and version != SCHEMA_VERSION:
@@ -99,7 +99,9 @@ def _decode_in_steps(data: bytes, kind: type[_T]) -> _T:
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        raise _refusal(kind, error) from error
+        field, text = explain(error, raw, kind)
+        place = f"{kind.__name__}.{field}" if field else kind.__name__
+        raise MessageError(f"{place}: {text}", field=field) from error
 
 
 def _other_version(version: int, kind: type[msgspec.Struct]) -> SchemaVersionError:
@@ -120,11 +122,3 @@ def _check_joint_count(message: msgspec.Struct, joint_count: int) -> None:
                 f"{joint_count}, one per joint of the robot file",
                 field=name,
             )
-
-
-def _refusal(kind: type[msgspec.Struct], error: Exception) -> MessageError:
-    if isinstance(error, msgspec.ValidationError):
-        field, text = explain(error)
-        place = f"{kind.__name__}.{field}" if field else kind.__name__
-        return MessageError(f"{place}: {text}", field=field)
-    return MessageError(f"{kind.__name__}: not MessagePack: {error}")

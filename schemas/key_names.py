@@ -1,4 +1,4 @@
-"""Names of the keys a file format knows, for a helpful word about an unknown one."""
+"""Names of the keys a file format knows, and of the values a key may have."""
 
 from __future__ import annotations
 
@@ -23,10 +23,41 @@ def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
         ``; did you mean 'frequency_hz'?`` when a valid key of the same table is
         near, otherwise the list of the valid ones, each starting with ``;``.
     """
+    structs, name = _structs_around(field, kind)
+    names = sorted(set(_key_names(structs)))
+    near = difflib.get_close_matches(name, names, n=1)
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    return f"; valid are {', '.join(names)}" if names else ""
+
+
+def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
+    """Texts that a field may hold, when there are only some.
+
+    Args:
+        field: its path, such as ``platform[0].motion[1].axis``.
+        kind: the struct the whole should have been.
+
+    Returns:
+        The texts in the order of their definition; none for any other field.
+    """
+    structs, name = _structs_around(field, kind)
+    values: dict[str, None] = {}
+    for struct in structs:
+        if struct.tag_field == name:
+            values[str(struct.tag)] = None
+        for member in struct.fields:
+            if member.encode_name == name:
+                values.update(dict.fromkeys(_texts(member.type)))
+    return list(values)
+
+
+def _structs_around(
+    field: str, kind: type[msgspec.Struct]
+) -> tuple[list[msgspec.inspect.StructType], str]:
+    """Struct types that the last key of a path may stand in, and that key."""
     *parents, name = _INDEX.sub("", field).split(".")
-    structs: list[msgspec.inspect.StructType] = _structs(
-        msgspec.inspect.type_info(kind)
-    )
+    structs = _structs(msgspec.inspect.type_info(kind))
     for parent in parents:
         structs = [
             inner
@@ -35,11 +66,22 @@ def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
             if member.encode_name == parent
             for inner in _structs(member.type)
         ]
-    names = sorted(set(_key_names(structs)))
-    near = difflib.get_close_matches(name, names, n=1)
-    if near:
-        return f"; did you mean {near[0]!r}?"
-    return f"; valid are {', '.join(names)}" if names else ""
+    return structs, name
+
+
+def _texts(info: msgspec.inspect.Type) -> list[str]:
+    """Texts that a type allows, when it allows only some."""
+    if isinstance(info, msgspec.inspect.LiteralType):
+        return [value for value in info.values if isinstance(value, str)]
+    if isinstance(info, msgspec.inspect.EnumType):
+        return [str(member.value) for member in info.cls]
+    if isinstance(info, msgspec.inspect.UnionType):
+        return [text for kind in info.types for text in _texts(kind)]
+    if isinstance(info, msgspec.inspect.ListType):
+        return _texts(info.item_type)
+    if isinstance(info, msgspec.inspect.Metadata):
+        return _texts(info.type)
+    return []
 
 
 def _key_names(structs: Iterable[msgspec.inspect.StructType]) -> Iterable[str]:

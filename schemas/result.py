@@ -43,10 +43,12 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     fell: bool
     fell_at_s: float | None
     duration_s: float
-    com_error_rms_mm: Floats3
-    com_error_max_mm: Floats3
+    com_error_rms_mm: Floats3 | None
+    """None for a run that ended within its first second, like all that counts from
+    there."""
+    com_error_max_mm: Floats3 | None
     base_tilt_max_deg: float
-    force_deviation_rms_n: Pair
+    force_deviation_rms_n: Pair | None
     """True vertical force against half the robot's weight, left and right."""
     force_peak_n: Pair
     contact_lost_s: Pair
@@ -114,16 +116,17 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """When it did; null when it stood."""
     duration_s: float
     """Simulated time, to the end or the fall."""
-    com_error_rms_mm: Floats3
-    """CoM against its reference, x y z, true, from 1 s on: root mean square."""
-    com_error_max_mm: Floats3
+    com_error_rms_mm: Floats3 | None
+    """CoM against its reference, x y z, true, from 1 s on: root mean square. Null for
+    a run that ended within its first second, like all that counts from there."""
+    com_error_max_mm: Floats3 | None
     """The same: largest."""
     base_tilt_max_deg: float
     """Farthest the base leaned from upright."""
     force_error_rms_n: Pair
     """Measured against wanted normal force, left and right."""
-    force_deviation_rms_n: Pair
-    """True normal force against half the robot's weight, left and right."""
+    force_deviation_rms_n: Pair | None
+    """True vertical force against half the robot's weight, left and right."""
     force_peak_n: Pair
     """Largest true normal force, left and right."""
     contact_lost_s: Pair

@@ -346,10 +346,22 @@ def _parse_override(text: str, known: list[str]) -> tuple[str, Any]:
             f"--set {text!r}: expected KEY=VALUE, such as tsid.base_kp=120", field=key
         )
     if key not in known:
-        near = difflib.get_close_matches(key, known, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise FileFormatError(f"--set {key}: no such setting{hint}", field=key)
+        hint = _near_settings(key, known)
+        raise FileFormatError(f"--set {key}: no such setting; {hint}", field=key)
     try:
         return key, tomllib.loads(f"value = {value}")["value"]
     except tomllib.TOMLDecodeError:
         return key, value.strip()
+
+
+def _near_settings(key: str, known: list[str]) -> str:
+    """The nearest setting; else those of the section; else the sections."""
+    near = difflib.get_close_matches(key, known, n=1)
+    if near:
+        return f"did you mean {near[0]!r}?"
+    section = key.split(".")[0]
+    inside = [name for name in known if name.startswith(f"{section}.")]
+    if inside:
+        return f"{section} has {', '.join(inside)}"
+    sections = dict.fromkeys(name.split(".")[0] for name in known)
+    return f"settings are SECTION.NAME, with sections {', '.join(sections)}"

@@ -58,7 +58,7 @@ def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
     try:
         return msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
-        field, text = explain(error)
+        field, text = explain(error, raw, kind)
         if "unknown field" in text:
             text = f"no such key{suggest_key(field, kind)}"
         place = f"{source}: {field}" if field else source

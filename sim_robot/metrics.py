@@ -24,6 +24,7 @@ class StandingFigures:
     """Figures of a run; see :class:`schemas.result.PlantResult`.
 
     Attributes:
+        has_counted: whether the run got to where errors and deviations count.
         com_error_rms: (3,) [m].
         com_error_max: (3,) largest magnitude [m].
         base_tilt_max: [rad].
@@ -35,6 +36,7 @@ class StandingFigures:
         contact_gap_s: (2,) longest at a stretch: how long the ground was searched [s].
     """
 
+    has_counted: bool
     com_error_rms: Vec3
     com_error_max: Vec3
     base_tilt_max: float
@@ -120,6 +122,7 @@ class PlantMetrics:
         """What the run amounts to so far; zero where nothing has counted yet."""
         count = max(self._counted, 1)
         return StandingFigures(
+            has_counted=self._counted > 0,
             com_error_rms=np.sqrt(np.array(self._squares) / count),
             com_error_max=np.array(self._largest),
             base_tilt_max=math.acos(max(-1.0, self._least_upright)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 
 import mujoco
@@ -35,9 +36,11 @@ class Pushes:
         self._valid = valid = _bodies_with_mass(world)
         for index, push in enumerate(pushes):
             if push.body not in valid:
+                near = difflib.get_close_matches(push.body, valid, n=1)
+                hint = f"; did you mean {near[0]!r}?" if near else ""
                 raise ScenarioError(
                     f"push[{index}].body: got {push.body!r}, expected one of "
-                    f"{', '.join(valid)}",
+                    f"{', '.join(valid)}{hint}",
                     field=f"push[{index}].body",
                 )
             first = round(push.start_s / SIM_STEP_S)

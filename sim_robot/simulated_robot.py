@@ -226,14 +226,18 @@ class SimulatedRobot:
     ) -> PlantResult:
         """What the run amounts to; timings and counts come from who paced it."""
         figures = self._metrics.figures()
+
+        def counted(values: Array, unit: float = 1.0) -> list[float] | None:
+            return (unit * values).tolist() if figures.has_counted else None
+
         return PlantResult(
             fell=self.fell,
             fell_at_s=self._fell_at_s,
             duration_s=self.time_s,
-            com_error_rms_mm=(MM_PER_M * figures.com_error_rms).tolist(),
-            com_error_max_mm=(MM_PER_M * figures.com_error_max).tolist(),
+            com_error_rms_mm=counted(figures.com_error_rms, MM_PER_M),
+            com_error_max_mm=counted(figures.com_error_max, MM_PER_M),
             base_tilt_max_deg=math.degrees(figures.base_tilt_max),
-            force_deviation_rms_n=figures.force_deviation_rms.tolist(),
+            force_deviation_rms_n=counted(figures.force_deviation_rms),
             force_peak_n=figures.force_peak.tolist(),
             contact_lost_s=figures.contact_lost_s.tolist(),
             contact_gap_s=figures.contact_gap_s.tolist(),

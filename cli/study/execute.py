@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 from cli.study.cell import Cell
-from cli.study.run_cell import plan_of, run_cell
+from cli.study.run_cell import plan_of
 from cli.study.store import StudyStore
+from cli.study.worker import run_for
+
+IDLE_S = 10
+"""A worker without work ends after so long [s]."""
 
 
 def execute(
@@ -31,17 +36,20 @@ def execute(
     Raises:
         FileFormatError: a value does not fit its scenario; nothing has been run.
     """
-    from joblib import Parallel, delayed
+    from joblib import Parallel, delayed, parallel_config
 
     from cli.console import count_bar
 
     missing = [cell for cell in cells if cell.key not in store.rows]
     for cell in {cell.group: cell for cell in missing}.values():
         plan_of(cell, robot=robot, overrides=overrides)
-    work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-    with count_bar(title, total=len(cells), done=len(cells) - len(missing)) as tell:
+    with (
+        parallel_config(backend="loky", idle_worker_timeout=IDLE_S),
+        count_bar(title, total=len(cells), done=len(cells) - len(missing)) as tell,
+    ):
+        work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
         for row in work(
-            delayed(run_cell)(cell, robot=robot, overrides=overrides)
+            delayed(run_for)(os.getpid(), cell, robot=robot, overrides=overrides)
             for cell in missing
         ):
             store.add(row)

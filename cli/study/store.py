@@ -12,6 +12,7 @@ import msgspec
 
 from cli.atomic_file import atomic_file
 from cli.errors import UsageError
+from cli.out_folder import make_out_folder
 from cli.study.run_cell import Row
 
 STUDY, RUNS = "study.json", "runs.jsonl"
@@ -39,6 +40,7 @@ class StudyStore:
         Raises:
             UsageError: the folder holds runs of other code or settings, or something
                 else altogether.
+            EnvironmentFailedError: nothing can be written there.
         """
         self.rows: dict[str, Row] = {}
         self._path = folder / RUNS
@@ -50,7 +52,7 @@ class StudyStore:
             self._compare(msgspec.json.decode(marker.read_bytes()), folder)
         elif folder.is_dir() and any(folder.iterdir()):
             raise UsageError(f"{folder}: not empty and no study; name another folder")
-        folder.mkdir(parents=True, exist_ok=True)
+        make_out_folder(folder, out=folder)
         with atomic_file(marker) as file:
             file.write(msgspec.json.format(msgspec.json.encode(about)) + b"\n")
         self.rows = {row["key"]: row for row in read_rows(folder)}

@@ -65,7 +65,11 @@ def _summary(rows: list[Row]) -> GroupSummary:
     low, high = success_interval(len(standing), len(rows))
     if not standing:
         return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
-    deviations = [math.sqrt(_mean_square(r["force_deviation_rms_n"])) for r in standing]
+    deviations = [
+        math.sqrt(_mean_square(pair))
+        for row in standing
+        if (pair := row["force_deviation_rms_n"]) is not None
+    ]
     return GroupSummary(
         runs=len(rows),
         up=len(standing),
@@ -75,16 +79,18 @@ def _summary(rows: list[Row]) -> GroupSummary:
         com_rms_worst_mm=_over(standing, "com_error_rms_mm", max),
         com_max_mm=_over(standing, "com_error_max_mm", max),
         tilt_max_deg=max(row["base_tilt_max_deg"] for row in standing),
-        force_deviation_n=_mean(deviations),
+        force_deviation_n=_mean(deviations) if deviations else None,
         force_peak_n=max(max(row["force_peak_n"]) for row in standing),
         contact_gap_s=max(max(row["contact_gap_s"]) for row in standing),
     )
 
 
-def _over(rows: list[Row], name: str, what: Any) -> list[float]:
-    return [
-        float(what(column)) for column in zip(*(r[name] for r in rows), strict=True)
-    ]
+def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:
+    """Axis by axis; runs that ended before anything counted are left out."""
+    values = [row[name] for row in rows if row[name] is not None]
+    if not values:
+        return None
+    return [float(what(column)) for column in zip(*values, strict=True)]
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -12,10 +12,11 @@ import numpy as np
 
 from robot_io.bus import Bus
 from robot_io.conformance.recording import Recording
+from robot_io.dial import dialed_bus
 from robot_io.errors import RequestRefusedError, RobotUnreachableError
 from robot_io.robot import Robot
 from robot_io.service_caller import ServiceCaller
-from robot_io.session import Role, unreachable
+from robot_io.session import unreachable
 from robot_io.verdict import Answer
 from schemas.arrays import Array
 from schemas.codec import decode, encode
@@ -278,8 +279,8 @@ def probing(
         EndpointError: a locator is malformed.
         RobotUnreachableError: nobody there, or no status in time.
     """
-    with Bus(
-        endpoints, Role.CLIENT, namespace=robot.file.namespace, timeout_s=timeout_s
+    with dialed_bus(
+        endpoints, namespace=robot.file.namespace, timeout_s=timeout_s
     ) as bus:
         probe = Probe(robot, bus, identity=identity)
         if not probe.wait_for_robot(timeout_s=timeout_s):

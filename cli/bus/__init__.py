@@ -1,0 +1,1 @@
+"""Tools that listen to a robot's bus: ``topics``, ``echo``, ``hz``."""

@@ -1,0 +1,142 @@
+"""When the messages of a channel come: rate, jitter, gaps, delay."""
+
+from __future__ import annotations
+
+from collections import deque
+from itertools import pairwise
+
+import msgspec
+
+from schemas.result import Distribution
+
+NS_PER_MS = 1e6
+NS_PER_S = 1e9
+RESTART_TICKS = 1000
+"""A tick so far behind is another run of the robot, not a late message."""
+
+
+class ChannelTiming(msgspec.Struct, kw_only=True):
+    """One line of ``surefoot hz``.
+
+    Rate, jitter and delay are over the last seconds (the window), counts over all.
+    """
+
+    channel: str
+    messages: int
+    rate_hz: float | None
+    """None with fewer than two messages in the window."""
+    period_ms: float | None
+    """Median time between two messages."""
+    jitter_ms: Distribution | None
+    """By how much the times between messages depart from that median."""
+    delay_ms: Distribution | None
+    """From the sender's stamp to receipt; None when their clocks are two."""
+    gaps: int | None
+    """Ticks passed over; None for a channel that does not speak every tick."""
+    duplicates: int | None
+    out_of_order: int | None
+    restarts: int | None
+    unreadable: int
+
+
+class Head(msgspec.Struct):
+    """What every message carries; the rest is passed over."""
+
+    tick: int
+    stamp_ns: int
+
+
+class TimingMeter:
+    """Takes in the messages of one channel."""
+
+    def __init__(
+        self, channel: str, *, every_tick: bool, window_s: float, has_delay: bool
+    ) -> None:
+        """Starts with nothing.
+
+        Args:
+            channel: its name.
+            every_tick: it speaks every tick, so ticks can be missing.
+            window_s: what rate, jitter and delay are taken over [s].
+            has_delay: stamps are of the same clock as receipts.
+        """
+        self._channel, self._every_tick = channel, every_tick
+        self._window_ns = round(window_s * NS_PER_S)
+        self._has_delay = has_delay
+        self._recent: deque[tuple[int, int]] = deque()
+        self._messages = self._unreadable = 0
+        self._newest: int | None = None
+        self._gaps = self._duplicates = self._late = self._restarts = 0
+
+    def add(self, data: bytes, *, received_ns: int) -> None:
+        """Takes in a message, whole or not."""
+        self._messages += 1
+        try:
+            head = _decoder.decode(data)
+        except msgspec.DecodeError:
+            self._unreadable += 1
+            return
+        self._recent.append((received_ns, received_ns - head.stamp_ns))
+        self._forget_before(received_ns - self._window_ns)
+        if self._every_tick:
+            self._count(head.tick)
+
+    def timing(self, now_ns: int) -> ChannelTiming:
+        """What can be told at a time of the monotonic clock."""
+        self._forget_before(now_ns - self._window_ns)
+        received = [time for time, _ in self._recent]
+        periods = [(b - a) / NS_PER_MS for a, b in pairwise(received)]
+        span_s = (received[-1] - received[0]) / NS_PER_S if periods else 0.0
+        period = _quantile(sorted(periods), 0.5) if periods else None
+        delays = [delay / NS_PER_MS for _, delay in self._recent]
+        counts = self._every_tick
+        return ChannelTiming(
+            channel=self._channel,
+            messages=self._messages,
+            rate_hz=len(periods) / span_s if span_s > 0.0 else None,
+            period_ms=period,
+            jitter_ms=(
+                None
+                if period is None
+                else distribution([abs(value - period) for value in periods])
+            ),
+            delay_ms=distribution(delays) if self._has_delay and delays else None,
+            gaps=self._gaps if counts else None,
+            duplicates=self._duplicates if counts else None,
+            out_of_order=self._late if counts else None,
+            restarts=self._restarts if counts else None,
+            unreadable=self._unreadable,
+        )
+
+    def _count(self, tick: int) -> None:
+        newest = self._newest
+        if newest is None or tick < newest - RESTART_TICKS:
+            self._restarts += newest is not None
+            self._newest = tick
+        elif tick == newest:
+            self._duplicates += 1
+        elif tick < newest:
+            self._late += 1
+        else:
+            self._gaps += tick - newest - 1
+            self._newest = tick
+
+    def _forget_before(self, time_ns: int) -> None:
+        while self._recent and self._recent[0][0] < time_ns:
+            self._recent.popleft()
+
+
+_decoder = msgspec.msgpack.Decoder(Head)
+
+
+def distribution(values: list[float]) -> Distribution:
+    """Median, 99th percentile and maximum of at least one value [ms]."""
+    ordered = sorted(values)
+    return Distribution(
+        median=_quantile(ordered, 0.5), p99=_quantile(ordered, 0.99), max=ordered[-1]
+    )
+
+
+def _quantile(ordered: list[float], share: float) -> float:
+    """The value that so much of the values do not exceed."""
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]

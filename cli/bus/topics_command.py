@@ -1,0 +1,79 @@
+"""``surefoot topics``: what is on the bus, and who says it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli import options
+
+if TYPE_CHECKING:
+    from robot_io.listener import Heard, Listener
+
+
+def topics(
+    for_s: Annotated[
+        float,
+        typer.Option(
+            "--for", min=0.1, metavar="SECONDS", help="How long rates are measured."
+        ),
+    ] = 1.0,
+    as_json: options.JsonOption = False,
+    robot: options.RobotOption = "walker",
+    wait_s: options.WaitOption = 10.0,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+) -> None:
+    """List the channels of a robot's bus: type, who speaks and listens, rate.
+
+    Keys that are no channel of this robot are listed too. Listens only. Exits with 4
+    when there is no robot.
+    """
+    from cli.bus.topics import list_topics
+    from cli.bus.topics_table import topics_table, unknown_table
+    from cli.console import print_json, print_note, print_table, print_text
+    from cli.endpoints import choose_endpoints
+    from robot_io.listener import Listener
+    from robot_io.robot import load_robot
+
+    model = load_robot(robot)
+    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    with Listener(
+        model, endpoints=meeting, patterns=["**"], elsewhere=True
+    ) as listener:
+        listener.connect(timeout_s=wait_s)
+        heard, listened_s = _hear(listener, for_s)
+        census = listener.census()
+    told = list_topics(model, heard, census, listened_s=listened_s)
+    if as_json:
+        print_json(told)
+    else:
+        print_table(topics_table(told))
+        if told.unknown:
+            print_table(unknown_table(told))
+        print_text(f"on the bus: {', '.join(told.processes) or 'nobody tells'}")
+    for row in told.channels:
+        if row.malformed:
+            print_note(
+                f"{row.channel}: {row.malformed} of {row.messages} malformed; the "
+                f"last: {row.malformed_reason}"
+            )
+    if not census.is_told:
+        print_note(
+            "who publishes and subscribes is not told here: the access control of "
+            "the bus keeps it"
+        )
+
+
+def _hear(listener: Listener, for_s: float) -> tuple[list[Heard], float]:
+    """All that is heard from the first message on, at most ``for_s`` long."""
+    import time
+
+    # The robot begins to send once it knows of us, some milliseconds from now.
+    heard = listener.take(timeout_s=for_s)
+    begin = time.monotonic()
+    end = begin + for_s
+    while (left := end - time.monotonic()) > 0.0 and listener.robot_is_here:
+        heard += listener.take(timeout_s=left)
+    return heard, time.monotonic() - begin

@@ -1,0 +1,58 @@
+"""What the shell offers when the tab key is pressed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_SUFFIX = ".toml"
+
+
+def complete_scenario(incomplete: str) -> list[str]:
+    """Shipped scenarios, and scenario files."""
+    from sim_robot.catalogue import list_scenarios
+
+    names = [name for name in list_scenarios() if name.startswith(incomplete)]
+    return names + _files(incomplete)
+
+
+def complete_channel(incomplete: str) -> list[tuple[str, str]]:
+    """Channels that can be listened to, with what they carry."""
+    from cli.bus.channels import PUBLISHED
+
+    return [
+        (entry.name, entry.description)
+        for entry in PUBLISHED
+        if entry.name.startswith(incomplete)
+    ]
+
+
+def complete_robot(incomplete: str) -> list[str]:
+    """Shipped robots, and robot files."""
+    from robot_io.robot import list_robots
+
+    names = [name for name in list_robots() if name.startswith(incomplete)]
+    return names + _files(incomplete)
+
+
+def complete_setting(incomplete: str) -> list[str]:
+    """Settings that ``--set`` knows, up to the equals sign."""
+    from schemas.settings import setting_names
+
+    known = (f"{name}=" for name in setting_names())
+    return [name for name in known if name.startswith(incomplete)]
+
+
+def _files(incomplete: str) -> list[str]:
+    """TOML files and folders that begin so; a folder that cannot be read has none."""
+    folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
+    prefix = "" if str(folder) == "." and not incomplete.startswith("./") else folder
+    try:
+        found = sorted(folder.iterdir())
+    except OSError:
+        return []
+    paths = [
+        f"{Path(prefix, path.name)}{'/' if path.is_dir() else ''}"
+        for path in found
+        if path.is_dir() or path.suffix == _SUFFIX
+    ]
+    return [path for path in paths if path.startswith(incomplete)]

@@ -1,0 +1,1 @@
+"""Checks of this machine: whether a run can work here, and how well."""

@@ -1,0 +1,114 @@
+"""Python, and our packages against the versions they were tested with."""
+
+from __future__ import annotations
+
+import platform
+import re
+import sys
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+
+from cli.doctor.finding import Finding, Verdict, finding
+
+LEAST_PYTHON = (3, 11)
+PINS = Path(__file__).parents[2] / "constraints.txt"
+_NAME = re.compile(r"[A-Za-z0-9._-]+")
+_EXTRA = re.compile(r"extra\s*==")
+_EXTRAS = {
+    "view": ("viser", "yourdfpy", "plotly"),
+    "parquet": ("pyarrow",),
+}
+"""Packages of each optional part."""
+
+
+def check_python() -> Finding:
+    """Whether Python is new enough."""
+    wanted = ".".join(map(str, LEAST_PYTHON))
+    is_old = sys.version_info < LEAST_PYTHON
+    return finding(
+        "Python",
+        f"{platform.python_version()} on {platform.platform(terse=True)}",
+        bad=Verdict.FAIL if is_old else None,
+        advice=f"install Python {wanted} or newer",
+    )
+
+
+def check_packages() -> list[Finding]:
+    """A line for all that is well, and one for each package that is not."""
+    names = required_packages()
+    pins = read_pins(PINS)
+    found, others = [], []
+    for name in names:
+        got = _installed(name)
+        pin = pins.get(_normal(name))
+        if got is None:
+            others.append(
+                Finding(
+                    name=f"package {name}",
+                    verdict=Verdict.FAIL,
+                    got="not installed",
+                    advice="pip install . (in a checkout: make install)",
+                )
+            )
+        elif pin is not None and got != pin:
+            others.append(
+                Finding(
+                    name=f"package {name}",
+                    verdict=Verdict.WARN,
+                    got=f"{got}, tested with {pin}",
+                    advice=f"pip install {name}=={pin}",
+                )
+            )
+        else:
+            found.append(f"{name} {got}")
+    against = "as tested" if pins else "no constraints.txt to compare with"
+    ok = Finding(
+        name="packages",
+        verdict=Verdict.OK,
+        got=f"surefoot {_installed('surefoot')}, {', '.join(found)}; {against}",
+    )
+    return [ok, *others]
+
+
+def check_extras() -> list[Finding]:
+    """Optional parts, each with how to get it."""
+    findings = []
+    for extra, packages in _EXTRAS.items():
+        missing = [name for name in packages if _installed(name) is None]
+        there = [f"{name} {_installed(name)}" for name in packages]
+        findings.append(
+            finding(
+                f"extra {extra}",
+                f"no {', '.join(missing)}" if missing else ", ".join(there),
+                bad=Verdict.WARN if missing else None,
+                advice=f"only if you want it: pip install 'surefoot[{extra}]'",
+            )
+        )
+    return findings
+
+
+def required_packages() -> list[str]:
+    """What surefoot needs in any case, by the names of its own description."""
+    wanted = requires("surefoot") or []
+    matches = (_NAME.match(line) for line in wanted if not _EXTRA.search(line))
+    return [match.group() for match in matches if match]
+
+
+def read_pins(path: Path) -> dict[str, str]:
+    """Versions of a constraints file by normalised name; none without the file."""
+    if not path.is_file():
+        return {}
+    lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())
+    pairs = (line.split("==", 1) for line in lines if "==" in line and line[0] != "#")
+    return {_normal(name): pin for name, pin in pairs}
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _installed(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

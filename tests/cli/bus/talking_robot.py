@@ -1,0 +1,63 @@
+"""A bus on which a test says exactly what it wants to be heard."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from robot_io.bus import Bus
+from robot_io.session import Role
+from schemas.codec import encode
+from schemas.endpoints import Endpoints
+from schemas.messages import SCHEMA_VERSION, ForceTorque
+from schemas.topics import ALIVE_ROBOT
+
+NAMESPACE = "walker"
+PERIOD_S = 0.002
+Say = Callable[[str, bytes], None]
+"""Key below the namespace, and bytes."""
+
+
+def force_torque(tick: int, force: list[float] | None = None) -> bytes:
+    """A well-formed message of an ankle's sensor."""
+    return encode(
+        ForceTorque(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=time.monotonic_ns(),
+            force=force or [1.0, 2.0, 343.0],
+            moment=[0.1, 0.2, 0.3],
+        )
+    )
+
+
+@contextmanager
+def talking_robot(
+    endpoints: Endpoints, say_one: Callable[[int, Say], None]
+) -> Iterator[None]:
+    """A robot's place on the bus; ``say_one`` is called with 0, 1, 2 and so on.
+
+    What is said before somebody listens is lost, so what is said must repeat itself.
+    """
+    with Bus(endpoints, Role.ROBOT, namespace=NAMESPACE) as bus:
+        stop = threading.Event()
+
+        def say(key: str, data: bytes) -> None:
+            bus.session.put(key, data)
+
+        def talk() -> None:
+            count = 0
+            while not stop.wait(PERIOD_S):
+                say_one(count, say)
+                count += 1
+
+        bus.announce(ALIVE_ROBOT)
+        thread = threading.Thread(target=talk)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()

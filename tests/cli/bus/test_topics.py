@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from robot_io.bus import Bus
+from robot_io.session import Role
+from schemas.endpoints import Endpoints
+from schemas.topics import TOPICS
+from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
+from tests.cli.conftest import Surefoot
+
+KEY = "state/ft/left_ankle"
+
+
+def say(count: int, tell: Say) -> None:
+    tell(KEY, force_torque(count))
+    tell("state/ft/left_ancle", b"??")
+    if count % 2:
+        tell("ref", b"\x81\xa1x\x01")
+
+
+def test_channels_and_unknown_keys_are_told_apart(
+    surefoot: Surefoot, endpoints: Endpoints
+) -> None:
+    connect = ["--connect", endpoints.connect[0], "--wait", 60, "--json"]
+    with (
+        talking_robot(endpoints, say),
+        Bus(endpoints, Role.CLIENT, namespace="runner") as stranger,
+    ):
+        # Kept: a publisher that nobody holds is withdrawn at once.
+        publisher = stranger.publisher("cmd/joints", urgent=False)
+        assert publisher is not None
+        ring = stranger.channel("state/joints", depth=1)
+        assert ring is not None
+        done = surefoot("topics", *connect)
+    assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    channels = {row["channel"]: row for row in told["channels"]}
+    assert list(channels) == [entry.name for entry in TOPICS]
+    force = channels["left_ankle_ft"]
+    assert force["key"] == f"walker/{KEY}"
+    assert force["type"] == "ForceTorque"
+    assert force["messages"] > 0
+    assert force["rate_hz"] * told["listened_s"] == pytest.approx(force["messages"])
+    # The larger the tick, the longer the message.
+    assert len(force_torque(0)) <= force["bytes"] <= len(force_torque(10**6))
+    assert force["malformed"] == 0
+    assert channels["joints"]["messages"] == 0
+    reference = channels["reference"]
+    assert reference["malformed"] == reference["messages"] > 0
+    assert "unknown field" in reference["malformed_reason"]
+    assert "reference" in done.stderr
+    unknown = {row["key"]: row for row in told["unknown"]}
+    assert unknown["walker/state/ft/left_ancle"]["bytes"] == 2
+    # Silent, and of another robot: only the census knows of it.
+    (publisher_name,) = unknown["runner/cmd/joints"]["publishers"]
+    assert publisher_name.startswith("client ")
+    assert unknown["runner/state/joints"]["subscribers"] == [publisher_name]
+
+
+def test_the_table_names_robot_and_stabilizer(
+    surefoot: Surefoot, endpoints: Endpoints
+) -> None:
+    """Who they are comes from their liveliness tokens."""
+    with (
+        talking_robot(endpoints, say),
+        Bus(endpoints, Role.CLIENT, namespace="walker") as stabilizer,
+    ):
+        publisher = stabilizer.publisher("cmd/joints", urgent=True)
+        assert publisher is not None
+        stabilizer.announce("alive/stabilizer/ann")
+        done = surefoot(
+            *("topics", "--connect", endpoints.connect[0], "--wait", 60, "--for", 0.3)
+        )
+    assert done.returncode == 0, done.stderr
+    (command,) = (
+        line.split() for line in done.stdout.splitlines() if "joint_command" in line
+    )
+    assert command[:4] == ["joint_command", "cmd/joints", "JointCommand", "stabilizer"]
+    assert "on the bus: robot, stabilizer ann" in done.stdout
+    assert "state/ft/left_ancle" in done.stdout

@@ -1,0 +1,60 @@
+"""What the tab key offers, asked as bash asks it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+
+
+def offered(folder: Path, line: str) -> list[str]:
+    """What is offered at the end of a line."""
+    words = line.split(" ")
+    env = {
+        **environment(),
+        "_SUREFOOT_COMPLETE": "complete_bash",
+        "COMP_WORDS": line,
+        "COMP_CWORD": str(len(words) - 1),
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "cli"],
+        cwd=folder,
+        env=env,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.stderr == ""
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("surefoot ech", ["echo"]),
+        ("surefoot run moving-platform-", ["moving-platform-fast",
+                                           "moving-platform-slow"]),
+        ("surefoot run sub/mi", ["sub/mine.toml"]),
+        ("surefoot echo left_", ["left_ankle_ft"]),
+        ("surefoot hz joints im", ["imu"]),
+        ("surefoot run standing --robot walker-", ["walker-real"]),
+        ("surefoot run standing --controller zm", ["zmp"]),
+        ("surefoot run standing --set ground.ga", ["ground.gain="]),
+    ],
+)  # fmt: skip
+def test_names_are_completed(tmp_path: Path, line: str, expected: list[str]) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "sub" / "mine.toml").touch()
+    (tmp_path / "sub" / "mine.txt").touch()
+    assert offered(tmp_path, line) == expected
+
+
+def test_the_shell_can_be_told(surefoot: Surefoot) -> None:
+    done = surefoot("--show-completion", "bash")
+    assert done.returncode == 0, done.stderr
+    assert "_SUREFOOT_COMPLETE=complete_bash" in done.stdout

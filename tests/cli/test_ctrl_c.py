@@ -1,0 +1,168 @@
+"""Ctrl-C ends every command that waits or works, at once and in order."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from robot_io.bus import Bus
+from robot_io.session import Role
+from schemas.endpoints import Endpoints
+from schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
+from tests.cli.conftest import environment
+from tests.support import DEADLINE_S, free_port, wait_until
+
+READY_S = 3 * DEADLINE_S
+END_S = 30.0
+"""Generous for a busy machine; far under the waits that are to be ended."""
+LONG_S = "600"
+LISTENING = {
+    "record": ["record", "--out", "a.mcap"],
+    "topics": ["topics", "--for", LONG_S],
+    "echo": ["echo", "joints"],
+    "hz": ["hz", "--for", LONG_S],
+}
+DIALING = {
+    **LISTENING,
+    "stabilizer": ["stabilizer", "--controller", "hold"],
+    "check-robot": ["check-robot"],
+}
+WORKING = {
+    "run": ["run", "hour.toml", "--controller", "hold", "--inline", "--out", "out"],
+    "sweep": ["sweep", "hour.toml", "--controllers", "hold", "--out", "out",
+              "--jobs", "2"],
+    "reproduce": ["reproduce", "--quick", "--out", "out", "--jobs", "2"],
+}  # fmt: skip
+
+
+@contextmanager
+def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
+    """A command in a process group of its own, as a shell gives it."""
+    (folder / "hour.toml").write_text('name = "hour"\nduration_s = 3600.0\n')
+    with subprocess.Popen(
+        [sys.executable, "-m", "cli", *words],
+        cwd=folder,
+        env=environment(),
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def ends_clean(process: subprocess.Popen[str]) -> tuple[str, str]:
+    """Sends what Ctrl-C sends, to the whole group; returns what the command said."""
+    os.killpg(process.pid, signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=END_S)
+    assert process.returncode == 130, stderr
+    for word in ("Traceback", "Error", "Aborted", "Warning"):
+        assert word not in stderr
+    return stdout, stderr
+
+
+@pytest.mark.parametrize("name", DIALING)
+def test_while_it_dials(tmp_path: Path, name: str) -> None:
+    """Somebody answers the call there, and then says nothing."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(READY_S)
+        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        words = [*DIALING[name], "--connect", locator, "--wait", LONG_S]
+        with started(tmp_path, *words) as process:
+            connection, _ = server.accept()
+            with connection:
+                stdout, _ = ends_clean(process)
+    if name != "stabilizer":  # which tells what it has done, even if that is nothing
+        assert stdout == ""
+
+
+@pytest.mark.parametrize("name", LISTENING)
+def test_while_it_listens(tmp_path: Path, endpoints: Endpoints, name: str) -> None:
+    seen: list[str] = []
+    with Bus(endpoints, Role.ROBOT, namespace="walker") as bus:
+        bus.watch_presence(
+            f"{ALIVE_OBSERVER}/*", lambda key, is_there: seen.append(key)
+        )
+        bus.announce(ALIVE_ROBOT)
+        words = [*LISTENING[name], "--connect", endpoints.connect[0]]
+        with started(tmp_path, *words, "--wait", LONG_S) as process:
+            wait_until(lambda: seen, what="the listener", deadline_s=READY_S)
+            ends_clean(process)
+
+
+@pytest.mark.parametrize("name", WORKING)
+def test_while_it_works(tmp_path: Path, name: str) -> None:
+    with started(tmp_path, *WORKING[name]) as process:
+        wait_until(
+            lambda: [
+                *tmp_path.glob("out/runs.jsonl"),
+                *tmp_path.glob(".out-*/run.json"),
+            ],
+            what="the work to begin",
+            deadline_s=READY_S,
+        )
+        stdout, _ = ends_clean(process)
+    assert stdout == ""
+    if name == "run":
+        assert not [*tmp_path.glob("out"), *tmp_path.glob(".out-*")]
+
+
+def test_while_the_router_serves(tmp_path: Path) -> None:
+    port = free_port()
+
+    def is_open() -> bool:
+        with socket.socket() as probe:
+            return probe.connect_ex(("127.0.0.1", port)) == 0
+
+    with started(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{port}") as process:
+        wait_until(is_open, what="the router", deadline_s=READY_S)
+        ends_clean(process)
+
+
+def test_while_the_doctor_examines(tmp_path: Path) -> None:
+    with started(tmp_path, "doctor") as process:
+        assert process.stdout is not None
+        assert "Python" in process.stdout.readline()
+        ends_clean(process)
+
+
+def test_a_killed_sweep_takes_its_workers_along(tmp_path: Path) -> None:
+    def workers(parent: int) -> list[int]:
+        """Processes of the group besides the first; its id stays with them."""
+        found = []
+        for entry in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                state, _, group = entry.read_text().rpartition(") ")[2].split()[:3]
+            except OSError:
+                continue  # gone meanwhile
+            if int(group) == parent != int(entry.parent.name) and state != "Z":
+                found.append(int(entry.parent.name))
+        return found
+
+    if not Path("/proc/self/stat").exists():
+        pytest.skip("no /proc here to look for processes in")
+    with started(tmp_path, *WORKING["sweep"]) as process:
+        log = tmp_path / "out" / "runs.jsonl"
+        wait_until(log.exists, what="the sweep to begin", deadline_s=READY_S)
+        wait_until(
+            lambda: len(workers(process.pid)) >= 2,
+            what="two workers",
+            deadline_s=READY_S,
+        )
+        process.kill()
+        wait_until(
+            lambda: not workers(process.pid),
+            what="the workers to end",
+            deadline_s=READY_S,
+        )

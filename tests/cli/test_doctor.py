@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import json
+import socket
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from cli.doctor.finding import Verdict
+from cli.doctor.packages import PINS, read_pins, required_packages
+from cli.doctor.surroundings import check_port
+from schemas.endpoints import DEFAULT_LOCATOR
+from tests.cli.conftest import Surefoot
+
+LOOKED_AT = {
+    "Python",
+    "packages",
+    "extra view",
+    "extra parquet",
+    "MessagePack",
+    "processors",
+    "clock",
+    "real-time priority",
+    "linear algebra",
+    "Zenoh on loopback",
+    "port",
+    "disk",
+    "temporary files",
+    "pictures (OpenGL)",
+    "browser",
+}
+
+
+def test_everything_is_looked_at_and_bad_things_come_with_advice(
+    surefoot: Surefoot,
+) -> None:
+    done = surefoot("doctor", "--json")
+    told = json.loads(done.stdout)
+    names = {entry["name"] for entry in told}
+    assert names >= LOOKED_AT
+    assert all(bool(e["advice"]) == (e["verdict"] != "ok") for e in told)
+    # What runs these tests can run robots.
+    assert done.returncode == 0, told
+    assert not [e for e in told if e["verdict"] == "FAIL"]
+    by_name = {entry["name"]: entry["got"] for entry in told}
+    assert f"eclipse-zenoh {version('eclipse-zenoh')}" in by_name["packages"]
+    assert "1 thread" in by_name["linear algebra"]
+    assert "round trip median" in by_name["Zenoh on loopback"]
+
+
+def test_what_would_stop_a_run_is_exit_code_3(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    """A module beside us that cannot be imported stands in for a broken package."""
+    (tmp_path / "work" / "threadpoolctl.py").write_text("raise ImportError('broken')\n")
+    done = surefoot("doctor")
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    lines = done.stdout.splitlines()
+    assert "FAIL  linear algebra: broken" in lines
+    assert "pip install" in lines[lines.index("FAIL  linear algebra: broken") + 1]
+    assert lines[-1].startswith("1 would stop a run")
+    # The others are still looked at.
+    assert any("Zenoh on loopback" in line for line in lines)
+
+
+def test_our_own_pins_name_every_package_we_need() -> None:
+    pins = read_pins(PINS)
+    assert pins
+    for name in required_packages():
+        assert name.lower() in pins, name
+
+
+def test_a_port_in_use_is_a_warning() -> None:
+    host, port = DEFAULT_LOCATOR.removeprefix("tcp/").split(":")
+    try:
+        server = socket.create_server((host, int(port)))
+    except OSError:
+        pytest.skip(f"{host}:{port} is taken by something else already")
+    with server:
+        found = check_port()
+    assert found.verdict is Verdict.WARN
+    assert "in use" in found.got
+    assert check_port().verdict is Verdict.OK

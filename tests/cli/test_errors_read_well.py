@@ -1,0 +1,268 @@
+"""What a user gets wrong, and what the machine lacks: one message, the right code."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import Surefoot
+from tests.support import free_port
+
+NOTE = re.compile(r"\d\d:\d\d:\d\d INFO ")
+STANDING = ["run", "standing", "--controller", "hold", "--inline"]
+PUSH = """name = "push"
+duration_s = 0.3
+[[push]]
+body = "torsoo"
+force_n = [0.0, 10.0, 0.0]
+start_s = 0.1
+duration_s = 0.1
+"""
+TILT = """name = "tilt"
+duration_s = 0.3
+[[platform]]
+foot = "left"
+  [[platform.motion]]
+  axis = "roll"
+  kind = "sine"
+  amplitude_deg = 1.0
+  frequency_hz = 1.0
+"""
+
+
+def complaint(done: subprocess.CompletedProcess[str], code: int) -> str:
+    """The one message of a command that failed as it should; notes are not part of it.
+
+    It begins with our name, and nothing but it is said: no traceback, no result.
+    """
+    assert done.returncode == code, done.stderr
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert "Errno" not in done.stderr
+    lines = [line for line in done.stderr.splitlines() if not NOTE.match(line)]
+    assert lines[0].startswith("surefoot: ")
+    assert sum(line.startswith("surefoot: ") for line in lines) == 1
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            TILT.replace("amplitude_deg", "amplitud_deg"),
+            ["platform[0].motion[0].amplitud_deg", "did you mean 'amplitude_deg'?"],
+        ),
+        (
+            TILT.replace('"roll"', '"rol"'),
+            ["platform[0].motion[0].axis: got 'rol'", "did you mean 'roll'?"],
+        ),
+        (
+            TILT.replace('"sine"', '"jump"'),
+            ["motion[0].kind: got 'jump'", "one of 'sine', 'ramp', 'drop'"],
+        ),
+        (
+            TILT.replace('kind = "sine"', ""),
+            ["motion[0].kind", "one of 'sine', 'ramp', 'drop'"],
+        ),
+        (
+            TILT.replace('"left"', '"lefft"'),
+            ["platform[0].foot: got 'lefft'", "'both', 'left', 'right'"],
+        ),
+        (
+            TILT.replace("[[platform]]", "[platform]").replace(
+                "[[platform.motion]]", "[[platform.motion]]"
+            ),
+            ["platform: got {", "expected a list of tables: write [[platform]]"],
+        ),
+        (TILT.replace("0.3", "-1"), ["duration_s: got -1, expected a number > 0.0"]),
+        (TILT.replace("0.3", '"long"'), ["duration_s: got 'long', expected a number"]),
+        (TILT.replace("[[platform]]", "[[platform"), ["not valid TOML", "line 3"]),
+        (PUSH, ["push[0].body: got 'torsoo'", "did you mean 'torso'?"]),
+        (
+            'name = "x"\nduration_s = 0.3\n[delay]\nsensor_ms = 1.5\n',
+            ["delay.sensor_ms: got 1.5 ms, expected a whole multiple of 1 ms"],
+        ),
+    ],
+)
+def test_a_wrong_scenario_is_named_by_file_key_and_value(
+    surefoot: Surefoot, tmp_path: Path, text: str, words: list[str]
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    out = tmp_path / "out"
+    done = surefoot("run", path, "--controller", "hold", "--inline", "--out", out)
+    told = complaint(done, 2)
+    for word in (f"{path}: ", *words):
+        assert word in told
+    assert not out.exists()
+
+
+def test_what_only_the_robot_finds_reads_the_same_from_two_processes(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(PUSH)
+    told = complaint(surefoot("run", path, "--controller", "hold"), 2)
+    assert f"{path}: push[0].body: got 'torsoo'" in told
+    assert "INFO" not in told
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([*STANDING, "--set", "tsid.base_kpp=3"], "did you mean 'tsid.base_kp'?"),
+        ([*STANDING, "--set", "tsid=3"], "tsid has tsid.com_kp, tsid.com_kd"),
+        ([*STANDING, "--set", "xyz=3"], "with sections whole_body, tsid, dik"),
+        (
+            [*STANDING, "--set", "whole_body.preset=pper"],
+            "got 'pper', expected one of 'paper', 'surefoot'",
+        ),
+        ([*STANDING, "--set", "ground.gain=2"], "got 2, expected a number <= 1.0"),
+        (["run", "mine.toml"], "mine.toml: no such scenario file"),
+        ([*STANDING, "--robot", "mine.toml"], "mine.toml: no such robot file"),
+        ([*STANDING, "--settings", "mine.toml"], "mine.toml: no such file"),
+        (["stabilizer", "--endpoints", "mine.toml"], "mine.toml: no such file"),
+        (["log", "info", "mine.mcap"], "mine.mcap: No such file"),
+        (["echo", "left_ankle"], "did you mean 'left_ankle_ft'?"),
+    ],
+)
+def test_wrong_words_and_missing_files_are_usage_errors(
+    surefoot: Surefoot, words: list[str], expected: str
+) -> None:
+    assert expected in complaint(surefoot(*words), 2)
+
+
+def test_a_robot_file_without_its_urdf_is_named(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    robot = Path(__file__).parents[2] / "robot_io/robots/walker/walker.toml"
+    mine = tmp_path / "mine.toml"
+    mine.write_text(robot.read_text())
+    told = complaint(surefoot(*STANDING, "--robot", mine), 2)
+    assert f"{mine}: urdf: no such file: {tmp_path / 'walker.urdf'}" in told
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["robot"], ["router"], ["run", "standing", "--controller", "hold"]],
+    ids=lambda words: words[0],
+)
+def test_a_port_in_use(surefoot: Surefoot, words: list[str]) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
+        told = complaint(surefoot(*words, "--listen", locator), 3)
+    assert f"cannot listen on {locator}: the address is in use" in told
+    assert "choose another port" in told
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["stabilizer", "--controller", "hold"],
+        ["record", "--out", "a.mcap"],
+        ["check-robot"],
+        ["topics"],
+        ["echo", "joints"],
+        ["hz"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_robot_that_is_not_there(
+    surefoot: Surefoot, tmp_path: Path, words: list[str]
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    told = complaint(surefoot(*words, "--connect", locator, "--wait", 0.3), 4)
+    assert f"nobody answers at {locator} within 0.3 s" in told
+    assert "is the robot running (surefoot robot)" in told
+    assert not list((tmp_path / "work").iterdir())
+
+
+Mount = Callable[[str], Path]
+
+
+@pytest.fixture
+def mount(tmp_path: Path) -> Iterator[Mount]:
+    """Mounts a small file system of its own; only root can."""
+    mounted: list[Path] = []
+
+    def mount_one(options: str) -> Path:
+        place = tmp_path / "disk"
+        place.mkdir()
+        done = subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", options, "surefoot-test", str(place)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode:
+            pytest.skip(f"no tmpfs can be mounted here: {done.stderr.strip()}")
+        mounted.append(place)
+        return place
+
+    if os.name != "posix" or os.geteuid() != 0 or not Path("/bin/mount").exists():
+        pytest.skip("only root can mount a small disk; run as root to see this")
+    yield mount_one
+    for place in mounted:
+        subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [STANDING, ["sweep", "standing", "--seeds", "0:1", "--jobs", "1"]],
+    ids=lambda words: words[0],
+)
+def test_an_unwritable_out_folder(
+    surefoot: Surefoot, mount: Mount, words: list[str]
+) -> None:
+    place = mount("ro,size=1m")
+    told = complaint(surefoot(*words, "--out", place / "run"), 3)
+    assert f"--out {place / 'run'}: cannot write in " in told
+    assert "Read-only file system" in told
+    assert "name a folder that can be written to" in told
+
+
+def test_a_folder_below_a_file_is_a_usage_error(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "run"
+    told = complaint(surefoot(*STANDING, "--out", out), 2)
+    assert f"--out {out}: {tmp_path / 'file'} is not a folder" in told
+
+
+def test_a_disk_that_fills_up_ends_the_record_and_not_the_run(
+    surefoot: Surefoot, mount: Mount, tmp_path: Path
+) -> None:
+    """64 MiB are left to others, so some of 66 are for the record."""
+    out = mount("size=66m") / "run"
+    scenario = tmp_path / "still.toml"
+    scenario.write_text('name = "still"\nduration_s = 3.0\n')
+    done = surefoot("run", scenario, "--controller", "hold", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert "Traceback" not in done.stderr
+    assert "its record is cut off" in done.stderr
+    assert "the disk is full but for 64 MiB" in done.stderr
+    assert (out / "result.json").exists()
+    assert (out / "run.mcap.partial").exists()
+    assert not (out / "run.mcap").exists()
+
+
+@pytest.mark.parametrize("inline", [[], ["--inline"]], ids=["bus", "inline"])
+def test_a_disk_too_small_for_the_run_leaves_nothing_that_looks_whole(
+    surefoot: Surefoot, mount: Mount, tmp_path: Path, inline: list[str]
+) -> None:
+    out = mount("size=256k") / "run"
+    scenario = tmp_path / "still.toml"
+    scenario.write_text('name = "still"\nduration_s = 2.0\n')
+    words = ["run", scenario, "--controller", "hold", *inline, "--out", out]
+    told = complaint(surefoot(*words), 3)
+    assert "No space left on device; make room" in told
+    assert "ticks.npz" in told
+    for name in ("result.json", "ticks.npz", "run.mcap"):
+        assert not (out / name).exists()

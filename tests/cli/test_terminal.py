@@ -1,0 +1,105 @@
+"""Colour and progress on a terminal, and only there."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.cli.conftest import TIMEOUT_S, environment
+
+COLOUR = re.compile(rb"\x1b\[(?:\d+;)*(?:3[0-8]|9[0-7])m")
+RUN = ["--controller", "hold", "--inline"]
+
+
+def plain(**changes: str) -> dict[str, str]:
+    """An environment that says nothing of colours, but for what is asked."""
+    known = {**environment(), "TERM": "xterm-256color"}
+    for name in ("NO_COLOR", "FORCE_COLOR", "COLORTERM"):
+        known.pop(name, None)
+    return {**known, **changes}
+
+
+def on_a_terminal(folder: Path, env: dict[str, str], *words: str) -> bytes:
+    """All that a command shows on a terminal of its own."""
+    here, there = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "cli", *words],
+        cwd=folder,
+        env=env,
+        stdin=there,
+        stdout=there,
+        stderr=there,
+        close_fds=True,
+    ) as process:
+        os.close(there)
+        shown = b""
+        while True:
+            try:
+                part = os.read(here, 65536)
+            except OSError:  # Linux's way to say that the other end is closed
+                break
+            if not part:
+                break
+            shown += part
+        assert process.wait(TIMEOUT_S) == 0, shown
+    os.close(here)
+    return shown
+
+
+def test_a_terminal_shows_colour_and_progress(
+    tmp_path: Path, short_scenario: Path
+) -> None:
+    shown = on_a_terminal(tmp_path, plain(), "run", str(short_scenario), *RUN)
+    assert COLOUR.search(shown)
+    assert b"stood 0.3 s" in shown
+    assert b"short" in shown.split(b"stood")[0]  # the bar, before the table
+
+
+def test_no_color_takes_the_colour_away(tmp_path: Path, short_scenario: Path) -> None:
+    env = plain(NO_COLOR="1")
+    shown = on_a_terminal(tmp_path, env, "run", str(short_scenario), *RUN)
+    assert not COLOUR.search(shown)
+    assert b"stood 0.3 s" in shown
+
+
+@pytest.mark.parametrize(
+    "words", [["run", "SHORT", *RUN], ["scenarios"], ["run", "dancing"], ["--help"]]
+)
+def test_a_pipe_gets_plain_text(
+    tmp_path: Path, short_scenario: Path, words: list[str]
+) -> None:
+    words = [str(short_scenario) if word == "SHORT" else word for word in words]
+    done = subprocess.run(
+        [sys.executable, "-m", "cli", *words],
+        cwd=tmp_path,
+        env=plain(),
+        capture_output=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert b"\x1b" not in done.stdout + done.stderr
+    assert b"\r" not in done.stdout + done.stderr
+
+
+def test_a_closed_pipe_ends_a_command_quietly(tmp_path: Path) -> None:
+    """As ``surefoot scenarios | head -1`` does, with a reader that is gone at once."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run(
+        [sys.executable, "-m", "cli", "scenarios"],
+        cwd=tmp_path,
+        env=plain(),
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    os.close(writer)
+    assert b"Traceback" not in done.stderr
+    assert b"Broken pipe" not in done.stderr
