@@ -10,6 +10,7 @@ from cli.certs_command import certs
 from cli.check_robot_command import check_robot
 from cli.log_command import log
 from cli.record_command import record
+from cli.relay_command import relay
 from cli.reproduce_command import reproduce
 from cli.robot_command import robot
 from cli.router_command import router
@@ -64,5 +65,6 @@ app.command()(scenarios)
 app.command()(sweep)
 app.command()(reproduce)
 app.command()(router)
+app.command()(relay)
 app.command()(certs)
 app.command("check-robot")(check_robot)

@@ -51,6 +51,14 @@ def run(
             "--view-port", min=0, max=65535, help="Port of the page; 0 for any."
         ),
     ] = 8080,
+    relay: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLAN",
+            help="Put a relay between the two that loses, delays or corrupts messages: "
+            "a shipped plan such as loss-5, or a plan file (.toml). With --realtime.",
+        ),
+    ] = None,
     settings: options.SettingsOption = None,
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
@@ -75,6 +83,7 @@ def run(
         overrides=overrides or [],
         seed=seed,
         mode=_mode(lockstep=lockstep, inline=inline),
+        relay=relay,
     )
     meeting = _meeting(endpoints, listen=listen or [], connect=connect or [])
     if inline and meeting is not None:
@@ -150,7 +159,9 @@ def _execute(
             # The logs of a failed run are what its user needs next.
             folder.keep()
             raise
-        result = join_result(plan, sides.plant, sides.controller, out=out)
+        result = join_result(
+            plan, sides.plant, sides.controller, out=out, relay=sides.relay
+        )
         write_struct(folder.path / RESULT, result)
         folder.keep()
     return result

@@ -68,6 +68,16 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """Changes of settings during the run."""
 
 
+class RelayResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What a relay between the two did to their messages."""
+
+    plan: str
+    """Name of the plan."""
+    counts: dict[str, dict[str, int]]
+    """By channel: messages that ``arrived`` and ``left``, and how many each kind of
+    fault did something to."""
+
+
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """One run, whole."""
 
@@ -107,3 +117,5 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Pushes asked for during the run, besides the scenario's."""
     settings_changes: list[SettingsChange] = []
     """Changes of settings during the run."""
+    relay: RelayResult | None = None
+    """What a relay did to the bus, if there was one."""
