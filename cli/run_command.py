@@ -68,7 +68,7 @@ def run(
 ) -> None:
     """Run a scenario: robot and stabilizer as two processes on the bus.
 
-    Exits with 5 when the robot fell.
+    Exits with 5 when the robot fell, with 1 when the stabilizer lost command of it.
     """
     from cli.console import print_json, print_table
     from cli.run_plan import make_plan
@@ -99,6 +99,8 @@ def run(
         print_table(run_table(result))
     if result.fell:
         raise typer.Exit(ExitCode.FELL)
+    if result.reason.startswith(("lost command", "the robot is in fault")):
+        raise typer.Exit(ExitCode.FAILED)
 
 
 def _mode(*, lockstep: bool, inline: bool) -> Mode:

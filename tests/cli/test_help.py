@@ -25,6 +25,7 @@ COMMANDS = (
     "log",
     "scenarios",
     "router",
+    "relay",
     "certs",
     "check-robot",
 )
