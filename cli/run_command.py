@@ -56,7 +56,8 @@ def run(
         typer.Option(
             metavar="PLAN",
             help="Put a relay between the two that loses, delays or corrupts messages: "
-            "a shipped plan such as loss-5, or a plan file (.toml). With --realtime.",
+            "a shipped plan such as loss-5, or a plan file (.toml). With --realtime, "
+            "or with --inline in simulated time.",
         ),
     ] = None,
     settings: options.SettingsOption = None,
@@ -179,9 +180,7 @@ def _run_sides(
     view_port: int | None,
 ) -> Sides:
     if plan.mode == "inline":
-        from cli.inline import run_inline
-
-        return run_inline(plan, folder, record=record, on_tick=on_tick)
+        return _run_inline(plan, folder, record=record, on_tick=on_tick)
     from cli.endpoints import private_endpoints
     from cli.processes import run_processes
 
@@ -193,3 +192,17 @@ def _run_sides(
         on_tick=on_tick,
         view_port=view_port,
     )
+
+
+def _run_inline(
+    plan: RunPlan, folder: Path, *, record: bool, on_tick: Callable[[int], None]
+) -> Sides:
+    if plan.relay_path is None:
+        from cli.inline import run_inline
+
+        return run_inline(plan, folder, record=record, on_tick=on_tick)
+    from cli.inline_relay import run_inline_relayed
+    from schemas.relay_plan import load_relay_plan
+
+    faults = load_relay_plan(plan.relay_path)
+    return run_inline_relayed(plan, faults, folder, record=record, on_tick=on_tick)

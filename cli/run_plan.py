@@ -76,7 +76,7 @@ def make_plan(
     """Loads all files a run depends on.
 
     Raises:
-        UsageError: a relay, and not in real time.
+        UsageError: a relay in lockstep.
         ScenarioError: no such scenario.
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed.
@@ -98,12 +98,11 @@ def make_plan(
 
 def _find_relay_plan(relay: str, mode: Mode) -> Path:
     """Path of a relay plan that can be used, checked now rather than in a child."""
-    if mode == "inline":
-        raise UsageError("--inline uses no bus, so a relay has nothing to do")
     if mode == "lockstep":
         raise UsageError(
-            "--relay needs --realtime: in lockstep the robot's time stands still until "
-            "a command comes, so that nothing is ever late, and what is lost stops it"
+            "--relay needs --realtime, or --inline in simulated time: in lockstep "
+            "the robot's time stands still until a command comes, so that nothing is "
+            "ever late, and what is lost stops it"
         )
     path = find_plan(relay)
     load_relay_plan(path)

@@ -58,7 +58,6 @@ def test_a_run_by_way_of_a_relay_tells_what_it_did(
     ("arguments", "words"),
     [
         (["--relay", "loss-5"], "--relay needs --realtime"),
-        (["--relay", "loss-5", "--inline"], "a relay has nothing to do"),
         (["--relay", "loss5", "--realtime"], "did you mean 'loss-5'?"),
         (["--relay", "gone.toml", "--realtime"], "gone.toml: no such relay plan"),
     ],
