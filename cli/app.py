@@ -14,6 +14,7 @@ from cli.check_robot_command import check_robot
 from cli.doctor_command import doctor
 from cli.log_command import log
 from cli.record_command import record
+from cli.relay_command import relay
 from cli.replay_command import replay
 from cli.report_command import report
 from cli.reproduce_command import reproduce
@@ -76,5 +77,6 @@ app.command()(sweep)
 app.command()(report)
 app.command()(reproduce)
 app.command()(router)
+app.command()(relay)
 app.command()(certs)
 app.command("check-robot")(check_robot)

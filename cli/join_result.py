@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cli.run_plan import RunPlan
-from schemas.result import ControllerResult, PlantResult, RunResult
+from schemas.result import ControllerResult, PlantResult, RelayResult, RunResult
 
 
 def join_result(
@@ -14,6 +14,7 @@ def join_result(
     controller: ControllerResult,
     *,
     out: Path | None,
+    relay: RelayResult | None = None,
 ) -> RunResult:
     """Joins both sides of a run into the object scripts read."""
     return RunResult(
@@ -52,4 +53,5 @@ def join_result(
         skipped_ticks=controller.skipped_ticks,
         slow_ticks=controller.slow_ticks,
         histograms={**plant.histograms, **controller.histograms},
+        relay=relay,
     )

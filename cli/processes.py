@@ -8,6 +8,7 @@ from queue import SimpleQueue
 from typing import NamedTuple
 
 from cli.child import Child, Event
+from cli.endpoints import private_endpoints
 from cli.endpoints_file import ENDPOINTS, write_endpoints
 from cli.live_page import start_live_page
 from cli.run_files import SETTINGS, TICKS, read_struct
@@ -15,7 +16,7 @@ from cli.run_plan import RunPlan
 from cli.run_recorder import await_recorder, recorder_words, see_recorder_off
 from cli.supervise import supervise
 from schemas.endpoints import Endpoints
-from schemas.result import ControllerResult, PlantResult
+from schemas.result import ControllerResult, PlantResult, RelayResult
 
 _START_S = 60.0
 """A robot that is still there may take so long to come up, on a busy machine [s]."""
@@ -26,6 +27,7 @@ class Sides(NamedTuple):
 
     plant: PlantResult
     controller: ControllerResult
+    relay: RelayResult | None = None
 
 
 def run_processes(
@@ -54,20 +56,29 @@ def run_processes(
         histogram: whether the results hold those of all times.
 
     Raises:
-        ChildFailedError: one of the two failed.
+        ChildFailedError: one of the two failed, or the relay between them.
     """
     plant_file, controller_file = folder / "plant.json", folder / "controller.json"
-    meeting = folder / ENDPOINTS
+    relay_file = folder / "relay.json"
+    beyond = endpoints if plan.relay_path is None else private_endpoints()
+    meeting, beyond_file = folder / ENDPOINTS, folder / f"beyond-{ENDPOINTS}"
     write_endpoints(meeting, endpoints)
-    shared = [*_shared_words(plan), "--endpoints", str(meeting)]
+    write_endpoints(beyond_file, beyond)
+    shared = _shared_words(plan)
     if histogram:
         shared.append("--histogram")
-    robot_words = [*_robot_words(plan), *shared, "--result-file", str(plant_file)]
+    robot_words = [
+        *_robot_words(plan),
+        *shared,
+        *("--endpoints", str(meeting)),
+        *("--result-file", str(plant_file)),
+    ]
     if record:
         robot_words += ["--record-file", str(folder / TICKS)]
     stabilizer_words = [
         *_stabilizer_words(plan),
         *shared,
+        *("--endpoints", str(beyond_file)),
         *("--settings", str(folder / SETTINGS)),
         *("--result-file", str(controller_file)),
     ]
@@ -91,8 +102,12 @@ def run_processes(
         if record:
             recorder = start("recorder", recorder_words(plan, folder, meeting))
             await_recorder(recorder, events=events)
+        relay = None
+        if plan.relay_path is not None:
+            words = _relay_words(plan, plan.relay_path, endpoints, beyond)
+            relay = start("relay", [*words, "--result-file", str(relay_file)])
         stabilizer = start("stabilizer", stabilizer_words)
-        supervise(robot, stabilizer, events=events, on_tick=on_tick)
+        supervise(robot, stabilizer, events=events, on_tick=on_tick, between=relay)
         if recorder is not None:
             see_recorder_off(recorder)
     finally:
@@ -103,8 +118,10 @@ def run_processes(
     sides = Sides(
         plant=read_struct(plant_file, PlantResult),
         controller=read_struct(controller_file, ControllerResult),
+        relay=None if relay is None else read_struct(relay_file, RelayResult),
     )
-    for file in (plant_file, controller_file, meeting):
+    relay_file.unlink(missing_ok=True)
+    for file in (plant_file, controller_file, meeting, beyond_file):
         file.unlink()
     return sides
 
@@ -115,6 +132,18 @@ def _robot_words(plan: RunPlan) -> list[str]:
 
 def _stabilizer_words(plan: RunPlan) -> list[str]:
     return ["stabilizer", "--controller", plan.controller, "--wait", str(_START_S)]
+
+
+def _relay_words(
+    plan: RunPlan, relay_path: Path, robots: Endpoints, beyond: Endpoints
+) -> list[str]:
+    """Command line of the relay, which dials the robot and listens beyond."""
+    return [
+        *("relay", str(relay_path), "--robot", plan.robot_name),
+        *("--seed", str(plan.seed), "--wait", str(_START_S)),
+        *(word for locator in robots.connect for word in ("--connect", locator)),
+        *(word for locator in beyond.listen for word in ("--listen", locator)),
+    ]
 
 
 def _shared_words(plan: RunPlan) -> list[str]:

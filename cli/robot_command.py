@@ -39,8 +39,8 @@ def robot(
     from cli.child_mode import begin_as_child, progress_reporter
     from cli.endpoints import choose_endpoints
     from cli.logs import log_note, set_up_logging
-    from cli.scheduling import claim_processor
     from cli.scenario_errors import naming_scenario
+    from cli.scheduling import claim_processor
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
     from schemas.scenario import load_scenario

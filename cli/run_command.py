@@ -49,6 +49,15 @@ def run(
             "--view-port", min=0, max=65535, help="Port of the page; 0 for any."
         ),
     ] = 8080,
+    relay: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PLAN",
+            help="Put a relay between the two that loses, delays or corrupts messages: "
+            "a shipped plan such as loss-5, or a plan file (.toml). With --realtime, "
+            "or with --inline in simulated time.",
+        ),
+    ] = None,
     settings: options.SettingsOption = None,
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
@@ -59,7 +68,7 @@ def run(
 ) -> None:
     """Run a scenario: robot and stabilizer as two processes on the bus.
 
-    Exits with 5 when the robot fell.
+    Exits with 5 when the robot fell, with 1 when the stabilizer lost command of it.
     """
     from cli.console import print_json, print_table
     from cli.histogram import histogram_table
@@ -75,6 +84,7 @@ def run(
         overrides=overrides or [],
         seed=seed,
         mode=_mode(lockstep=lockstep, inline=inline),
+        relay=relay,
     )
     meeting = _meeting(endpoints, listen=listen or [], connect=connect or [])
     if inline and meeting is not None:
@@ -98,6 +108,8 @@ def run(
             print_table(histogram_table(name, times))
     if result.fell:
         raise typer.Exit(ExitCode.FELL)
+    if result.reason.startswith(("lost command", "the robot is in fault")):
+        raise typer.Exit(ExitCode.FAILED)
 
 
 def _mode(*, lockstep: bool, inline: bool) -> Mode:
@@ -160,7 +172,9 @@ def _execute(
             # The logs of a failed run are what its user needs next.
             folder.keep()
             raise
-        result = join_result(plan, sides.plant, sides.controller, out=out)
+        result = join_result(
+            plan, sides.plant, sides.controller, out=out, relay=sides.relay
+        )
         write_struct(folder.path / RESULT, result)
         folder.keep()
     return result
@@ -177,9 +191,7 @@ def _run_sides(
     histogram: bool,
 ) -> Sides:
     if plan.mode == "inline":
-        from cli.inline import run_inline
-
-        return run_inline(
+        return _run_inline(
             plan, folder, record=record, on_tick=on_tick, histogram=histogram
         )
     from cli.endpoints import private_endpoints
@@ -194,3 +206,24 @@ def _run_sides(
         view_port=view_port,
         histogram=histogram,
     )
+
+
+def _run_inline(
+    plan: RunPlan,
+    folder: Path,
+    *,
+    record: bool,
+    on_tick: Callable[[int], None],
+    histogram: bool,
+) -> Sides:
+    if plan.relay_path is None:
+        from cli.inline import run_inline
+
+        return run_inline(
+            plan, folder, record=record, on_tick=on_tick, histogram=histogram
+        )
+    from cli.inline_relay import run_inline_relayed
+    from schemas.relay_plan import load_relay_plan
+
+    faults = load_relay_plan(plan.relay_path)
+    return run_inline_relayed(plan, faults, folder, record=record, on_tick=on_tick)

@@ -21,6 +21,7 @@ from schemas.arrays import Array
 RESULT = "result.json"
 SETTINGS = "settings.toml"
 SCENARIO = "scenario.toml"
+RELAY = "relay.toml"
 TICKS = "ticks.npz"
 RECORD = "run.mcap"
 QP_FAILURE = "qp-failure.npz"
@@ -29,13 +30,15 @@ _T = TypeVar("_T", bound=msgspec.Struct)
 
 
 def write_inputs(folder: Path, plan: RunPlan) -> None:
-    """Writes what a run depends on: scenario, resolved settings, and who ran it where.
+    """Writes what a run depends on: scenario, settings, relay plan, and who ran it.
 
     With the scenario, the settings and the seed in ``run.json`` the run can be done
     again.
     """
     shutil.copyfile(plan.scenario_path, folder / SCENARIO)
     (folder / SETTINGS).write_text(settings_text(plan.settings), encoding="utf-8")
+    if plan.relay_path is not None:
+        shutil.copyfile(plan.relay_path, folder / RELAY)
     about = {
         "command": sys.argv[1:],
         "scenario": plan.scenario_name,
@@ -44,6 +47,7 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
         "controller": plan.controller,
         "seed": plan.seed,
         "mode": plan.mode,
+        "relay": None if plan.relay_path is None else plan.relay_path.stem,
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": platform.python_version(),
         "platform": platform.platform(),

@@ -8,8 +8,11 @@ from typing import Any, Literal
 
 import msgspec
 
+from cli.errors import UsageError
 from cli.toml_text import toml_text
+from robot_io.relay.catalogue import find_plan
 from robot_io.robot import Robot, load_robot
+from schemas.relay_plan import load_relay_plan
 from schemas.scenario import Scenario, load_scenario
 from schemas.settings import ControllerSettings, build_settings
 from schemas.toml_file import read_toml
@@ -33,6 +36,7 @@ class RunPlan:
         settings: resolved: defaults, file and overrides.
         seed: of the sensor noise.
         mode: how the two sides are paced.
+        relay_path: file of the relay's plan, if there is a relay between them.
     """
 
     scenario_path: Path
@@ -44,6 +48,7 @@ class RunPlan:
     settings: ControllerSettings
     seed: int
     mode: Mode
+    relay_path: Path | None = None
 
     @property
     def scenario_name(self) -> str:
@@ -66,10 +71,12 @@ def make_plan(
     overrides: list[str],
     seed: int,
     mode: Mode,
+    relay: str | None = None,
 ) -> RunPlan:
     """Loads all files a run depends on.
 
     Raises:
+        UsageError: a relay in lockstep.
         ScenarioError: no such scenario.
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed.
@@ -85,7 +92,21 @@ def make_plan(
         settings=load_settings(settings_file, overrides=overrides),
         seed=seed,
         mode=mode,
+        relay_path=None if relay is None else _find_relay_plan(relay, mode),
     )
+
+
+def _find_relay_plan(relay: str, mode: Mode) -> Path:
+    """Path of a relay plan that can be used, checked now rather than in a child."""
+    if mode == "lockstep":
+        raise UsageError(
+            "--relay needs --realtime, or --inline in simulated time: in lockstep "
+            "the robot's time stands still until a command comes, so that nothing is "
+            "ever late, and what is lost stops it"
+        )
+    path = find_plan(relay)
+    load_relay_plan(path)
+    return path
 
 
 def load_settings(file: Path | None, *, overrides: list[str]) -> ControllerSettings:

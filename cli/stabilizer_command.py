@@ -10,6 +10,9 @@ import typer
 from cli import options
 from cli.exit_codes import ExitCode
 
+IN_ORDER = ("held", "lost command", "the robot is in fault")
+"""How a reason begins to end before the robot does, which then holds its posture."""
+
 
 def stabilizer(
     controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
@@ -102,8 +105,8 @@ def stabilizer(
             print_table(controller_table(result, controller))
             for name, times in result.histograms.items():
                 print_table(histogram_table(name, times))
-    if child and result.reason.startswith("held"):
-        raise typer.Exit(ExitCode.OK)  # in order; the robot tells how the run ends
+    if child and result.reason.startswith(IN_ORDER):
+        raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
     raise typer.Exit(code)
 
 

@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from rich.table import Table
 
-from schemas.result import ControllerResult, Distribution, PlantResult, RunResult
+from schemas.result import (
+    ControllerResult,
+    Distribution,
+    PlantResult,
+    RelayResult,
+    RunResult,
+)
+
+_PASSAGE = ("arrived", "left")
+"""What a relay counts besides its faults."""
 
 
 class ScenarioRow(NamedTuple):
@@ -37,6 +47,8 @@ def run_table(result: RunResult) -> Table:
         table.add_row("ticks without a sensor", str(result.degraded_ticks))
     if not result.reason.startswith("run over"):
         table.add_row("stabilizer", result.reason)
+    if result.relay is not None:
+        table.add_row(f"relay, {result.relay.plan}", _faults(result.relay))
     if result.out is not None:
         table.add_section()
         table.add_row("kept in", result.out)
@@ -65,6 +77,16 @@ def controller_table(result: ControllerResult, name: str) -> Table:
     table.add_row("ticks skipped, answered late", _late(result))
     if result.restarts:
         table.add_row("started anew", f"{result.restarts} times")
+    return table
+
+
+def relay_table(result: RelayResult) -> Table:
+    """What a relay did to each channel."""
+    kinds = [kind for kind in _fault_counts(result) if kind not in _PASSAGE]
+    table = Table("channel", *_PASSAGE, *kinds, title=result.plan)
+    for name, counts in result.counts.items():
+        row = [str(counts.get(kind, 0)) for kind in (*_PASSAGE, *kinds)]
+        table.add_row(name, *row)
     return table
 
 
@@ -135,3 +157,18 @@ def _late(result: RunResult | ControllerResult) -> str:
 
 def _counts(counts: dict[str, int]) -> str:
     return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
+
+
+def _fault_counts(result: RelayResult) -> Counter[str]:
+    """Messages that each kind of fault did something to, over all channels."""
+    total: Counter[str] = Counter()
+    for counts in result.counts.values():
+        total.update(counts)
+    return total
+
+
+def _faults(result: RelayResult) -> str:
+    total = _fault_counts(result)
+    passed = total["arrived"]
+    found = {kind: n for kind, n in total.items() if kind not in _PASSAGE}
+    return f"{_counts(found)} of {passed} messages"

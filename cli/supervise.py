@@ -23,6 +23,7 @@ def supervise(
     *,
     events: SimpleQueue[Event],
     on_tick: Callable[[int], None],
+    between: Child | None = None,
 ) -> None:
     """Waits until both processes have ended by themselves.
 
@@ -31,11 +32,12 @@ def supervise(
         stabilizer: the stabilizer's process.
         events: of both.
         on_tick: told the robot's progress.
+        between: a relay, without which the two cannot go on.
 
     Raises:
         ChildFailedError: one failed, or did not end after the other; the message
             holds its last words. The robot's own failure is named first, since the
-            stabilizer's may only follow from it.
+            stabilizer's may only follow from it; a relay's before both.
     """
     codes: dict[str, int] = {}
     until: float | None = None
@@ -49,6 +51,8 @@ def supervise(
             if until is not None and all(code in _WELL for code in codes.values()):
                 until = time.monotonic() + _PARTNER_S  # held in order: it goes on
             continue
+        if isinstance(event, Exit) and event.child is between:
+            raise failure(event.child, event.code)
         if not isinstance(event, Exit) or event.child not in (robot, stabilizer):
             continue  # whoever looks on may come and go
         codes[event.child.name] = event.code

@@ -20,6 +20,7 @@ from schemas.arrays import JsonObject
 from schemas.endpoints import Endpoints
 from schemas.field_docs import field_docs
 from schemas.messages import SCHEMA_VERSION
+from schemas.relay_plan import RelayPlan
 from schemas.result import RunResult
 from schemas.robot_file import RobotFile
 from schemas.scenario import Scenario
@@ -31,6 +32,7 @@ FILE_FORMATS: tuple[type[msgspec.Struct], ...] = (
     RobotFile,
     Scenario,
     Endpoints,
+    RelayPlan,
     ControllerSettings,
     RunResult,
 )

@@ -97,6 +97,16 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """Times of the stabilizer's side, when asked for."""
 
 
+class RelayResult(msgspec.Struct, frozen=True, kw_only=True):
+    """What a relay between the two did to their messages."""
+
+    plan: str
+    """Name of the plan."""
+    counts: dict[str, dict[str, int]]
+    """By channel: messages that ``arrived`` and ``left``, and how many each kind of
+    fault did something to."""
+
+
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """One run, whole."""
 
@@ -171,3 +181,5 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Answers that took longer than a period to compute."""
     histograms: dict[str, Histogram] = {}
     """Times of both sides, when asked for."""
+    relay: RelayResult | None = None
+    """What a relay did to the bus, if there was one."""

@@ -26,6 +26,7 @@ COMMANDS = (
     "log",
     "scenarios",
     "router",
+    "relay",
     "certs",
     "check-robot",
 )

@@ -1,0 +1,151 @@
+"""What faults of the bus do to a run: every shipped relay plan on two scenarios.
+
+    python -m benchmarks.faults [--inline] [--seeds 1] [--seconds 10] [--jobs 1]
+                                [--plans PLAN...] [--scenarios NAME...] [--out FILE]
+
+Each run is ``surefoot run SCENARIO --realtime --relay PLAN``: robot, relay and
+stabilizer as processes on this machine, one run at a time, since a run that has to
+share its processors measures the machine. ``--inline`` instead puts the same faults
+into simulated time, where the machine does not matter. Writes a Markdown table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.shortened import shortened
+from robot_io.relay.catalogue import list_plans
+
+SCENARIOS = ("standing", "moving-platform-slow")
+MRAD = 1e3
+ENDED = (0, 1, 5)
+"""Exit codes of runs that tell how they ended: stood, lost command, fell."""
+
+
+def run_once(
+    scenario: str, plan: str, seed: int, *, mode: str, seconds: float
+) -> dict[str, Any]:
+    """One run's result object, and ``step_mrad``: its largest joint command step.
+
+    Raises:
+        RuntimeError: the run told no result; holds its last words.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path, out = Path(folder) / f"{scenario}.toml", Path(folder) / "out"
+        path.write_text(shortened(scenario, seconds), encoding="utf-8")
+        words = ["run", str(path), f"--{mode}", "--relay", plan, "--seed", str(seed)]
+        done = subprocess.run(
+            [sys.executable, "-m", "cli", *words, "--json", "--out", str(out)],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode not in ENDED or not done.stdout:
+            raise RuntimeError(
+                f"surefoot {' '.join(words)}: exit {done.returncode}\n"
+                f"{done.stderr[-800:]}"
+            )
+        result: dict[str, Any] = json.loads(done.stdout)
+        with np.load(out / "ticks.npz") as ticks:
+            steps = np.abs(np.diff(ticks["q_command"], axis=0))
+        result["step_mrad"] = MRAD * float(steps.max(initial=0.0))
+        return result
+
+
+def outcome(result: dict[str, Any]) -> str:
+    """How a run ended, in the words of its own result."""
+    if result["fell"]:
+        return f"**fell** at {result['fell_at_s']:.1f} s ({result['reason']})"
+    if result["reason"].startswith("run over"):
+        return "stood"
+    if result["degraded_ticks"] and "held" not in result["reason"]:
+        return f"stood ({result['reason']})"
+    return f"stood, held: {result['reason']}"
+
+
+def line(plan: str, scenario: str, results: list[dict[str, Any]]) -> str:
+    """A line of the table: what the seeds have in common, and their worst."""
+    outcomes = list(dict.fromkeys(outcome(result) for result in results))
+    misses = max(r["deadline_misses"] / max(1, r["ticks"]) for r in results)
+    errors = [max(r["com_error_max_mm"][i] for r in results) for i in range(3)]
+    refused = sorted({name for r in results for name in r["refused"]})
+    cells = (
+        plan,
+        scenario,
+        "; ".join(outcomes),
+        ", ".join(f"{error:.0f}" for error in errors),
+        f"{100 * misses:.0f}",
+        f"{max(r['step_mrad'] for r in results):.1f}",
+        ", ".join(refused) or "none",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+COLUMNS = (
+    "plan",
+    "scenario",
+    "outcome",
+    "CoM error max [mm]",
+    "misses [%]",
+    "largest step [mrad]",
+    "refused",
+)
+HEAD = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
+
+
+def main() -> int:
+    """Reads the command line, runs and prints."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--inline", action="store_true")
+    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--plans", nargs="+", default=list_plans())
+    parser.add_argument("--scenarios", nargs="+", default=list(SCENARIOS))
+    parser.add_argument("--out", type=Path)
+    arguments = parser.parse_args()
+    mode = "inline" if arguments.inline else "realtime"
+    lines = HEAD.splitlines()
+    print(HEAD, flush=True)
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        cells = {
+            (plan, scenario): [
+                pool.submit(
+                    run_once,
+                    scenario,
+                    plan,
+                    seed,
+                    mode=mode,
+                    seconds=arguments.seconds,
+                )
+                for seed in range(arguments.seeds)
+            ]
+            for plan, scenario in itertools.product(
+                arguments.plans, arguments.scenarios
+            )
+        }
+        for (plan, scenario), runs in cells.items():
+            try:
+                lines.append(line(plan, scenario, [run.result() for run in runs]))
+            except RuntimeError as error:
+                print(error, file=sys.stderr)
+                pool.shutdown(cancel_futures=True)
+                return 1
+            print(lines[-1], flush=True)
+    if arguments.out is not None:
+        arguments.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,18 @@
+"""Shipped scenarios, cut short for studies of many runs."""
+
+from __future__ import annotations
+
+import re
+
+from sim_robot.catalogue import find_scenario
+
+
+def shortened(name: str, duration_s: float) -> str:
+    """Text of a shipped scenario with another duration.
+
+    Args:
+        name: of the scenario.
+        duration_s: how long it is to last [s].
+    """
+    text = find_scenario(name).read_text(encoding="utf-8")
+    return re.sub(r"(?m)^duration_s = .*$", f"duration_s = {duration_s}", text)

@@ -1,0 +1,112 @@
+"""``surefoot relay``: faults of the bus, between a robot and its stabilizer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from cli import options
+from cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    from schemas.endpoints import Endpoints
+
+LISTEN = "tcp/127.0.0.1:7448"
+"""Beside the robot's own default, which is where the relay dials."""
+
+
+def relay(
+    plan: Annotated[
+        str, typer.Argument(help="Shipped relay plan, or a plan file (.toml).")
+    ],
+    robot: options.RobotOption = "walker",
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Seed of what is left to chance.")
+    ] = 0,
+    wait_s: Annotated[
+        float,
+        typer.Option(
+            "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
+        ),
+    ] = 10.0,
+    endpoints: options.EndpointsOption = None,
+    listen: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--listen",
+            metavar="LOCATOR",
+            help=f"The stabilizer dials here; {LISTEN} when not said otherwise.",
+            rich_help_panel="Bus",
+        ),
+    ] = None,
+    connect: options.ConnectOption = None,
+    insecure: options.InsecureOption = False,
+    as_json: options.JsonOption = False,
+    child: options.ChildOption = False,
+    result_file: options.ResultFileOption = None,
+) -> None:
+    """Lose, delay, reorder or corrupt what robot and stabilizer say to each other.
+
+    Dials the robot, and listens for the stabilizer in its place, until Ctrl-C. Time in
+    the plan counts from the first joint command; before it everything passes. For real
+    time: in lockstep the robot waits two seconds for each command that is lost. Exits
+    with 4 when there is no robot, with 130 after Ctrl-C.
+    """
+    from cli.child_mode import begin_as_child, report_ready
+    from cli.console import print_json, print_table
+    from cli.logs import log_note, set_up_logging
+    from cli.run_files import write_struct
+    from cli.summary import relay_table
+    from robot_io.relay.catalogue import find_plan
+    from robot_io.relay.relay import Relay
+    from robot_io.robot import load_robot
+    from robot_io.stop_request import StopRequest
+    from schemas.relay_plan import load_relay_plan
+
+    set_up_logging("relay")
+    if child:
+        begin_as_child()
+    faults = load_relay_plan(find_plan(plan))
+    model = load_robot(robot)
+    meeting = _meeting(endpoints, listen or [], connect or [], insecure=insecure)
+    ours, robots = ", ".join(meeting.listen), ", ".join(meeting.connect)
+    log_note(f"{faults.name!r}: dials {robots} for {wait_s:g} s at most")
+
+    def on_ready() -> None:
+        log_note(f"the stabilizer of {model.file.name} may dial {ours}")
+        if child:
+            report_ready()
+
+    result = Relay(model, faults, seed=seed).run(
+        meeting, stop=StopRequest(), wait_s=wait_s, on_ready=on_ready
+    )
+    if result_file is not None:
+        write_struct(result_file, result)
+    if not child:
+        if as_json:
+            print_json(result)
+        else:
+            print_table(relay_table(result))
+    raise typer.Exit(ExitCode.INTERRUPTED)
+
+
+def _meeting(
+    file: Path | None, listen: list[str], connect: list[str], *, insecure: bool
+) -> Endpoints:
+    """Both sides of the relay; they must not be the same place."""
+    from cli.endpoints import choose_endpoints
+    from cli.errors import UsageError
+
+    if file is None and not listen:
+        listen = [LISTEN]
+    meeting = choose_endpoints(file, listen=listen, connect=connect, insecure=insecure)
+    same = set(meeting.listen) & set(meeting.router or meeting.connect)
+    if same:
+        raise UsageError(
+            f"the relay would dial itself at {', '.join(sorted(same))}; say where it "
+            "listens for the stabilizer with --listen, and where the robot is with "
+            "--connect"
+        )
+    return meeting

@@ -1,0 +1,1 @@
+"""A relay between robot and stabilizer that does to the bus what a plan says."""

@@ -1,0 +1,144 @@
+"""What the controller's side hears of a relayed robot, in simulated time.
+
+Joins messages as the client's assembler does, without a bus: the last sensor to be
+sent says that a tick is there, one that is late is waited for, one that stays away is
+given up.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+
+from robot_io.assembler import SnapshotReading
+from robot_io.client import PATIENCE_S
+from robot_io.inbox import NEVER
+from robot_io.relay.parcel import Parcel
+from robot_io.relay.schedule import Schedule
+from robot_io.snapshot import Snapshot
+from schemas.codec import decode
+from schemas.errors import MessageError
+from schemas.topics import TICK_SENSORS, topic
+
+INSTANT_S = 1e-9
+"""A message due at the very instant has come, whatever its last bit says."""
+
+
+class HeardSensor:
+    """Messages of one sensor on their way, and those that have come.
+
+    Attributes:
+        latest: newest message taken; None before the first.
+        is_lost: it kept the others waiting, and is not waited for until it is back.
+    """
+
+    def __init__(self, name: str, *, joint_count: int) -> None:
+        """Nothing has come.
+
+        Args:
+            name: of the channel.
+            joint_count: n_a.
+        """
+        self.latest: msgspec.Struct | None = None
+        self.is_lost = False
+        self._kind = topic(name).message
+        self._joint_count = joint_count
+        self._coming: Schedule[bytes] = Schedule()
+        self._waiting: list[msgspec.Struct] = []
+        self._newest = NEVER
+
+    @property
+    def tick(self) -> int:
+        """Tick of the newest message taken."""
+        return NEVER if self.latest is None else self.latest.tick  # type: ignore[attr-defined]
+
+    @property
+    def newest(self) -> int:
+        """Tick of the newest message that has come."""
+        return self._newest
+
+    def send(self, parcel: Parcel) -> None:
+        """Puts a message on its way."""
+        self._coming.put(parcel.data, at_s=parcel.at_s)
+
+    def hear(self, now_s: float) -> None:
+        """Reads what has come; what is unreadable, old or twice is left out."""
+        while (data := self._coming.take_due(now_s + INSTANT_S)) is not None:
+            try:
+                message = decode(data, self._kind, joint_count=self._joint_count)
+            except MessageError:
+                continue
+            if message.tick > self._newest:  # type: ignore[attr-defined]
+                self._newest = message.tick  # type: ignore[attr-defined]
+                self._waiting.append(message)
+
+    def take_up_to(self, tick: int) -> None:
+        """Takes messages up to one of a tick; the last of them counts."""
+        while self._waiting and self._waiting[0].tick <= tick:  # type: ignore[attr-defined]
+            self.latest = self._waiting.pop(0)
+
+
+class HeardRobot:
+    """All sensors of a robot, joined into snapshots; the newest tick wins."""
+
+    def __init__(self, *, joint_count: int) -> None:
+        """Nothing has come.
+
+        Args:
+            joint_count: n_a.
+        """
+        self.sensors = {
+            name: HeardSensor(name, joint_count=joint_count) for name in TICK_SENSORS
+        }
+        self._answered = NEVER
+        self._since_s = 0.0
+        self._is_waiting = False
+
+    def next(self, now_s: float) -> SnapshotReading | None:
+        """The snapshot to answer now; None while there is none.
+
+        Args:
+            now_s: the time, never going back [s].
+        """
+        for sensor in self.sensors.values():
+            sensor.hear(now_s)
+        if max(sensor.newest for sensor in self.sensors.values()) <= self._answered:
+            return None
+        if not self._is_waiting:
+            self._is_waiting, self._since_s = True, now_s
+        is_over = now_s - self._since_s >= PATIENCE_S - INSTANT_S
+        *_, last = (s for s in self.sensors.values() if not s.is_lost or is_over)
+        tick = last.newest if not is_over else self._newest_tick()
+        if tick <= self._answered:
+            return None
+        late = [s for s in self.sensors.values() if s.newest < tick]
+        if any(not s.is_lost for s in late) and not is_over:
+            return None
+        for sensor in self.sensors.values():
+            sensor.is_lost = sensor in late
+            sensor.take_up_to(tick)
+        self._answered, self._is_waiting = tick, False
+        if any(sensor.latest is None for sensor in self.sensors.values()):
+            return None
+        return self._join(tick)
+
+    def _newest_tick(self) -> int:
+        return max(sensor.newest for sensor in self.sensors.values())
+
+    def _join(self, tick: int) -> SnapshotReading:
+        joints, imu, left, right = (s.latest for s in self.sensors.values())
+        snapshot = Snapshot(
+            tick,
+            joints.stamp_ns,  # type: ignore[union-attr]
+            np.array(joints.q),  # type: ignore[union-attr]
+            np.array(joints.dq),  # type: ignore[union-attr]
+            np.array(joints.effort),  # type: ignore[union-attr]
+            np.array(imu.quat_xyzw),  # type: ignore[union-attr]
+            np.array(imu.angular_velocity),  # type: ignore[union-attr]
+            np.array(imu.linear_acceleration),  # type: ignore[union-attr]
+            np.array([*left.force, *left.moment]),  # type: ignore[union-attr]
+            np.array([*right.force, *right.moment]),  # type: ignore[union-attr]
+        )
+        ages = tuple(tick - sensor.tick for sensor in self.sensors.values())
+        stale = tuple(n for n, s in self.sensors.items() if s.tick != tick)
+        return SnapshotReading(snapshot, stale, ages, 0)  # type: ignore[arg-type]

@@ -1,0 +1,190 @@
+"""Stands between robot and stabilizer, and does to the bus what a plan says."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+
+from robot_io.bus import Bus
+from robot_io.errors import RobotIoError, RobotUnreachableError
+from robot_io.quiet import quiet_interpreter
+from robot_io.relay.dispatcher import Dispatcher
+from robot_io.relay.forwarder import Forwarder
+from robot_io.relay.lane import Lane
+from robot_io.relay.plan_clock import PlanClock
+from robot_io.relay.presence import PresenceMirror
+from robot_io.relay.service_forwarder import ServiceForwarder
+from robot_io.robot import Robot
+from robot_io.session import Role, unreachable
+from robot_io.stop_request import StopRequest
+from schemas.endpoints import Endpoints
+from schemas.relay_plan import RelayPlan
+from schemas.result import RelayResult
+from schemas.topics import (
+    ALIVE_OBSERVER,
+    ALIVE_ROBOT,
+    ALIVE_STABILIZER,
+    TOPICS,
+    Direction,
+)
+
+POLL_S = 0.1
+DIAL_S = 0.5
+"""A stop request waits for at most this: Zenoh's dialing cannot be broken off."""
+FROM_THE_ROBOTS_SIDE = (
+    Direction.FROM_ROBOT,
+    Direction.TO_STABILIZER,
+    Direction.STABILIZER_SERVICE,
+)
+"""What is said, or asked, on the side of the robot, where planners and tools are."""
+SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
+
+
+class Relay:
+    """Dials the robot as a client does, and listens as the robot does.
+
+    Everything of the topic table is carried one way: what the robot or a planner says
+    to the stabilizer's side, what the stabilizer says to the robot's side, requests to
+    where their service is. Who is there on one side is shown on the other.
+    """
+
+    def __init__(self, robot: Robot, plan: RelayPlan, *, seed: int) -> None:
+        """Prepares; :meth:`run` opens both sides.
+
+        Args:
+            robot: names keys and namespace.
+            plan: what is done to the messages.
+            seed: of all chance.
+        """
+        self._robot = robot
+        self._plan = plan
+        self._lanes = {
+            entry.name: Lane(plan, entry.name, seed=seed) for entry in TOPICS
+        }
+        self._forwarders: list[Forwarder] = []
+
+    def run(
+        self,
+        endpoints: Endpoints,
+        *,
+        stop: StopRequest,
+        wait_s: float,
+        on_ready: Callable[[], None] | None = None,
+    ) -> RelayResult:
+        """Carries until asked to stop.
+
+        The robot may come and go meanwhile; at the start it must be there.
+
+        Args:
+            endpoints: ``connect`` (or ``router``) is where the robot is, ``listen``
+                where the stabilizer's side dials.
+            stop: ends it, besides signals.
+            wait_s: how long to dial the robot [s].
+            on_ready: told once both sides are open.
+
+        Returns:
+            What was done to the messages.
+
+        Raises:
+            EndpointError: cannot listen there, or a locator is malformed.
+            RobotUnreachableError: nobody answered in time.
+            RobotIoError: it cannot send any more.
+        """
+        asked = threading.Event()
+        stop.waking(asked.set)
+        dispatcher = Dispatcher()
+        with stop.on_signals(), ExitStack() as stack:
+            robots_side = self._dial(endpoints, stop, wait_s, stack)
+            if robots_side is not None:
+                other_side = stack.enter_context(self._bus(endpoints, Role.ROBOT))
+                stack.enter_context(dispatcher.running())
+                stack.enter_context(quiet_interpreter())
+                stack.callback(self._disconnect)
+                self._connect(robots_side, other_side, dispatcher)
+                if on_ready is not None:
+                    on_ready()
+                while not asked.wait(POLL_S):  # signals are handled between two waits
+                    if dispatcher.error is not None:
+                        raise RobotIoError(
+                            f"the relay cannot send any more: {dispatcher.error}"
+                        ) from dispatcher.error
+        return self._result()
+
+    def _dial(
+        self,
+        endpoints: Endpoints,
+        stop: StopRequest,
+        wait_s: float,
+        stack: ExitStack,
+    ) -> Bus | None:
+        """Opens the robot's side; None when asked to stop meanwhile."""
+        end_s = time.monotonic() + wait_s
+        while not stop.is_set:
+            timeout_s = min(DIAL_S, wait_s)
+            try:
+                return stack.enter_context(
+                    self._bus(endpoints, Role.CLIENT, timeout_s=timeout_s)
+                )
+            except RobotUnreachableError:
+                if time.monotonic() >= end_s:
+                    raise RobotUnreachableError(
+                        unreachable(endpoints, "nobody answers", wait_s)
+                    ) from None
+        return None
+
+    def _bus(
+        self, endpoints: Endpoints, role: Role, *, timeout_s: float = DIAL_S
+    ) -> Bus:
+        return Bus(
+            endpoints,
+            role,
+            namespace=self._robot.file.namespace,
+            timeout_s=timeout_s,
+            keys=self._robot.keys,
+        )
+
+    def _connect(
+        self, robots_side: Bus, other_side: Bus, dispatcher: Dispatcher
+    ) -> None:
+        """Joins the two sides; the tokens last, as each of them would do."""
+        clock = PlanClock()
+        for entry in TOPICS:
+            ends = {"source": other_side, "target": robots_side}
+            if entry.direction in FROM_THE_ROBOTS_SIDE:
+                ends = {"source": robots_side, "target": other_side}
+            key, lane = self._robot.keys[entry.name], self._lanes[entry.name]
+            if entry.direction in SERVICES:
+                ServiceForwarder(
+                    key, lane=lane, dispatcher=dispatcher, clock=clock, **ends
+                )
+            else:
+                self._forwarders.append(
+                    Forwarder(
+                        entry.name,
+                        key,
+                        lane=lane,
+                        dispatcher=dispatcher,
+                        clock=clock,
+                        **ends,
+                    )
+                )
+        for pattern, source, target in (
+            (ALIVE_ROBOT, robots_side, other_side),
+            (f"{ALIVE_STABILIZER}/*", other_side, robots_side),
+            (f"{ALIVE_OBSERVER}/*", other_side, robots_side),
+        ):
+            PresenceMirror(pattern, source=source, target=target, dispatcher=dispatcher)
+
+    def _disconnect(self) -> None:
+        """Hears nothing more, so that nothing is sent on a side that is closed."""
+        for forwarder in self._forwarders:
+            forwarder.close()
+
+    def _result(self) -> RelayResult:
+        counts = {name: dict(lane.counts) for name, lane in self._lanes.items()}
+        return RelayResult(
+            plan=self._plan.name,
+            counts={name: count for name, count in counts.items() if count},
+        )

@@ -1,0 +1,188 @@
+"""Relay plan: what a relay does to the messages between robot and stabilizer."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+
+from schemas.robot_file import NonNegative
+from schemas.toml_file import FileStruct, convert, read_toml
+from schemas.topics import TOPICS, Direction
+
+Probability = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
+Milliseconds = Annotated[float, msgspec.Meta(gt=0.0, le=10000.0)]
+Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+MS_PER_S = 1e3
+SPEAKERS = {
+    "sensors": [Direction.FROM_ROBOT],
+    "commands": [Direction.TO_ROBOT],
+    "all": [Direction.FROM_ROBOT, Direction.TO_ROBOT],
+}
+"""Whose channels a direction means."""
+
+
+class _Fault(FileStruct, frozen=True, kw_only=True):
+    """What all faults share: which channels, and when.
+
+    Time counts from the first joint command that passes; before it nothing is touched.
+    """
+
+    topics: list[str] = []
+    """Names of channels; give these or a direction."""
+    direction: Literal["sensors", "commands", "all"] | None = None
+    """All that the robot says, the joint commands, or both. Services, the reference and
+    what the stabilizer says of itself are meant by name only."""
+    start_s: NonNegative = 0.0
+    duration_s: Seconds | None = None
+    """Until the end when absent."""
+
+    def __post_init__(self) -> None:
+        """Checks that channels are named once, and exist."""
+        if bool(self.topics) == (self.direction is not None):
+            raise ValueError("give either `topics` or `direction`")
+        known = [entry.name for entry in TOPICS]
+        for name in self.topics:
+            if name not in known:
+                raise ValueError(f"topics: no channel {name!r}{_nearest(name, known)}")
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the channels it acts on."""
+        if self.direction is None:
+            return tuple(dict.fromkeys(self.topics))
+        speakers = SPEAKERS[self.direction]
+        return tuple(entry.name for entry in TOPICS if entry.direction in speakers)
+
+    def is_on(self, at_s: float) -> bool:
+        """Whether it acts on what comes at a time [s]."""
+        end_s = math.inf if self.duration_s is None else self.start_s + self.duration_s
+        return self.start_s <= at_s < end_s
+
+
+class DropFault(_Fault, frozen=True, kw_only=True, tag="drop", tag_field="kind"):
+    """Messages are lost, each by chance."""
+
+    probability: Probability
+
+
+class DelayFault(_Fault, frozen=True, kw_only=True, tag="delay", tag_field="kind"):
+    """Messages come later, in their order."""
+
+    ms: Milliseconds
+
+
+class JitterFault(_Fault, frozen=True, kw_only=True, tag="jitter", tag_field="kind"):
+    """Messages come later by a random time, in their order."""
+
+    ms: Milliseconds
+    """The longest; all times up to it are equally likely."""
+
+
+class DuplicateFault(
+    _Fault, frozen=True, kw_only=True, tag="duplicate", tag_field="kind"
+):
+    """Messages come twice, each by chance."""
+
+    probability: Probability
+    ms: NonNegative = 0.0
+    """How long after the first the second one comes."""
+
+
+class ReorderFault(_Fault, frozen=True, kw_only=True, tag="reorder", tag_field="kind"):
+    """Messages are kept back, each by chance, and others overtake them."""
+
+    probability: Probability
+    ms: Milliseconds = 2.5
+    """How long they are kept back."""
+
+
+class CorruptFault(_Fault, frozen=True, kw_only=True, tag="corrupt", tag_field="kind"):
+    """Bits of messages are flipped, by chance."""
+
+    probability: Probability
+    bits: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
+    """How many in each message that is hit."""
+
+
+class CutFault(_Fault, frozen=True, kw_only=True, tag="cut", tag_field="kind"):
+    """Everything is lost for a while."""
+
+    def __post_init__(self) -> None:
+        """Checks that a cut ends."""
+        _Fault.__post_init__(self)
+        if self.duration_s is None:
+            raise ValueError("kind 'cut' needs `duration_s`; say how long it lasts")
+
+
+class ClockJumpFault(
+    _Fault, frozen=True, kw_only=True, tag="clock_jump", tag_field="kind"
+):
+    """Stamps are off by so much, as after a jump of the sender's clock."""
+
+    seconds: float
+    """Positive: the clock jumped ahead. A stamp never gets below zero."""
+
+    def __post_init__(self) -> None:
+        """Checks that the messages have stamps."""
+        _Fault.__post_init__(self)
+        for entry in TOPICS:
+            fields = entry.message.__struct_fields__
+            if entry.name in self.channels and "stamp_ns" not in fields:
+                raise ValueError(
+                    f"topics: what {entry.name!r} carries has no stamp to change"
+                )
+
+
+RelayFault = (
+    DropFault
+    | DelayFault
+    | JitterFault
+    | DuplicateFault
+    | ReorderFault
+    | CorruptFault
+    | CutFault
+    | ClockJumpFault
+)
+
+
+class RelayPlan(FileStruct, frozen=True, kw_only=True):
+    """Faults of the bus, in the order in which a message meets them."""
+
+    name: str
+    description: str = ""
+    fault: list[RelayFault] = []
+
+    def faults_of(self, channel: str) -> list[tuple[int, RelayFault]]:
+        """Faults that act on a channel, each with its place in the file."""
+        return [
+            (index, fault)
+            for index, fault in enumerate(self.fault)
+            if channel in fault.channels
+        ]
+
+
+def relay_plan_from_table(raw: dict[str, Any], *, source: str) -> RelayPlan:
+    """Builds a plan from a TOML table.
+
+    Raises:
+        FileFormatError: with the path of the offending key.
+    """
+    return convert(raw, RelayPlan, source=source)
+
+
+def load_relay_plan(path: Path) -> RelayPlan:
+    """Reads a plan file; see :func:`relay_plan_from_table`."""
+    return relay_plan_from_table(read_toml(path), source=str(path))
+
+
+def _nearest(name: str, known: Iterable[str]) -> str:
+    names = sorted(known)
+    near = difflib.get_close_matches(name, names, n=1)
+    if near:
+        return f"; did you mean {near[0]!r}?"
+    return f"; valid are {', '.join(names)}"

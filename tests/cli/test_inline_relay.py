@@ -1,0 +1,129 @@
+"""Faults of the bus in simulated time: the same run however busy the machine is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cli.inline import run_inline
+from cli.inline_relay import RelayedLoop, run_inline_relayed
+from cli.processes import Sides
+from cli.run_plan import RunPlan, make_plan
+from robot_io.relay.catalogue import find_plan
+from schemas.messages import RobotMode
+from schemas.relay_plan import RelayPlan, load_relay_plan, relay_plan_from_table
+from tests.cli.conftest import Surefoot
+
+TICKS = 300
+
+
+def run_plan(
+    scenario: Path, *, seed: int = 0, controller: str = "whole-body"
+) -> RunPlan:
+    """A run of a scenario in one process."""
+    return make_plan(
+        str(scenario),
+        robot="walker",
+        servo_profile=None,
+        controller=controller,
+        settings_file=None,
+        overrides=[],
+        seed=0,
+        mode="inline",
+    )
+
+
+def relayed(plan: RunPlan, faults: RelayPlan, folder: Path) -> Sides:
+    """The run, with the faults."""
+    return run_inline_relayed(
+        plan, faults, folder, record=False, on_tick=lambda tick: None
+    )
+
+
+def shipped(name: str) -> RelayPlan:
+    """A shipped plan."""
+    return load_relay_plan(find_plan(name))
+
+
+def test_a_clear_relay_changes_no_bit(short_scenario: Path, tmp_path: Path) -> None:
+    plan = run_plan(short_scenario)
+    plain = run_inline(plan, tmp_path, record=False, on_tick=lambda tick: None)
+    clear = relayed(plan, shipped("clear"), tmp_path)
+    assert clear.plant.log_sha256 == plain.plant.log_sha256
+    assert clear.plant.deadline_misses == 0
+    assert clear.relay is not None
+    assert clear.relay.counts["joint_command"] == {"arrived": TICKS, "left": TICKS}
+
+
+@pytest.mark.parametrize("name", ["loss-5", "jitter-5ms", "reordered"])
+def test_the_same_seed_gives_the_same_run(
+    short_scenario: Path, tmp_path: Path, name: str
+) -> None:
+    runs = [
+        relayed(run_plan(short_scenario), shipped(name), tmp_path).plant
+        for _ in range(2)
+    ]
+    assert runs[0].log_sha256 == runs[1].log_sha256
+    assert not runs[0].fell
+    assert runs[0].deadline_misses > 0
+
+
+def test_copies_are_refused_and_change_no_bit(
+    short_scenario: Path, tmp_path: Path
+) -> None:
+    plan = run_plan(short_scenario)
+    clear = relayed(plan, shipped("clear"), tmp_path).plant
+    twice = relayed(plan, shipped("duplicated"), tmp_path).plant
+    assert twice.log_sha256 == clear.log_sha256
+    assert twice.refused["sequence"] > 0
+
+
+def cut(channels: list[str], duration_s: float) -> RelayPlan:
+    """Nothing of these channels comes through from 0.1 s on, for so long."""
+    fault = {"kind": "cut", "topics": channels, "start_s": 0.1}
+    return relay_plan_from_table(
+        {"name": "cut", "fault": [{**fault, "duration_s": duration_s}]}, source="test"
+    )
+
+
+def test_a_short_cut_of_commands_is_held_and_gone_on_from(
+    short_scenario: Path,
+) -> None:
+    plan = run_plan(short_scenario, controller="hold")
+    loop = RelayedLoop(plan, cut(["joint_command"], 0.1), record=False)
+    while not loop.simulated.finished:
+        loop.tick()
+    modes = [mode for _, mode, _ in loop.modes]
+    assert modes == [RobotMode.ACTIVE, RobotMode.HOLD, RobotMode.ACTIVE]
+    began_s, _, reason = loop.modes[1]
+    assert 0.1 < began_s < 0.13
+    assert reason.startswith("no command for 0.02")
+
+
+def test_a_lasting_cut_ends_in_fault_and_says_so(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    scenario, plan = tmp_path / "s.toml", tmp_path / "cut.toml"
+    scenario.write_text('name = "x"\nduration_s = 1.3\n')
+    plan.write_text(
+        'name = "cut"\n[[fault]]\nkind = "cut"\ndirection = "commands"\n'
+        "start_s = 0.1\nduration_s = 3600.0\n"
+    )
+    done = surefoot(
+        *("run", scenario, "--inline", "--relay", plan, "--controller", "hold")
+    )
+    assert done.returncode == 1, done.stderr
+    assert "stood 1.3 s" in done.stdout
+    assert "the robot is in fault: no command for 1.0" in done.stdout
+    assert "relay, cut" in done.stdout
+
+
+def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(
+    tmp_path: Path,
+) -> None:
+    scenario = tmp_path / "s.toml"
+    scenario.write_text('name = "x"\nduration_s = 0.4\n')
+    done = relayed(run_plan(scenario), cut(["imu"], 3600.0), tmp_path)
+    assert done.controller.reason == "held: imu missing"
+    assert not done.plant.fell

@@ -1,0 +1,132 @@
+"""Runs with a relay between robot and stabilizer, as processes of their own."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from schemas.relay_plan import load_relay_plan
+from schemas.result import RunResult
+from tests.cli.conftest import REPOSITORY, Surefoot, environment
+from tests.support import free_port, wait_until
+
+SERVICES_ONLY = """
+name = "services and commands late"
+[[fault]]
+kind = "delay"
+topics = ["mode", "lease", "joint_command"]
+ms = 3.0
+[[fault]]
+kind = "duplicate"
+topics = ["status"]
+probability = 1.0
+"""
+
+
+def test_a_run_by_way_of_a_relay_tells_what_it_did(
+    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+) -> None:
+    plan, out = tmp_path / "late.toml", tmp_path / "out"
+    plan.write_text(SERVICES_ONLY)
+    done = surefoot(
+        *("run", short_scenario, "--realtime", "--controller", "hold", "--json"),
+        *("--relay", plan, "--out", out),
+    )
+    assert done.returncode == 0, done.stderr
+    result = msgspec.json.decode(done.stdout, type=RunResult)
+    assert not result.fell
+    assert result.relay is not None
+    assert result.relay.plan == "services and commands late"
+    commands = result.relay.counts["joint_command"]
+    assert commands["delay"] == commands["arrived"] > 0
+    assert result.round_trip_ms.median > 3.0
+    status = result.relay.counts["status"]
+    assert status["left"] == status["arrived"] + status["duplicate"]
+    assert json.loads((out / "run.json").read_text())["relay"] == "late"
+    assert load_relay_plan(out / "relay.toml").name == result.relay.plan
+    assert "the stabilizer of walker may dial" in (out / "relay.log").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--relay", "loss-5"], "--relay needs --realtime"),
+        (["--relay", "loss5", "--realtime"], "did you mean 'loss-5'?"),
+        (["--relay", "gone.toml", "--realtime"], "gone.toml: no such relay plan"),
+    ],
+)
+def test_what_cannot_be_relayed_is_said_before_anything_starts(
+    surefoot: Surefoot, arguments: list[str], words: str
+) -> None:
+    done = surefoot("run", "standing", *arguments)
+    assert done.returncode == 2, done.stderr
+    assert words in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_mistake_in_a_plan_is_named_by_file_and_key(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    plan = tmp_path / "plan.toml"
+    plan.write_text('name = "x"\n[[fault]]\nkind = "delay"\ndirection = "all"\nmss = 1')
+    for command in (["run", "standing", "--realtime", "--relay"], ["relay"]):
+        done = surefoot(*command, plan)
+        assert done.returncode == 2, done.stderr
+        assert f"{plan}: fault[0].mss: no such key" in done.stderr
+        assert "did you mean 'ms'?" in done.stderr
+
+
+def test_a_relay_that_would_dial_itself_is_refused(surefoot: Surefoot) -> None:
+    here = "tcp/127.0.0.1:7447"
+    done = surefoot("relay", "clear", "--listen", here, "--connect", here)
+    assert done.returncode == 2, done.stderr
+    assert "would dial itself" in done.stderr
+
+
+def test_a_relay_without_a_robot_ends_with_4(surefoot: Surefoot) -> None:
+    done = surefoot(
+        *("relay", "clear", "--wait", 0.1),
+        *("--connect", f"tcp/127.0.0.1:{free_port()}"),
+        *("--listen", f"tcp/127.0.0.1:{free_port()}"),
+    )
+    assert done.returncode == 4, done.stderr
+    assert "nobody answers" in done.stderr
+
+
+def test_a_relay_that_dies_is_named_as_the_one_who_failed(
+    tmp_path: Path,
+) -> None:
+    scenario, out = tmp_path / "long.toml", tmp_path / "out"
+    scenario.write_text('name = "long"\nduration_s = 600.0\n')
+    words = ["run", str(scenario), "--realtime", "--controller", "hold"]
+    run = subprocess.Popen(
+        [sys.executable, "-m", "cli", *words, "--relay", "clear", "--out", str(out)],
+        env=environment(),
+        cwd=REPOSITORY,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        log = wait_until(
+            lambda: next(
+                (p for p in tmp_path.rglob("relay.log") if "may dial" in p.read_text()),
+                None,
+            ),
+            what="the relay to be ready",
+            deadline_s=60.0,
+        )
+        first = log.read_text().splitlines()[0]
+        os.kill(int(first.rsplit(" ", 1)[-1]), signal.SIGKILL)
+        _, stderr = run.communicate(timeout=60.0)
+    finally:
+        run.kill()
+        run.wait()
+    assert run.returncode == 1, stderr
+    assert "relay: was ended by signal 9" in stderr

@@ -1,0 +1,227 @@
+"""A real relay between a real server and a real client, over Zenoh on this host."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+
+from robot_io.client import RobotClient
+from robot_io.errors import RequestRefusedError, RobotUnreachableError
+from robot_io.observer import Observer
+from robot_io.relay.relay import Relay
+from robot_io.robot import load_robot
+from robot_io.stop_request import StopRequest
+from schemas.endpoints import Endpoints
+from schemas.messages import RobotMode
+from schemas.relay_plan import RelayPlan, relay_plan_from_table
+from schemas.result import RelayResult
+from tests.robot_io.served_robot import ServedRobot, serving
+from tests.support import DEADLINE_S, free_port, wait_until
+
+WALKER = load_robot("walker")
+WAIT_S = 0.2
+"""For what must not come."""
+
+
+def plan(*faults: dict[str, Any]) -> RelayPlan:
+    """A plan with these faults."""
+    return relay_plan_from_table({"name": "test", "fault": list(faults)}, source="test")
+
+
+class Line:
+    """A robot, a relay, and where the stabilizer's side dials."""
+
+    def __init__(self, robot: ServedRobot, beyond: Endpoints) -> None:
+        self.robot = robot
+        self.beyond = beyond
+        self.stop_relay = StopRequest()
+        self.result: Future[RelayResult] = Future()
+
+    def mode(self) -> RobotMode:
+        return self.robot.do(lambda server, gate: gate.mode)
+
+    def holder(self) -> str:
+        return self.robot.do(lambda server, gate: gate.authority.lease.holder)
+
+
+@contextmanager
+def line(endpoints: Endpoints, relay_plan: RelayPlan) -> Iterator[Line]:
+    """Runs robot and relay, each in a thread, until the context is left."""
+    there = f"tcp/127.0.0.1:{free_port()}"
+    both = Endpoints(listen=[there], connect=endpoints.connect)
+    ready = threading.Event()
+    with serving(WALKER, endpoints) as robot:
+        made = Line(robot, Endpoints(listen=[], connect=[there]))
+
+        def run() -> None:
+            try:
+                relay = Relay(WALKER, relay_plan, seed=0)
+                made.result.set_result(
+                    relay.run(
+                        both,
+                        stop=made.stop_relay,
+                        wait_s=DEADLINE_S,
+                        on_ready=ready.set,
+                    )
+                )
+            except Exception as error:
+                made.result.set_exception(error)
+                ready.set()
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        try:
+            assert ready.wait(DEADLINE_S), "the relay did not open"
+            yield made
+        finally:
+            made.stop_relay.set()
+            thread.join()
+
+
+@contextmanager
+def commanding(made: Line, identity: str = "ann") -> Iterator[RobotClient]:
+    """A client beyond the relay that has taken command of the robot."""
+    with RobotClient(
+        WALKER,
+        endpoints=made.beyond,
+        identity=identity,
+        in_order=True,
+        stop=StopRequest(),
+    ) as client:
+        assert client.connect(timeout_s=DEADLINE_S)
+        client.take_lease()
+        client.enable()
+        yield client
+
+
+def first_command(made: Line, client: RobotClient) -> None:
+    """Has the time of the plan begin."""
+    tick = made.robot.publish_tick()
+    assert client.wait_snapshot(timeout_s=DEADLINE_S) is not None
+    client.send(WALKER.nominal, tick=tick)
+    wait_until(
+        lambda: made.robot.do(lambda server, gate: gate._sequence) == 0,
+        what="the first command",
+    )
+
+
+def accepted(made: Line) -> int:
+    """Sequence number of the last command that reached the robot."""
+    return made.robot.do(lambda server, gate: gate._sequence)
+
+
+def test_a_clear_relay_carries_everything(endpoints: Endpoints) -> None:
+    with line(endpoints, plan()) as made, commanding(made) as client:
+        assert made.mode() is RobotMode.ACTIVE
+        assert made.holder() == "ann"
+        for number in range(20):
+            tick = made.robot.publish_tick()
+            reading = client.wait_snapshot(timeout_s=DEADLINE_S)
+            assert reading is not None
+            assert (reading.snapshot.tick, reading.stale) == (tick, ())
+            client.send(WALKER.nominal, tick=tick)
+            wait_until(lambda n=number: accepted(made) == n, what="the command")
+        wait_until(lambda: client.status() is not None, what="the robot's status")
+        client.stop_robot()
+        assert made.mode() is RobotMode.FAULT
+        made.stop_relay.set()
+        counts = made.result.result(DEADLINE_S).counts
+    assert counts["joints"] == {"arrived": 20, "left": 20}
+    assert counts["joint_command"] == {"arrived": 20, "left": 20}
+    assert counts["estop"] == {"arrived": 1, "left": 1}
+
+
+def test_who_asks_beyond_the_relay_is_refused_with_the_robots_own_words(
+    endpoints: Endpoints,
+) -> None:
+    with (
+        line(endpoints, plan()) as made,
+        commanding(made),
+        RobotClient(
+            WALKER,
+            endpoints=made.beyond,
+            identity="eve",
+            in_order=True,
+            stop=StopRequest(),
+        ) as eve,
+    ):
+        assert eve.connect(timeout_s=DEADLINE_S)
+        with pytest.raises(RequestRefusedError, match="ann holds the lease"):
+            eve.take_lease()
+
+
+def test_who_is_there_is_seen_on_both_sides(endpoints: Endpoints) -> None:
+    with line(endpoints, plan()) as made:
+        with Observer(WALKER, endpoints=endpoints, channels=("status",)) as observer:
+            observer.connect(timeout_s=DEADLINE_S)
+            with commanding(made):
+                wait_until(lambda: observer.stabilizers == ("ann",), what="ann")
+            wait_until(lambda: observer.stabilizers == (), what="ann to go")
+        assert made.holder() == ""
+
+
+def test_a_stabilizer_loses_the_robot_when_the_relay_ends(
+    endpoints: Endpoints,
+) -> None:
+    with line(endpoints, plan()) as made, commanding(made) as client:
+        made.stop_relay.set()
+        wait_until(lambda: not client.robot_is_here, what="the robot to be gone")
+        wait_until(lambda: made.holder() == "", what="the lease to be lost")
+        assert made.mode() is RobotMode.HOLD
+
+
+def test_a_cut_of_one_sensor_leaves_the_others(endpoints: Endpoints) -> None:
+    cut = {"kind": "cut", "topics": ["imu"], "duration_s": 3600.0}
+    with line(endpoints, plan(cut)) as made, commanding(made) as client:
+        first_command(made, client)
+        tick = made.robot.publish_tick()
+        reading = client.wait_snapshot(timeout_s=DEADLINE_S)
+        assert reading is not None
+        assert (reading.snapshot.tick, reading.stale) == (tick, ("imu",))
+        assert reading.ages == (0, 1, 0, 0)
+
+
+def test_copies_of_commands_are_refused_and_counted(endpoints: Endpoints) -> None:
+    twice = {"kind": "duplicate", "direction": "commands", "probability": 1.0}
+    with line(endpoints, plan(twice)) as made, commanding(made) as client:
+        first_command(made, client)
+        wait_until(
+            lambda: made.robot.do(lambda server, gate: gate.refused["sequence"]) == 1,
+            what="the copy to be refused",
+        )
+
+
+def test_a_lost_request_is_asked_again(endpoints: Endpoints) -> None:
+    loss = {"kind": "drop", "topics": ["mode"], "probability": 0.5}
+    with line(endpoints, plan(loss)) as made, commanding(made) as client:
+        first_command(made, client)
+        for _ in range(10):
+            client.request_mode("hold")
+        made.stop_relay.set()
+        counts = made.result.result(DEADLINE_S).counts["mode"]
+    assert counts["drop"] > 0
+    assert counts["left"] >= 10
+
+
+def test_a_delayed_command_comes_later_than_what_is_not_delayed(
+    endpoints: Endpoints,
+) -> None:
+    late = {"kind": "delay", "direction": "commands", "ms": 1000.0 * WAIT_S}
+    with line(endpoints, plan(late)) as made, commanding(made) as client:
+        tick = made.robot.publish_tick()
+        assert client.wait_snapshot(timeout_s=DEADLINE_S) is not None
+        client.send(WALKER.nominal, tick=tick)
+        client.request_mode("hold")  # a service, which nothing delays
+        assert accepted(made) == -1
+        wait_until(lambda: accepted(made) == 0, what="the command after all")
+
+
+def test_without_a_robot_the_relay_gives_up(endpoints: Endpoints) -> None:
+    both = Endpoints(listen=[f"tcp/127.0.0.1:{free_port()}"], connect=endpoints.connect)
+    with pytest.raises(RobotUnreachableError, match="nobody answers"):
+        Relay(WALKER, plan(), seed=0).run(both, stop=StopRequest(), wait_s=0.1)
