@@ -20,7 +20,7 @@ from robot_io.errors import RequestRefusedError
 from robot_io.observer import Observer, Sample
 from robot_io.replay_server import REFUSAL
 from robot_io.robot import load_robot
-from robot_io.spectator import Spectator
+from robot_io.sight import SEEN_CHANNELS
 from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.topics import TICK_SENSORS
@@ -127,26 +127,26 @@ def test_it_cannot_be_commanded_and_looks_like_the_robot(
     commander = expected["joint_command"][0]["commander"]
     with (
         playing(record, endpoints, "--speed", 0.2) as process,
-        looking(endpoints) as spectator,
+        looking(endpoints) as observer,
     ):
-        wait_until(lambda: spectator.stabilizer_is_here, what="the stabilizer")
+        wait_until(lambda: observer.stabilizers, what="the stabilizer")
         sight = wait_until(
-            lambda: (s := spectator.look()).status and s.truth and s.stabilizer and s,
+            lambda: (s := observer.look()).status and s.truth and s.stabilizer and s,
             what="robot, truth and stabilizer",
         )
         assert sight.status.commander == commander
         requests: tuple[Callable[[], object], ...] = (
-            spectator.stop_robot,
-            lambda: spectator.push("torso", [9.0, 0.0, 0.0], duration_s=0.1),
-            lambda: spectator.control("hold"),
-            lambda: spectator.change_settings({"tsid.com_kp": [31.0]}),
-            lambda: spectator.change_settings({}),
+            observer.requests.stop_robot,
+            lambda: observer.requests.push("torso", [9.0, 0.0, 0.0], duration_s=0.1),
+            lambda: observer.requests.control("hold"),
+            lambda: observer.requests.change_settings({"tsid.com_kp": [31.0]}),
+            lambda: observer.requests.change_settings({}),
         )
         for request in requests:
             with pytest.raises(RequestRefusedError, match=REFUSAL):
                 request()
         later = wait_until(
-            lambda: (s := spectator.look()).status.tick > sight.status.tick and s,
+            lambda: (s := observer.look()).status.tick > sight.status.tick and s,
             what="the replay to go on",
         )
         assert later.status.mode is RobotMode.ACTIVE
@@ -206,12 +206,12 @@ def test_readings_that_were_no_numbers_are_none_again(
 def test_a_loop_begins_again(record: Path, endpoints: Endpoints) -> None:
     with (
         playing(record, endpoints, "--loop", "--until", 0.1),
-        looking(endpoints) as spectator,
+        looking(endpoints) as observer,
     ):
         ticks: list[int] = []
 
         def has_begun_again() -> bool:
-            sight = spectator.look()
+            sight = observer.look()
             if sight.joints is not None:
                 ticks.append(sight.joints.tick)
             return any(later < earlier for earlier, later in pairwise(ticks))
@@ -236,17 +236,12 @@ def test_a_port_in_use_is_code_3(
 
 
 @contextmanager
-def looking(endpoints: Endpoints) -> Iterator[Spectator]:
-    def dial() -> Spectator | None:
-        try:
-            return Spectator(
-                load_robot("walker"), endpoints=endpoints, identity="eve"
-            ).__enter__()
-        except TimeoutError:
-            return None
-
-    spectator = wait_until(dial, what="the replay to listen", deadline_s=TIMEOUT_S)
-    try:
-        yield spectator
-    finally:
-        spectator.__exit__(None, None, None)
+def looking(endpoints: Endpoints) -> Iterator[Observer]:
+    with Observer(
+        load_robot("walker"),
+        endpoints=endpoints,
+        channels=SEEN_CHANNELS,
+        identity="eve",
+    ) as observer:
+        observer.connect(timeout_s=TIMEOUT_S)
+        yield observer

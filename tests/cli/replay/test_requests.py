@@ -12,9 +12,10 @@ from typing import Any
 
 import pytest
 
+from robot_io.observer import Observer
 from robot_io.pace import Pace
 from robot_io.robot import load_robot
-from robot_io.spectator import Sight, Spectator
+from robot_io.sight import SEEN_CHANNELS, Sight
 from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.scenario import scenario_from_table
@@ -60,12 +61,12 @@ def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
 class Onlooker:
     """Looks on, and waits until it has seen something."""
 
-    def __init__(self, spectator: Spectator) -> None:
-        self.spectator = spectator
+    def __init__(self, observer: Observer) -> None:
+        self.observer = observer
 
     def until(self, condition: Callable[[Sight], object], *, what: str) -> Sight:
         def look() -> Sight | None:
-            sight = self.spectator.look()
+            sight = self.observer.look()
             is_whole = sight.status and sight.stabilizer and sight.joints
             return sight if is_whole and condition(sight) else None
 
@@ -108,10 +109,14 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Onlooker]:
         )
     try:
         wait_until(lambda: "ready" in log.read_text(), what="the recorder")
-        with Spectator(
-            load_robot(path), endpoints=endpoints, identity="eve"
-        ) as spectator:
-            yield Onlooker(spectator)
+        with Observer(
+            load_robot(path),
+            endpoints=endpoints,
+            channels=SEEN_CHANNELS,
+            identity="eve",
+        ) as observer:
+            observer.connect(timeout_s=TIMEOUT_S)
+            yield Onlooker(observer)
         assert recorder.wait(TIMEOUT_S) == 0, log.read_text()
     finally:
         recorder.kill()
@@ -128,7 +133,7 @@ def test_gains_holds_and_pushes_are_equal(
         recorded(path, endpoints, out) as onlooker,
         running(balance, path, endpoints, pace, "ann"),
     ):
-        ask = onlooker.spectator
+        ask = onlooker.observer.requests
         onlooker.mode(RobotMode.ACTIVE, "ann")
         onlooker.let_go_on()
         ask.change_settings({"tsid.com_kp": [35.0]})
