@@ -18,11 +18,12 @@ from cli.console import count_bar
 from cli.errors import EnvironmentFailedError
 from cli.report.loop import best_loop
 from cli.report.run_data import RunData
+from cli.report.signals import STILL
 from schemas.arrays import Array
 
 VIDEO_SIZE, VIDEO_HZ = (960, 720), 25.0
 ANIMATION_SIZE, ANIMATION_HZ = (600, 450), 20.0
-ANIMATION_S = (5.0, 7.0)
+ANIMATION_S = (4.0, 7.0)
 """Between so short and so long, where it ends most like it began."""
 ANIMATION_QUALITY = 72
 MS_PER_S = 1000
@@ -131,18 +132,21 @@ def draw_animation(run: RunData, path: Path) -> None:
 
 
 def _pose(run: RunData) -> Array:
-    """(n, m) what a picture shows, as numbers that are alike when it is alike."""
+    """(n, m) what a picture shows, as numbers that are alike when it is alike.
+
+    Where the ground moves, the ground alone: its jerk is what would be seen.
+    """
     ticks = run.ticks
     count = len(ticks["time_s"])
-    return np.column_stack(
+    ground = np.hstack(
         (
-            ticks["base_position"],
-            ticks["base_quat_xyzw"],
-            ticks["q"],
             ticks["platform_position"].reshape(count, -1),
             ticks["platform_quat_xyzw"].reshape(count, -1),
         )
     )
+    if ground.size and np.ptp(ground, axis=0).max() > STILL:
+        return ground
+    return np.hstack((ticks["base_position"], ticks["base_quat_xyzw"], ticks["q"]))
 
 
 def _rows(run: RunData, start: int, end: int, *, rate_hz: float) -> NDArray[np.int64]:

@@ -1,0 +1,153 @@
+"""A report in a real browser, from its files, without any network."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.browser.pictures import pixels_changed
+from tests.cli.report.runs import make_report, make_run
+from tests.support import wait_until
+
+LONG_S = 120.0
+"""The browser takes its time when there is no graphics card."""
+MOVED_PIXELS = 100
+PANELS = 20
+"""A run with one moving axis of ground has at least so many plots."""
+DRAWN_MS = 120_000
+SMALL = {"width": 640, "height": 360}
+"""A scene is drawn quicker so."""
+ROBOT = {"x": 300, "y": 40, "width": 120, "height": 240}
+"""Where it stands in the small picture, beside the browser's notes on drawing."""
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Path:
+    del chromium  # without a browser nothing is made
+    folder = tmp_path_factory.mktemp("report")
+    runs = [make_run(folder, "bus"), make_run(folder, "--controller", "zmp", "zmp")]
+    done = make_report(*runs, "--out", folder / "page")
+    assert done.returncode == 0, done.stderr
+    return folder / "page"
+
+
+@pytest.fixture(scope="module")
+def offline(chromium: Any) -> Iterator[Any]:
+    """A context without network; ``complaints`` holds what the pages complain of."""
+    context = chromium.new_context(
+        viewport={"width": 1200, "height": 800}, offline=True
+    )
+    context.set_default_timeout(DRAWN_MS)
+    context.complaints = []
+    context.on("weberror", lambda error: context.complaints.append(str(error.error)))
+    context.on(
+        "console",
+        lambda message: (
+            context.complaints.append(message.text) if message.type == "error" else None
+        ),
+    )
+    context.strangers = []
+
+    def note(request: Any) -> None:
+        if not request.url.startswith(("file:", "data:", "blob:")):
+            context.strangers.append(request.url)
+
+    context.on("request", note)
+    yield context
+    context.close()
+
+
+@pytest.fixture(scope="module")
+def plots(offline: Any, report: Path) -> Any:
+    """The page without its scenes, which have tests of their own."""
+    page = offline.new_page()
+    # Two scenes drawn by a processor would take all of it while plots are looked at.
+    page.route("**/scene-*.html", lambda route: route.fulfill(body="scene"))
+    page.goto((report / "index.html").as_uri())
+    yield page
+    page.close()
+
+
+def test_every_plot_is_drawn_when_it_comes_into_view(plots: Any) -> None:
+    panels = plots.locator("[data-panel]")
+    assert panels.count() >= PANELS
+    for index in range(panels.count()):
+        panel = panels.nth(index)
+        panel.scroll_into_view_if_needed()
+        wait_until(
+            partial(panel.get_attribute, "data-drawn"),
+            what=f"plot {index}",
+            deadline_s=LONG_S,
+        )
+        lengths = panel.locator(".scatterlayer path.js-line").evaluate_all(
+            "lines => lines.map(line => line.getTotalLength())"
+        )
+        assert len(lengths) >= 2
+        assert min(lengths) > 0.0
+
+
+def test_all_time_axes_follow_a_zoom(plots: Any) -> None:
+    plots.evaluate(
+        "Plotly.relayout(document.querySelector('[data-panel=com_x]'),"
+        "  {'xaxis.range[0]': 0.25, 'xaxis.range[1]': 0.75})"
+    )
+    ranges = (
+        "[...document.querySelectorAll('[data-panel]')]"
+        ".map(panel => panel.layout.xaxis.range.join(' '))"
+    )
+    wait_until(
+        lambda: set(plots.evaluate(ranges)) == {"0.25 0.75"},
+        what="all plots to follow",
+        deadline_s=LONG_S,
+    )
+    plots.get_by_role("button", name="whole run").click()
+    wait_until(
+        lambda: set(plots.evaluate(ranges)) == {"0 1.499"},
+        what="the whole run",
+        deadline_s=LONG_S,
+    )
+
+
+def test_a_run_can_be_hidden_everywhere(plots: Any) -> None:
+    shown = (
+        "[...document.querySelectorAll('[data-panel]')].flatMap("
+        "panel => panel.data.filter(line => line.visible !== false)"
+        ".map(line => line.name.split(',')[0]))"
+    )
+    assert set(plots.evaluate(shown)) == {"bus", "zmp"}
+    plots.get_by_label("zmp", exact=True).uncheck()
+    wait_until(
+        lambda: set(plots.evaluate(shown)) == {"bus"},
+        what="the other run's curves only",
+        deadline_s=LONG_S,
+    )
+
+
+def test_the_scene_plays(offline: Any, report: Path) -> None:
+    page = offline.new_page()
+    page.set_viewport_size(SMALL)
+    page.goto((report / "scene-1.html").as_uri())
+    page.locator("canvas[data-engine]").wait_for()
+    time_shown = page.locator("input").first
+    first_time = time_shown.input_value()
+    wait_until(
+        lambda: time_shown.input_value() != first_time,
+        what="the play bar to move",
+        deadline_s=LONG_S,
+    )
+    before = page.screenshot(clip=ROBOT)
+    wait_until(
+        lambda: pixels_changed(page, before, page.screenshot(clip=ROBOT)) > MOVED_PIXELS,
+        what="the robot to move",
+        deadline_s=LONG_S,
+    )
+    page.close()
+
+
+def test_nothing_was_asked_for_and_nothing_complained(offline: Any) -> None:
+    assert offline.strangers == []
+    assert offline.complaints == []

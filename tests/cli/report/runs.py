@@ -1,0 +1,65 @@
+"""Folders of runs for the tests of reports."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.cli.conftest import TIMEOUT_S, environment
+
+SCENARIO = """
+name = "heaving ground"
+duration_s = 1.5
+[[platform]]
+foot = "both"
+  [[platform.motion]]
+  axis = "z"
+  kind = "sine"
+  amplitude_m = 0.02
+  frequency_hz = 1.0
+[[push]]
+body = "torso"
+force_n = [0.0, 40.0, 0.0]
+start_s = 0.8
+duration_s = 0.1
+[sensors]
+force_noise_n = 2.0
+"""
+
+
+def make_run(folder: Path, *words: str) -> Path:
+    """Runs a short scenario over the bus unless told otherwise.
+
+    Args:
+        folder: gets scenario and run.
+        words: options of ``surefoot run``; the last one names the run.
+    """
+    scenario = folder / "heaving.toml"
+    scenario.write_text(SCENARIO)
+    *options, name = words
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "cli", "run", str(scenario)),
+            *("--out", str(folder / name), *options),
+        ],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )
+    assert done.returncode in (0, 5), done.stderr
+    return folder / name
+
+
+def make_report(*words: object) -> subprocess.CompletedProcess[str]:
+    """Runs ``surefoot report``."""
+    return subprocess.run(
+        [sys.executable, "-m", "cli", "report", *map(str, words)],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        check=False,
+    )

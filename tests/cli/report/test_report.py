@@ -1,0 +1,237 @@
+"""Pages about real runs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("viser", reason="reports need viser: pip install -e .[view]")
+pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view]")
+
+from cli.errors import UsageError
+from cli.report.panels import panel_groups
+from cli.report.run_data import RunData, load_run, load_runs
+from cli.report.scene_page import frame_rows, state_at
+from cli.report.signals import com_error, signals
+from cli.report.tables import figure_rows, setting_rows
+from cli.report.write_page import REPORT_MARKER
+from cli.run_directory import RunDirectory
+from cli.view.robot_shape import RobotShape
+from schemas.result import RunResult
+from sim_robot.metrics import COM_FROM_S
+from tests.cli.report.runs import make_report, make_run
+
+MM = 1e3
+SAME_MM = 1e-6
+STAMPS = 20
+"""Ticks between two messages of the stabilizer: how late a step may be seen."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs ``bus``, ``inline`` and ``zmp`` of one scenario."""
+    folder = tmp_path_factory.mktemp("runs")
+    make_run(folder, "--set", "tsid.base_kp=120", "bus")
+    make_run(folder, "--inline", "inline")
+    make_run(folder, "--inline", "--controller", "zmp", "zmp")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bus(folder: Path) -> RunData:
+    return load_run(folder / "bus", label="bus")
+
+
+@pytest.fixture(scope="module")
+def shape(bus: RunData) -> RobotShape:
+    return RobotShape(bus.robot)
+
+
+@pytest.fixture
+def broken(folder: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(folder / "inline", tmp_path / "broken"))
+
+
+def test_the_plotted_error_is_the_one_of_the_result(bus: RunData) -> None:
+    counted = com_error(bus)[bus.ticks["time_s"] >= COM_FROM_S]
+    rms = MM * np.sqrt((counted**2).mean(axis=0))
+    np.testing.assert_allclose(rms, bus.result.com_error_rms_mm, atol=SAME_MM)
+
+
+def test_drawing_does_not_change_what_is_drawn(bus: RunData) -> None:
+    first, second = com_error(bus), com_error(bus)
+    np.testing.assert_array_equal(first, second)
+
+
+def test_every_curve_is_in_time_and_finite(bus: RunData, shape: RobotShape) -> None:
+    drawn = list(signals(bus, shape))
+    assert len({(signal.panel, signal.kind) for signal in drawn}) == len(drawn)
+    for signal in drawn:
+        assert len(signal.times) == len(signal.values) > 0, signal.panel
+        assert np.all(np.diff(signal.times) >= 0), signal.panel
+        assert np.isfinite(signal.values).all(), signal.panel
+        assert signal.times[-1] < bus.result.duration_s
+
+
+def test_the_inertial_unit_agrees_with_the_true_base(
+    bus: RunData, shape: RobotShape
+) -> None:
+    found = {(signal.panel, signal.kind): signal for signal in signals(bus, shape)}
+    for turn in ("roll", "pitch"):
+        true = found[f"base_{turn}", "true"]
+        estimated = found[f"base_{turn}", "estimated"]
+        expected = np.interp(estimated.times, true.times, true.values)
+        np.testing.assert_allclose(estimated.values, expected, atol=0.2)
+
+
+def test_a_run_without_record_lacks_what_only_the_bus_tells(
+    folder: Path, bus: RunData, shape: RobotShape
+) -> None:
+    inline = load_run(folder / "inline", label="inline")
+    with_bus = {signal.panel for signal in signals(bus, shape)}
+    without = {signal.panel for signal in signals(inline, shape)}
+    assert without < with_bus
+    assert {"tick", "answer", "mode", "state", "ankle_force_z"} <= with_bus - without
+
+
+def test_runs_of_a_page_have_colours_of_their_own(
+    folder: Path, bus: RunData, shape: RobotShape
+) -> None:
+    zmp = load_run(folder / "zmp", label="zmp")
+    both = [(run.label, list(signals(run, shape))) for run in (bus, zmp)]
+    for curve in _curves(panel_groups(both)):
+        assert curve["name"].startswith(("bus, ", "zmp, "))
+    colours = {(c["run"], c["colour"]) for c in _curves(panel_groups(both))}
+    assert len(colours) == len({colour for _, colour in colours}) == 2
+    kinds = {(c["kind"], c["dash"]) for c in _curves(panel_groups(both))}
+    assert len(kinds) == len({kind for kind, _ in kinds})
+
+
+def test_changed_settings_are_marked_and_no_others(bus: RunData) -> None:
+    changed = [row.name for row in setting_rows([bus]) if row.is_changed[0]]
+    assert changed == ["tsid.base_kp"]
+
+
+def test_differences_are_against_the_first_run(bus: RunData, folder: Path) -> None:
+    zmp = load_run(folder / "zmp", label="zmp").result
+    rows = {row.name: row for row in figure_rows([bus.result, zmp])}
+    first, second = rows["CoM error rms x"].cells
+    assert first.change == ""
+    change = zmp.com_error_rms_mm[0] - bus.result.com_error_rms_mm[0]
+    assert float(second.change) == pytest.approx(change, abs=0.051)
+
+
+def test_every_figure_of_a_result_has_a_row(bus: RunData) -> None:
+    shown = len(figure_rows([bus.result]))
+    numbers = [name for name in RunResult.__struct_fields__ if "_" in name]
+    assert shown > len(numbers)
+
+
+def test_the_scene_shows_what_the_stabilizer_said_last(bus: RunData) -> None:
+    heard = bus.heard
+    assert heard is not None
+    rows = frame_rows(bus)
+    assert rows[0] == 0
+    assert rows[-1] == len(bus.ticks["time_s"]) - 1
+    state = state_at(bus, 700)
+    assert state.F_meas is not None
+    (row,) = np.flatnonzero((heard.F_meas == state.F_meas).all(axis=1))
+    assert 700 - STAMPS <= heard.told_tick[row] <= 700
+    np.testing.assert_array_equal(state.q, bus.ticks["q"][700])
+
+
+def test_one_page_about_two_runs(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "page"
+    done = make_report(folder / "bus", folder / "zmp", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == str(out / "index.html")
+    files = {path.name for path in out.iterdir()}
+    assert files == {
+        *("index.html", "data.js", "report.js", "plotly.min.js", "report.json"),
+        *("scene-1.html", "scene-2.html"),
+    }
+    page = (out / "index.html").read_text()
+    assert "http://" not in page
+    assert "https://" not in page
+    for text in ("tsid.base_kp", "stabilizer", "heaving ground", "mujoco"):
+        assert text in page
+    about = json.loads((out / "report.json").read_text())
+    assert [result["controller"] for result in about["results"]] == [
+        "whole-body",
+        "zmp",
+    ]
+    assert [path for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("ticks.npz", "kept no ticks"),
+        ("result.json", "did not finish"),
+        ("run.json", "not the folder of a run"),
+    ],
+)
+def test_what_is_missing_is_named(broken: Path, file: str, words: str) -> None:
+    (broken / file).unlink()
+    _refused([broken], words)
+
+
+def test_a_refusal_is_a_usage_error_and_leaves_nothing(broken: Path) -> None:
+    (broken / "ticks.npz").unlink()
+    done = make_report(broken)
+    assert done.returncode == 2
+    assert "kept no ticks" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not (broken / "report").exists()
+
+
+def test_damaged_ticks_are_told(broken: Path) -> None:
+    whole = (broken / "ticks.npz").read_bytes()
+    (broken / "ticks.npz").write_bytes(whole[: len(whole) // 2])
+    _refused([broken], "damaged")
+
+
+def test_another_robots_run_is_refused(folder: Path, broken: Path) -> None:
+    result = broken / "result.json"
+    result.write_text(result.read_text().replace('"walker"', '"runner"'))
+    _refused([folder / "inline", broken], "a run of runner")
+
+
+def test_other_mistakes_are_told(folder: Path, tmp_path: Path) -> None:
+    run = folder / "inline"
+    _refused([tmp_path / "nowhere"], "no such folder")
+    _refused([run, run], "named twice")
+    _refused([run] * 7, "at most 6")
+    taken = tmp_path / "taken"
+    taken.mkdir()
+    (taken / "mine.txt").write_text("mine")
+    with pytest.raises(UsageError, match="other files than a report"):
+        RunDirectory(taken, marker=REPORT_MARKER, content="a report")
+    assert [path.name for path in taken.iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.parametrize("option", ["--video", "--animation"])
+def test_without_opengl_nothing_is_written(
+    folder: Path, tmp_path: Path, option: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "disabled")
+    out = tmp_path / "page"
+    done = make_report(folder / "inline", option, "--out", out)
+    assert done.returncode == 3
+    assert "libegl1" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def _curves(groups: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [c for group in groups for panel in group["panels"] for c in panel["curves"]]
+
+
+def _refused(folders: list[Path], words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        load_runs(folders)

@@ -1,0 +1,52 @@
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cli.report.loop import best_loop
+from cli.report.thin import changes, thin
+
+PERIOD_S = 0.01
+
+
+@given(st.integers(0, 5000), st.integers(1, 60), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_extremes_ends_and_order(
+    count: int, buckets: int, seed: int
+) -> None:
+    values = np.random.default_rng(seed).normal(size=count)
+    times = np.arange(count, dtype=np.float64)
+    thin_times, thin_values = thin(times, values, buckets=buckets)
+    assert len(thin_times) <= max(2 * buckets + 2, 0)
+    assert np.all(np.diff(thin_times) > 0)
+    np.testing.assert_array_equal(values[thin_times.astype(int)], thin_values)
+    if count:
+        assert (thin_times[0], thin_times[-1]) == (0, count - 1)
+        assert (thin_values.min(), thin_values.max()) == (values.min(), values.max())
+
+
+def test_a_peak_of_one_tick_is_seen() -> None:
+    values = np.zeros(100_000)
+    values[54_321] = 7.0
+    times, thinned = thin(np.arange(100_000.0), values)
+    assert times[thinned.argmax()] == 54_321
+
+
+def test_only_changes_of_a_state_are_kept() -> None:
+    values = np.array([1.0, 1.0, 2.0, 2.0, 2.0, 1.0, 1.0])
+    times, kept = changes(np.arange(7.0), values)
+    assert times.tolist() == [0.0, 2.0, 5.0, 6.0]
+    assert kept.tolist() == [1.0, 2.0, 1.0, 1.0]
+
+
+def test_a_loop_is_a_whole_number_of_periods() -> None:
+    times = np.arange(0.0, 12.0, PERIOD_S)
+    turn = 2 * np.pi * times / 2.5
+    poses = np.column_stack((np.sin(turn), np.cos(2 * turn)))
+    start, end = best_loop(poses, period_s=PERIOD_S, length_s=(4.0, 7.0))
+    assert (end - start) * PERIOD_S == 5.0
+
+
+def test_a_short_motion_is_looped_whole() -> None:
+    poses = np.zeros((100, 2))
+    assert best_loop(poses, period_s=PERIOD_S, length_s=(4.0, 7.0)) == (0, 99)
