@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from robot_io.channel import Channel
 from robot_io.gate import CommandGate
+from robot_io.inbox import NEVER
 from robot_io.verdict import Refusal, Verdict
 from schemas.codec import decode
 from schemas.errors import MessageError, SchemaVersionError
@@ -21,7 +22,11 @@ class Judged(NamedTuple):
 
 
 class CommandInbox:
-    """Reads joint commands and has the gate judge every single one."""
+    """Reads joint commands and has the gate judge every single one.
+
+    Attributes:
+        newest_tick: the tick answered by the command read last; -1 before any.
+    """
 
     def __init__(
         self, channel: Channel, gate: CommandGate, *, joint_count: int
@@ -33,6 +38,7 @@ class CommandInbox:
             gate: judges, and counts what cannot be read.
             joint_count: n_a.
         """
+        self.newest_tick = NEVER
         self._channel = channel
         self._gate = gate
         self._joint_count = joint_count
@@ -105,9 +111,12 @@ class CommandInbox:
 
     def _read(self, data: bytes) -> JointCommand | None:
         try:
-            return decode(data, JointCommand, joint_count=self._joint_count)
+            command = decode(data, JointCommand, joint_count=self._joint_count)
         except SchemaVersionError as error:
             self._gate.refuse(Refusal.SCHEMA, str(error))
         except MessageError as error:
             self._gate.refuse(Refusal.MALFORMED, str(error))
+        else:
+            self.newest_tick = command.tick
+            return command
         return None

@@ -128,11 +128,9 @@ class ReplayServer:
         self._publishers[channel].put(data)
 
     def _declare(self) -> None:
-        keys, last = self._robot.keys, TICK_SENSORS[-1]
+        keys = self._robot.keys
         self._publishers = {
-            name: self._bus.publisher(
-                keys[name], urgent=name in URGENT, flush=name == last
-            )
+            name: self._bus.publisher(keys[name], urgent=name in URGENT)
             for name in self._channels
         }
         replies: dict[Direction, Callable[[], ServiceReply | StabilizerReply]] = {
