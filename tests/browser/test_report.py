@@ -141,7 +141,9 @@ def test_the_scene_plays(offline: Any, report: Path) -> None:
     )
     before = page.screenshot(clip=ROBOT)
     wait_until(
-        lambda: pixels_changed(page, before, page.screenshot(clip=ROBOT)) > MOVED_PIXELS,
+        lambda: (
+            pixels_changed(page, before, page.screenshot(clip=ROBOT)) > MOVED_PIXELS
+        ),
         what="the robot to move",
         deadline_s=LONG_S,
     )
