@@ -140,8 +140,12 @@ def test_the_scene_plays(offline: Any, report: Path) -> None:
         deadline_s=LONG_S,
     )
     before = page.screenshot(clip=ROBOT)
+
+    def changed() -> int:
+        return pixels_changed(page, before, page.screenshot(clip=ROBOT))
+
     wait_until(
-        lambda: pixels_changed(page, before, page.screenshot(clip=ROBOT)) > MOVED_PIXELS,
+        lambda: changed() > MOVED_PIXELS,
         what="the robot to move",
         deadline_s=LONG_S,
     )
