@@ -22,6 +22,7 @@ COMMANDS = (
     "robot",
     "stabilizer",
     "record",
+    "report",
     "log",
     "scenarios",
     "router",
