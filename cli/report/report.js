@@ -32,7 +32,7 @@
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
       font: { family: "system-ui, sans-serif", size: 12, color: ink("--ink") },
-      legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom" },
+      legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", font: { size: 10 } },
       showlegend: true,
       hovermode: "x unified",
       hoverlabel: { bgcolor: ink("--page"), font: { color: ink("--ink") } },

@@ -19,7 +19,7 @@ from sim_robot.metrics import CONTACT_LOST_N
 FRAMES_PER_S = 20.0
 MOST_FRAMES = 1200
 """Longer runs show fewer frames per second, so that a page stays a few megabytes."""
-CAMERA, LOOK_AT = (1.6, -1.35, 0.85), (0.0, -0.05, 0.42)
+CAMERA, LOOK_AT = (1.23, -1.05, 0.75), (0.0, -0.05, 0.42)
 
 
 def frame_rows(run: RunData) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

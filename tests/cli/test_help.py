@@ -23,6 +23,7 @@ COMMANDS = (
     "stabilizer",
     "record",
     "replay",
+    "report",
     "log",
     "scenarios",
     "router",

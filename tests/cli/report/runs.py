@@ -49,7 +49,7 @@ def make_run(folder: Path, *words: str) -> Path:
         timeout=TIMEOUT_S,
         check=False,
     )
-    assert done.returncode in (0, 5), done.stderr
+    assert done.returncode in (0, 5), (done.returncode, done.stderr)
     return folder / name
 
 
