@@ -28,6 +28,7 @@ from robot_io.relay.catalogue import list_plans
 
 SCENARIOS = ("standing", "moving-platform-slow")
 MRAD = 1e3
+FAULT = "the robot is in fault: "
 ENDED = (0, 1, 5)
 """Exit codes of runs that tell how they ended: stood, lost command, fell."""
 
@@ -68,9 +69,11 @@ def outcome(result: dict[str, Any]) -> str:
         return f"**fell** at {result['fell_at_s']:.1f} s ({result['reason']})"
     if result["reason"].startswith("run over"):
         return "stood"
-    if result["degraded_ticks"] and "held" not in result["reason"]:
-        return f"stood ({result['reason']})"
-    return f"stood, held: {result['reason']}"
+    reason = result["reason"].removeprefix("held: ")
+    if reason.startswith(FAULT):
+        return f"stood, FAULT: {reason.removeprefix(FAULT)}"
+    is_held = reason != result["reason"] or reason.startswith("lost command")
+    return f"stood, {'HOLD' if is_held else 'degraded'}: {reason}"
 
 
 def line(plan: str, scenario: str, results: list[dict[str, Any]]) -> str:

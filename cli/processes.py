@@ -10,11 +10,12 @@ from typing import NamedTuple
 from cli.child import Child, Event
 from cli.endpoints import private_endpoints
 from cli.endpoints_file import ENDPOINTS, write_endpoints
+from cli.exit_codes import ExitCode
 from cli.live_page import start_live_page
 from cli.run_files import SETTINGS, TICKS, read_struct
 from cli.run_plan import RunPlan
 from cli.run_recorder import await_recorder, recorder_words, see_recorder_off
-from cli.supervise import supervise
+from cli.supervise import failure, supervise
 from schemas.endpoints import Endpoints
 from schemas.result import ControllerResult, PlantResult, RelayResult
 
@@ -118,12 +119,23 @@ def run_processes(
     sides = Sides(
         plant=read_struct(plant_file, PlantResult),
         controller=read_struct(controller_file, ControllerResult),
-        relay=None if relay is None else read_struct(relay_file, RelayResult),
+        relay=None if relay is None else _relay_result(relay, relay_file),
     )
     relay_file.unlink(missing_ok=True)
     for file in (plant_file, controller_file, meeting, beyond_file):
         file.unlink()
     return sides
+
+
+def _relay_result(relay: Child, file: Path) -> RelayResult:
+    """What a relay counted, once it has ended.
+
+    Raises:
+        ChildFailedError: it ended without a word of it.
+    """
+    if not file.is_file():
+        raise failure(relay, relay.wait(0.0) or ExitCode.FAILED)
+    return read_struct(file, RelayResult)
 
 
 def _robot_words(plan: RunPlan) -> list[str]:

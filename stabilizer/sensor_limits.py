@@ -14,20 +14,22 @@ from schemas.settings import SafetySettings
 
 ATTITUDE_NORM: Final = (0.9, 1.1)
 """Square of an attitude's norm; beyond it, it is no attitude."""
+SPEED_SHARE: Final = 5.0
+"""No joint can turn at so many times its velocity limit, whatever its encoder says."""
 
 
 class SensorLimits:
     """Holds one tick's numbers against limits, all at once.
 
-    In a row: joint positions; rate of turn and specific force; force and moment of the
-    left and of the right ankle.
+    In a row: joint positions and velocities; rate of turn and specific force; force and
+    moment of the left and of the right ankle.
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
         """Lays out the row.
 
         Args:
-            robot: joint ranges.
+            robot: ranges and velocity limits of its joints.
             settings: limits.
         """
         n_a, force = robot.n_a, (settings.force_range_n, settings.moment_range_nm)
@@ -35,20 +37,23 @@ class SensorLimits:
         imu_range = (settings.gyro_range_rad_s, settings.accel_range_m_s2)
         imu_jump = (settings.gyro_jump_rad_s, settings.accel_jump_m_s2)
         jump = (settings.force_jump_n, settings.moment_jump_nm)
-        ranges = np.concatenate((half, np.repeat((*imu_range, *force, *force), 3)))
-        joint_jumps = np.full(n_a, settings.joint_jump_rad)
+        speeds = SPEED_SHARE * robot.velocity_limit
+        others = np.repeat((*imu_range, *force, *force), 3)
+        ranges = np.concatenate((half, speeds, others))
+        joint_jumps = np.repeat((settings.joint_jump_rad, np.inf), n_a)
         jumps = np.concatenate((joint_jumps, np.repeat((*imu_jump, *jump, *jump), 3)))
         middle = 0.5 * (robot.upper + robot.lower)
         self._middle = np.concatenate((middle, np.zeros(ranges.size - n_a)))
         self._per_range, self._per_jump = 1.0 / ranges, 1.0 / jumps
-        edges = (0, n_a, n_a + 6, n_a + 12, n_a + 18)
+        n_j = 2 * n_a
+        edges = (0, n_j, n_j + 6, n_j + 12, n_j + 18)
         self._rows = tuple(map(slice, edges[:-1], edges[1:]))
         self._now, self._last = np.zeros(ranges.size), np.zeros(ranges.size)
         self._place, self._change = np.zeros(ranges.size), np.zeros(ranges.size)
         self._is_attitude = True
-        self._joints = self._now[:n_a]
-        self._gyro, self._accel = self._now[n_a:][:3], self._now[n_a:][3:6]
-        self._left, self._right = self._now[n_a:][6:12], self._now[n_a:][12:]
+        self._joints, self._speeds = self._now[:n_a], self._now[n_a:n_j]
+        self._gyro, self._accel = self._now[n_j:][:3], self._now[n_j:][3:6]
+        self._left, self._right = self._now[n_j:][6:12], self._now[n_j:][12:]
 
     def measure(self, snapshot: Snapshot) -> bool:
         """Takes a tick's numbers; believes nothing yet.
@@ -92,6 +97,7 @@ class SensorLimits:
 
     def _fill(self, snapshot: Snapshot) -> None:
         self._joints[:] = snapshot.q
+        self._speeds[:] = snapshot.dq
         self._gyro[:] = snapshot.angular_velocity
         self._accel[:] = snapshot.linear_acceleration
         self._left[:] = snapshot.ft_left

@@ -92,8 +92,7 @@ class Relay:
             RobotUnreachableError: nobody answered in time.
             RobotIoError: it cannot send any more.
         """
-        asked = threading.Event()
-        stop.waking(asked.set)
+        pause = threading.Event()  # never set: a signal may come in the midst of a wait
         dispatcher = Dispatcher()
         with stop.on_signals(), ExitStack() as stack:
             robots_side = self._dial(endpoints, stop, wait_s, stack)
@@ -105,7 +104,8 @@ class Relay:
                 self._connect(robots_side, other_side, dispatcher)
                 if on_ready is not None:
                     on_ready()
-                while not asked.wait(POLL_S):  # signals are handled between two waits
+                while not stop.is_set:
+                    pause.wait(POLL_S)
                     if dispatcher.error is not None:
                         raise RobotIoError(
                             f"the relay cannot send any more: {dispatcher.error}"

@@ -198,7 +198,8 @@ def test_a_replayed_or_older_command_is_refused() -> None:
 
 def test_an_answer_to_a_tick_long_ago_is_refused() -> None:
     gate = active_gate()
-    oldest = math.ceil(GATE.hold_after_s / PERIOD_S)
+    assert GATE.max_command_age_s is not None
+    oldest = math.ceil(GATE.max_command_age_s / PERIOD_S)
     gate.begin_tick(now_s=0.0)
     on_time = command(WALKER.nominal, 0, sequence=1)
     assert gate.check(on_time, tick=oldest, now_s=0.0).accepted

@@ -38,7 +38,7 @@ def commanded_gate(robot: Robot) -> CommandGate:
 def test_a_command_too_old_by_the_clock_is_refused_though_its_tick_is_young(
     late_s: float, is_accepted: bool
 ) -> None:
-    gate = active_gate()
+    gate = active_gate(walker_with(max_command_age_s=None))  # as long as silence may be
     gate.begin_tick(now_s=FIRST_S, tick=7)
     verdict = gate.check(command(WALKER.nominal, 7), tick=7, now_s=FIRST_S + late_s)
     assert verdict.accepted is is_accepted
@@ -92,7 +92,7 @@ def test_warn_only_still_refuses_what_is_no_posture_and_who_is_not_commanding() 
 
 
 def test_times_of_old_ticks_are_not_taken_for_new_ones() -> None:
-    gate = active_gate()
+    gate = active_gate(walker_with(max_command_age_s=0.02))
     for tick in range(100):
         now_s = tick * PERIOD_S
         gate.begin_tick(now_s=now_s, tick=tick)

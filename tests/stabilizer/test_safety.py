@@ -14,7 +14,7 @@ from robot_io.snapshot import Snapshot
 from schemas.scenario import scenario_from_table
 from schemas.settings import ControllerSettings, SafetySettings
 from sim_robot.simulated_robot import SimulatedRobot
-from stabilizer.health import FRESH
+from stabilizer.health import FRESH, SensorHealth
 from stabilizer.hold import HoldController
 from stabilizer.safety import Safety, SafetyState
 from stabilizer.whole_body import WholeBodyController
@@ -142,6 +142,18 @@ def test_both_ankle_sensors_lost_hold_the_posture(walker: Robot) -> None:
     assert not run.fell
     assert run.states == [ACTIVE, STOPPING, HELD]
     assert run.reason == "held: left_ankle_ft missing, right_ankle_ft missing"
+
+
+@pytest.mark.parametrize("speed", [1e3, 1e200])
+def test_an_impossible_joint_speed_is_not_believed(walker: Robot, speed: float) -> None:
+    first, second = standing_readings(walker, 2)
+    dq = second.dq.copy()
+    dq[3] = speed
+    health = SensorHealth(walker, SafetySettings())
+    health.check(first, FRESH, moves=lambda: True)
+    believed = health.check(replace(second, dq=dq), FRESH, moves=lambda: True)
+    assert np.array_equal(believed.dq, first.dq)
+    assert health.all_believed  # bridged, for a moment
 
 
 # A fall ----------------------------------------------------------------------------
