@@ -25,7 +25,7 @@ def wait_until(condition: Callable[[], T], *, what: str) -> T:
     while not (answer := condition()):
         if time.monotonic() > end:
             raise TimeoutError(f"waited {DEADLINE_S:g} s for {what}")
-        time.sleep(PAUSE_S)
+        time.sleep(PAUSE_S)  # another process: nothing here to wait on
     return answer
 
 

@@ -172,7 +172,7 @@ def run(
         loop = RobotLoop(
             simulated, gate, server, pace=pace, period_s=robot.period_s, ticks=1
         )
-        loop.round_trip = trips  # type: ignore[assignment]
+        loop.round_trip = trips  # type: ignore[assignment]  # adds as the log does
         if not server.wait_until_active(now_s=0.0, timeout_s=START_S):
             return "no stabilizer came"
         meter = workers.submit(measure, trips, endpoints, stop)

@@ -129,6 +129,7 @@ class Listener:
         """
         end = time.monotonic() + timeout_s
         while not self._heard and (left := end - time.monotonic()) > 0.0:
+            # An event per message would cost Zenoh's thread a wake-up each.
             time.sleep(min(POLL_S, left))
         return [self._heard.popleft() for _ in range(len(self._heard))]
 

@@ -80,7 +80,7 @@ def _wait_for_match(*publishers: zenoh.Publisher) -> None:
             raise RobotUnreachableError(
                 f"the two ends did not find each other within {_ANSWER_S:g} s"
             )
-        time.sleep(_POLL_S)
+        time.sleep(_POLL_S)  # a listener would need a thread for this one moment
 
 
 def _matches(publisher: zenoh.Publisher) -> bool:

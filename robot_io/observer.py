@@ -14,13 +14,13 @@ from typing import NamedTuple, Self
 
 import msgspec
 
-from robot_io.bus import Bus
 from robot_io.channel import Channel
+from robot_io.dial import dialed_bus
 from robot_io.errors import RobotUnreachableError
 from robot_io.requests import Requests
 from robot_io.robot import Robot
 from robot_io.service_caller import ServiceCaller
-from robot_io.session import Role, unreachable
+from robot_io.session import unreachable
 from robot_io.sight import SEEN_CHANNELS, Sight
 from schemas.codec import decode
 from schemas.endpoints import Endpoints
@@ -35,10 +35,11 @@ from schemas.topics import (
 )
 
 ALL_CHANNELS = tuple(
-    entry.name for entry in TOPICS if entry.direction is not Direction.SERVICE
+    entry.name
+    for entry in TOPICS
+    if entry.direction not in (Direction.SERVICE, Direction.STABILIZER_SERVICE)
 )
 """Every channel that can be subscribed to."""
-DIAL_S = 0.5
 REQUEST_TIMEOUT_S = 2.0
 POLL_S = 0.002
 """How often a wait looks: fine enough for viewers, cheap enough for idle hours."""
@@ -139,16 +140,10 @@ class Observer:
             RobotUnreachableError: no robot was ready in time.
         """
         end = time.monotonic() + timeout_s
-        while True:
-            try:
-                self._open(min(DIAL_S, timeout_s))
-                break
-            except RobotUnreachableError:
-                if time.monotonic() >= end:
-                    raise self._unreachable("nobody answers", timeout_s) from None
+        self._open(timeout_s)
         if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
-            name = self._robot.file.namespace
-            raise self._unreachable(f"no robot {name!r} is ready", timeout_s)
+            what = f"no robot {self._robot.file.namespace!r} is ready"
+            raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
 
     @property
     def robot_is_here(self) -> bool:
@@ -174,7 +169,7 @@ class Observer:
             samples = list(self._drain())
             if samples or time.monotonic() >= end:
                 return samples
-            time.sleep(min(POLL_S, timeout_s))
+            time.sleep(min(POLL_S, timeout_s))  # many channels: no one to block on
 
     def decode(self, sample: Sample) -> msgspec.Struct:
         """Reads a message.
@@ -224,9 +219,8 @@ class Observer:
         """
         with ExitStack() as stack:
             bus = stack.enter_context(
-                Bus(
+                dialed_bus(
                     self._endpoints,
-                    Role.CLIENT,
                     namespace=self._robot.file.namespace,
                     timeout_s=timeout_s,
                 )
@@ -261,6 +255,3 @@ class Observer:
             self._stabilizers.add(identity)
         else:
             self._stabilizers.discard(identity)
-
-    def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
-        return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))

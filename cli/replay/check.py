@@ -113,7 +113,8 @@ def check(
         notes=notes,
     )
     if not outcome.is_equal:
-        notes += _doubts(inputs, said.mode)
+        stale = sum(session.stale for session in outcomes)
+        notes += _doubts(inputs, said.mode, stale=stale)
     return outcome
 
 
@@ -153,9 +154,14 @@ def _of_session(inputs: Inputs, session: Session) -> Inputs:
     return Inputs(inputs.robot, inputs.settings, mine, inputs.references)
 
 
-def _doubts(inputs: Inputs, mode: str) -> list[str]:
+def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
     """What else than code and settings can make commands differ."""
     doubts = []
+    if stale:
+        doubts.append(
+            f"{stale} ticks lack a sensor's message: the sensor was silent, or the "
+            "message was lost on its way to the recorder alone"
+        )
     if inputs.references:
         doubts.append(
             "a planner spoke: from which tick on its word counted is not recorded, and "

@@ -34,6 +34,8 @@ class SessionOutcome(msgspec.Struct, kw_only=True):
     """Commands compared."""
     differing: int = 0
     """Commands that are not equal bit for bit."""
+    stale: int = 0
+    """Ticks compared for which the record lacks the message of a sensor."""
     first: Difference | None = None
     """The first that differs; of its joints the one that differs most."""
     largest: Difference | None = None

@@ -82,6 +82,7 @@ def recompute(
         output = safety.step(
             reading.snapshot, reading.ages, references.at(reading.snapshot.stamp_ns)
         )
+        outcome.stale += any(reading.ages)
         _compare(command, output.q_command, outcome, inputs.robot)
         on_tick(command.tick)
     return outcome

@@ -34,7 +34,7 @@ def _end_with(parent: int) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(LOOK_S)
+            time.sleep(LOOK_S)  # nothing tells a process that its parent has died
         os._exit(1)
 
     threading.Thread(target=watch, name="parent-watch", daemon=True).start()

@@ -7,24 +7,25 @@ given up.
 
 from __future__ import annotations
 
-import msgspec
+from typing import Any, Generic
+
 import numpy as np
 
 from robot_io.assembler import SnapshotReading
 from robot_io.client import PATIENCE_S
-from robot_io.inbox import NEVER
+from robot_io.inbox import NEVER, M
 from robot_io.relay.parcel import Parcel
 from robot_io.relay.schedule import Schedule
 from robot_io.snapshot import Snapshot
 from schemas.codec import decode
 from schemas.errors import MessageError
-from schemas.topics import TICK_SENSORS, topic
+from schemas.messages import ForceTorque, ImuState, JointState
 
 INSTANT_S = 1e-9
 """A message due at the very instant has come, whatever its last bit says."""
 
 
-class HeardSensor:
+class HeardSensor(Generic[M]):
     """Messages of one sensor on their way, and those that have come.
 
     Attributes:
@@ -32,25 +33,25 @@ class HeardSensor:
         is_lost: it kept the others waiting, and is not waited for until it is back.
     """
 
-    def __init__(self, name: str, *, joint_count: int) -> None:
+    def __init__(self, kind: type[M], *, joint_count: int) -> None:
         """Nothing has come.
 
         Args:
-            name: of the channel.
+            kind: its messages.
             joint_count: n_a.
         """
-        self.latest: msgspec.Struct | None = None
+        self.latest: M | None = None
         self.is_lost = False
-        self._kind = topic(name).message
+        self._kind = kind
         self._joint_count = joint_count
         self._coming: Schedule[bytes] = Schedule()
-        self._waiting: list[msgspec.Struct] = []
+        self._waiting: list[M] = []
         self._newest = NEVER
 
     @property
     def tick(self) -> int:
         """Tick of the newest message taken."""
-        return NEVER if self.latest is None else self.latest.tick  # type: ignore[attr-defined]
+        return NEVER if self.latest is None else self.latest.tick
 
     @property
     def newest(self) -> int:
@@ -68,13 +69,13 @@ class HeardSensor:
                 message = decode(data, self._kind, joint_count=self._joint_count)
             except MessageError:
                 continue
-            if message.tick > self._newest:  # type: ignore[attr-defined]
-                self._newest = message.tick  # type: ignore[attr-defined]
+            if message.tick > self._newest:
+                self._newest = message.tick
                 self._waiting.append(message)
 
     def take_up_to(self, tick: int) -> None:
         """Takes messages up to one of a tick; the last of them counts."""
-        while self._waiting and self._waiting[0].tick <= tick:  # type: ignore[attr-defined]
+        while self._waiting and self._waiting[0].tick <= tick:
             self.latest = self._waiting.pop(0)
 
 
@@ -87,8 +88,15 @@ class HeardRobot:
         Args:
             joint_count: n_a.
         """
-        self.sensors = {
-            name: HeardSensor(name, joint_count=joint_count) for name in TICK_SENSORS
+        self._joints = HeardSensor(JointState, joint_count=joint_count)
+        self._imu = HeardSensor(ImuState, joint_count=joint_count)
+        self._left = HeardSensor(ForceTorque, joint_count=joint_count)
+        self._right = HeardSensor(ForceTorque, joint_count=joint_count)
+        self.sensors: dict[str, HeardSensor[Any]] = {
+            "joints": self._joints,
+            "imu": self._imu,
+            "left_ankle_ft": self._left,
+            "right_ankle_ft": self._right,
         }
         self._answered = NEVER
         self._since_s = 0.0
@@ -126,19 +134,29 @@ class HeardRobot:
         return max(sensor.newest for sensor in self.sensors.values())
 
     def _join(self, tick: int) -> SnapshotReading:
-        joints, imu, left, right = (s.latest for s in self.sensors.values())
+        joints, imu = self._joints.latest, self._imu.latest
+        left, right = self._left.latest, self._right.latest
+        assert joints is not None
+        assert imu is not None
+        assert left is not None
+        assert right is not None
         snapshot = Snapshot(
             tick,
-            joints.stamp_ns,  # type: ignore[union-attr]
-            np.array(joints.q),  # type: ignore[union-attr]
-            np.array(joints.dq),  # type: ignore[union-attr]
-            np.array(joints.effort),  # type: ignore[union-attr]
-            np.array(imu.quat_xyzw),  # type: ignore[union-attr]
-            np.array(imu.angular_velocity),  # type: ignore[union-attr]
-            np.array(imu.linear_acceleration),  # type: ignore[union-attr]
-            np.array([*left.force, *left.moment]),  # type: ignore[union-attr]
-            np.array([*right.force, *right.moment]),  # type: ignore[union-attr]
+            joints.stamp_ns,
+            np.array(joints.q),
+            np.array(joints.dq),
+            np.array(joints.effort),
+            np.array(imu.quat_xyzw),
+            np.array(imu.angular_velocity),
+            np.array(imu.linear_acceleration),
+            np.array([*left.force, *left.moment]),
+            np.array([*right.force, *right.moment]),
         )
-        ages = tuple(tick - sensor.tick for sensor in self.sensors.values())
-        stale = tuple(n for n, s in self.sensors.items() if s.tick != tick)
-        return SnapshotReading(snapshot, stale, ages, 0)  # type: ignore[arg-type]
+        ages = (
+            tick - joints.tick,
+            tick - imu.tick,
+            tick - left.tick,
+            tick - right.tick,
+        )
+        stale = tuple(name for name, s in self.sensors.items() if s.tick != tick)
+        return SnapshotReading(snapshot, stale, ages, 0)

@@ -78,6 +78,19 @@ def test_real_time_is_equal_with_the_ticks_that_were_answered(
     assert (session["first_tick"], session["last_tick"]) == (ticks[0], ticks[-1])
 
 
+def test_a_sensor_message_that_the_record_lacks_is_named_as_a_doubt(
+    record: Path, tmp_path: Path, check: Check
+) -> None:
+    def lose(channel: str, message: dict[str, Any]) -> dict[str, Any] | None:
+        is_lost = channel == "imu" and message["tick"] == 600
+        return None if is_lost else message
+
+    code, found = check(rewritten(record, tmp_path / "lost.mcap", lose))
+    (session,) = found["sessions"]
+    assert (code, session["stale"], session["first"]["tick"]) == (1, 1, 600)
+    assert any("1 ticks lack a sensor's message" in note for note in found["notes"])
+
+
 def test_sensors_that_fail_are_equal(tmp_path: Path, check: Check) -> None:
     """One whose messages hold no numbers, and one that falls silent."""
     path = record_of(tmp_path, standing(tmp_path, 0.9, FAULTS))
