@@ -98,12 +98,11 @@ class Bus:
     ) -> zenoh.Publisher:
         """Declares a publisher that drops rather than blocks on a slow subscriber.
 
-        Zenoh gathers messages into batches; one that meets the sender at work on the
-        batch waits a millisecond for the next. Flushing hands the batch over at once,
-        but takes one out of the queue each time: a publisher that always did would
-        lose messages whenever the machine is busy. Once per tick it lost 8 of 22500
-        ticks beside three busy processes, and it spares 2 to 4 ticks in a hundred that
-        millisecond.
+        Zenoh gathers messages into batches. Flushing hands the batch over at once, but
+        takes one out of the queue each time: a publisher that always did would lose
+        messages whenever the machine is busy. Once per tick it lost 8 of 22500 ticks
+        beside three busy processes, and it spares a few ticks in a hundred a wait for
+        the sender.
 
         Args:
             key: relative to the namespace.
