@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 from contextlib import ExitStack
@@ -53,6 +54,10 @@ PATIENCE_S = 0.005
 """How long one sensor may keep the others of its tick waiting."""
 LOCKSTEP_PATIENCE_S = 0.05
 """The same in lockstep, where time stands still meanwhile."""
+
+
+_give_way = getattr(os, "sched_yield", lambda: None)
+"""Not every system has it."""
 
 
 class RobotClient:
@@ -235,6 +240,7 @@ class RobotClient:
         )
         self._sequence += 1
         self._command.put(encode(command))
+        _give_way()  # to Zenoh's sender, if it waits for this processor
 
     def status(self) -> RobotStatus | None:
         """What the robot last said of itself; None before it has."""

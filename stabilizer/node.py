@@ -176,10 +176,11 @@ class _Node:
         ) as client:
             if not client.connect(timeout_s=timeout_s):
                 return End(f"stopped: {self._stop.cause}")
-            q_held = self._take_command(client)
+            # All that takes time comes before the robot waits for the first answer.
             with quiet_interpreter():
                 desk = self._desk_at(client)
-                end = self._loop(client, desk).run(q_held, self._stop)
+                loop = self._loop(client, desk)
+                end = loop.run(self._take_command(client), self._stop)
                 if desk.holding:
                     return End(end.reason)
                 return end
