@@ -1,6 +1,7 @@
 """What the live page costs the loop: round trips with and without it in one run.
 
     python -m benchmarks.viewer [SCENARIO] [--rounds 5] [--window 10] [--lockstep]
+        [--realtime-priority P]
 
 Runs the robot in this process and the stabilizer in another, in real time unless asked
 otherwise, starts and ends ``surefoot view`` in turn, and prints the round trips of each
@@ -25,6 +26,7 @@ import msgspec
 import numpy as np
 
 from cli.endpoints import private_endpoints
+from cli.scheduling import claim_processor
 from robot_io.gate import CommandGate
 from robot_io.pace import Pace
 from robot_io.quiet import quiet_interpreter
@@ -101,6 +103,8 @@ def alternate(
     """Opens and closes the page, and prints each window as it ends."""
     pause = threading.Event()
     p99: dict[str, list[float]] = {OFF: [], ON: []}
+    if os.sched_getscheduler(0) != os.SCHED_OTHER:  # this thread, and so the page
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
     def measure(name: str) -> None:
         pause.wait(SETTLE_S)
@@ -147,6 +151,7 @@ def run(
     scenario: str,
     *,
     pace: Pace,
+    priority: int | None,
     measure: Callable[[RoundTrips, Endpoints, StopRequest], None],
 ) -> str:
     """Runs the robot here, its stabilizer beside it, and measures meanwhile.
@@ -154,13 +159,15 @@ def run(
     Returns:
         Why it ended.
     """
+    claim = () if priority is None else ("--realtime-priority", str(priority))
+    claim_processor(cpu=None, priority=priority)
     robot, endpoints, stop = load_robot("walker"), private_endpoints(), StopRequest()
     world = msgspec.structs.replace(open_scenario(scenario), duration_s=LONGEST_S)
     simulated = SimulatedRobot(robot, world, seed=0, record=False)
     gate = CommandGate(robot, simulated.held_posture)
     trips = RoundTrips()
     stabilizer = child(
-        *("stabilizer", f"--{pace}", "--wait", str(START_S), "--json"),
+        *("stabilizer", f"--{pace}", "--wait", str(START_S), "--json", *claim),
         *("--connect", endpoints.connect[0]),
         log=Path(os.devnull),
     )
@@ -193,10 +200,14 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--window", type=float, default=10.0, help="seconds")
     parser.add_argument("--lockstep", action="store_true")
+    parser.add_argument(
+        "--realtime-priority", type=int, help="of robot and stabilizer (SCHED_FIFO)"
+    )
     arguments = parser.parse_args()
     reason = run(
         arguments.scenario,
         pace=Pace.LOCKSTEP if arguments.lockstep else Pace.REALTIME,
+        priority=arguments.realtime_priority,
         measure=lambda trips, endpoints, stop: alternate(
             trips,
             endpoints,

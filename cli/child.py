@@ -81,7 +81,7 @@ class Child:
                 stdout=subprocess.PIPE,
                 stderr=stderr,
                 env=child_environment(),
-                start_new_session=True,
+                process_group=0,  # no session: Linux shares processors between those
             )
         self._watch = threading.Thread(
             target=self._report, args=(events,), name=f"watch-{name}", daemon=True

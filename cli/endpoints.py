@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import msgspec
@@ -41,6 +44,26 @@ def choose_endpoints(
     if insecure:
         endpoints = msgspec.structs.replace(endpoints, insecure=True)
     return endpoints
+
+
+LONGEST_SOCKET_PATH = 90
+"""Systems allow 104 or 108 bytes, and Zenoh puts a lock file beside the socket."""
+
+
+@contextmanager
+def private_bus() -> Iterator[Endpoints]:
+    """A bus of one run's own: a Unix socket in a folder that only this user enters.
+
+    No other process can take its address meanwhile, and it costs the loop less than
+    the loopback interface. Where the path would be too long, a free port.
+    """
+    with tempfile.TemporaryDirectory(prefix="surefoot-") as folder:
+        path = f"{folder}/bus"
+        if len(path.encode()) > LONGEST_SOCKET_PATH:
+            yield private_endpoints()
+            return
+        locator = f"unixsock-stream/{path}"
+        yield Endpoints(listen=[locator], connect=[locator])
 
 
 def private_endpoints() -> Endpoints:

@@ -40,6 +40,7 @@ def run_processes(
     on_tick: Callable[[int], None],
     view_port: int | None = None,
     histogram: bool = False,
+    priority: int | None = None,
 ) -> Sides:
     """Starts robot, recorder and stabilizer, waits for the end, stops all.
 
@@ -55,6 +56,7 @@ def run_processes(
         on_tick: told the robot's progress.
         view_port: serve a live page of the run at this port; None for no page.
         histogram: whether the results hold those of all times.
+        priority: of SCHED_FIFO for the two; None for ordinary processes.
 
     Raises:
         ChildFailedError: one of the two failed, or the relay between them.
@@ -68,6 +70,8 @@ def run_processes(
     shared = _shared_words(plan)
     if histogram:
         shared.append("--histogram")
+    if priority is not None:
+        shared += ["--realtime-priority", str(priority)]
     robot_words = [
         *_robot_words(plan),
         *shared,

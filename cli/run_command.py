@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -64,6 +65,7 @@ def run(
     listen: options.ListenOption = None,
     connect: options.ConnectOption = None,
     histogram: options.HistogramOption = False,
+    realtime_priority: options.PriorityOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Run a scenario: robot and stabilizer as two processes on the bus.
@@ -93,12 +95,18 @@ def run(
         )
     if inline and view:
         raise UsageError("--inline uses no bus, so a page would see nothing")
+    if realtime_priority is not None and lockstep:
+        raise UsageError(
+            "--realtime-priority goes with --realtime; in lockstep the two never rest, "
+            "and nothing else would run"
+        )
     result = _execute(
         plan,
         meeting,
         out=out,
         view_port=view_port if view else None,
         histogram=histogram,
+        priority=realtime_priority,
     )
     if as_json:
         print_json(result)
@@ -144,6 +152,7 @@ def _execute(
     out: Path | None,
     view_port: int | None,
     histogram: bool,
+    priority: int | None,
 ) -> RunResult:
     """Runs the plan and fills the folder of the run."""
     from cli.console import progress_bar
@@ -167,6 +176,7 @@ def _execute(
                     on_tick=on_tick,
                     view_port=view_port,
                     histogram=histogram,
+                    priority=priority,
                 )
         except ChildFailedError:
             # The logs of a failed run are what its user needs next.
@@ -189,23 +199,26 @@ def _run_sides(
     on_tick: Callable[[int], None],
     view_port: int | None,
     histogram: bool,
+    priority: int | None,
 ) -> Sides:
     if plan.mode == "inline":
         return _run_inline(
             plan, folder, record=record, on_tick=on_tick, histogram=histogram
         )
-    from cli.endpoints import private_endpoints
+    from cli.endpoints import private_bus
     from cli.processes import run_processes
 
-    return run_processes(
-        plan,
-        folder,
-        endpoints=meeting or private_endpoints(),
-        record=record,
-        on_tick=on_tick,
-        view_port=view_port,
-        histogram=histogram,
-    )
+    with private_bus() if meeting is None else nullcontext(meeting) as endpoints:
+        return run_processes(
+            plan,
+            folder,
+            endpoints=endpoints,
+            record=record,
+            on_tick=on_tick,
+            view_port=view_port,
+            histogram=histogram,
+            priority=priority,
+        )
 
 
 def _run_inline(

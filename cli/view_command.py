@@ -9,9 +9,6 @@ import typer
 from cli import options
 from cli.exit_codes import ExitCode
 
-NICENESS = 5
-"""The page gives way to robot and stabilizer on a busy machine."""
-
 
 def view(
     robot: options.RobotOption = "walker",
@@ -32,7 +29,6 @@ def view(
     robot as long as it takes.
     """
     import logging
-    import os
     from importlib.util import find_spec
 
     from cli.child_mode import begin_as_child
@@ -58,7 +54,6 @@ def view(
             "pip install 'surefoot[view]'"
         )
     chosen = free_port(port)
-    os.nice(NICENESS)
     from cli.view.page import LivePage  # heavy: a wrong option is told first
 
     stop = StopRequest()

@@ -6,9 +6,9 @@ import os
 from collections.abc import Sequence
 
 from cli.study.cell import Cell
-from cli.study.run_cell import plan_of
+from cli.study.run_cell import plan_of, run_cell
 from cli.study.store import StudyStore
-from cli.study.worker import run_for
+from cli.study.worker import end_with
 
 IDLE_S = 10
 """A worker without work ends after so long [s]."""
@@ -43,13 +43,19 @@ def execute(
     missing = [cell for cell in cells if cell.key not in store.rows]
     for cell in {cell.group: cell for cell in missing}.values():
         plan_of(cell, robot=robot, overrides=overrides)
+    workers = parallel_config(
+        backend="loky",
+        idle_worker_timeout=IDLE_S,
+        initializer=end_with,
+        initargs=(os.getpid(),),
+    )
     with (
-        parallel_config(backend="loky", idle_worker_timeout=IDLE_S),
+        workers,
         count_bar(title, total=len(cells), done=len(cells) - len(missing)) as tell,
     ):
         work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
         for row in work(
-            delayed(run_for)(os.getpid(), cell, robot=robot, overrides=overrides)
+            delayed(run_cell)(cell, robot=robot, overrides=overrides)
             for cell in missing
         ):
             store.add(row)

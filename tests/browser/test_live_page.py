@@ -34,6 +34,9 @@ MOVED_PIXELS = 300
 CURVE_PIXELS = 100
 STOP_NS = 100_000_000
 """Within so long of the press reaching the page's process, the robot stands [ns]."""
+PRIORITY = 20
+"""The browser draws without a graphics card, on the processors of robot and stabilizer;
+where this may not be taken they go on without."""
 COM_STIFFNESS = 2
 """Which slider it is: force and duration of the push come first."""
 SCENARIO = """
@@ -62,9 +65,10 @@ class Visit:
         scenario = folder / "heaving.toml"
         scenario.write_text(SCENARIO)
         connect = ("--connect", locator)
+        both = ("--json", "--realtime-priority", PRIORITY)
         self.view = self._start("view", "--port", port, *connect)
-        self.robot = self._start("robot", scenario, "--listen", locator, "--json")
-        self.stabilizer = self._start("stabilizer", *connect, "--json")
+        self.robot = self._start("robot", scenario, "--listen", locator, *both)
+        self.stabilizer = self._start("stabilizer", *connect, *both)
 
     def log(self, name: str) -> str:
         return (self.folder / f"{name}.log").read_text()

@@ -14,7 +14,7 @@ import pytest
 from schemas.endpoints import Endpoints
 from schemas.messages import RobotMode
 from schemas.result import ControllerResult, PlantResult
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
 from tests.nodes.test_nodes import is_running, observer
 from tests.support import free_port, wait_until
 
@@ -67,6 +67,23 @@ def test_both_sides_tell_their_part(
     assert controller.reason.startswith("run over")
     if pace == "--lockstep":
         assert controller.ticks == plant.ticks
+
+
+def test_a_run_hands_its_priority_to_both_sides(
+    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    done = surefoot(
+        *("run", short_scenario, "--realtime", "--realtime-priority", 20),
+        *("--controller", "hold", "--out", out),
+    )
+    assert done.returncode == 0, done.stderr
+    for side in ("robot", "stabilizer"):
+        log = (out / f"{side}.log").read_text()
+        assert (
+            "SCHED_FIFO at priority 20" in log
+            or "--realtime-priority 20: not done" in log
+        )
 
 
 def test_endpoints_come_from_a_file(

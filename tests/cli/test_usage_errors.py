@@ -111,3 +111,10 @@ def test_inline_goes_without_bus_and_real_time(
     words = refused(surefoot, "run", "standing", "--inline", *extra)
     assert "--inline" in words
     assert extra[0] in words
+
+
+def test_a_run_that_never_rests_takes_no_real_time_priority(
+    surefoot: Surefoot,
+) -> None:
+    words = refused(surefoot, "run", "standing", "--realtime-priority", "20")
+    assert "--realtime-priority goes with --realtime" in words
