@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import tempfile
 from collections.abc import Iterator
@@ -55,11 +56,11 @@ def private_bus() -> Iterator[Endpoints]:
     """A bus of one run's own: a Unix socket in a folder that only this user enters.
 
     No other process can take its address meanwhile, and it costs the loop less than
-    the loopback interface. Where the path would be too long, a free port.
+    the loopback interface. Without such sockets, or with a path too long, a free port.
     """
     with tempfile.TemporaryDirectory(prefix="surefoot-") as folder:
         path = f"{folder}/bus"
-        if len(path.encode()) > LONGEST_SOCKET_PATH:
+        if os.name != "posix" or len(path.encode()) > LONGEST_SOCKET_PATH:
             yield private_endpoints()
             return
         locator = f"unixsock-stream/{path}"

@@ -7,6 +7,8 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
+
 SWITCH_INTERVAL_S = 1e-4
 """How long another thread waits for the interpreter at most; 5 ms by default."""
 
@@ -14,6 +16,8 @@ SWITCH_INTERVAL_S = 1e-4
 @contextmanager
 def quiet_interpreter() -> Iterator[None]:
     """No garbage collection, and short turns for other threads, while inside.
+
+    Numbers that overflow make no warning either: a loop looks at its numbers itself.
 
     What the loop allocates must be free of cycles, as it is not collected until the
     end.
@@ -25,7 +29,8 @@ def quiet_interpreter() -> Iterator[None]:
     gc.freeze()
     gc.disable()
     try:
-        yield
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
     finally:
         sys.setswitchinterval(switch_interval_s)
         gc.unfreeze()

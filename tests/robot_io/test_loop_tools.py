@@ -98,10 +98,12 @@ def test_quiet_interpreter_is_undone_even_after_an_error() -> None:
     def fail_inside() -> None:
         with quiet_interpreter():
             assert not gc.isenabled()
+            assert np.geterr()["over"] == "ignore"
             assert sys.getswitchinterval() == pytest.approx(SWITCH_INTERVAL_S)
             raise ZeroDivisionError
 
     with pytest.raises(ZeroDivisionError):
         fail_inside()
     assert gc.isenabled()
+    assert np.geterr()["over"] == "warn"
     assert sys.getswitchinterval() == pytest.approx(interval_s)
