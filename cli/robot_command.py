@@ -40,7 +40,7 @@ def robot(
     from cli.endpoints import choose_endpoints
     from cli.logs import log_note, set_up_logging
     from cli.scenario_errors import naming_scenario
-    from cli.scheduling import claim_processor
+    from cli.scheduling import check_priority, claim_processor
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
     from schemas.scenario import load_scenario
@@ -49,6 +49,7 @@ def robot(
     set_up_logging("robot")
     if child:
         begin_as_child()
+    check_priority(realtime_priority, lockstep=lockstep)
     model = load_robot(robot, servo_profile=servo_profile)
     path = find_scenario(scenario)
     world = load_scenario(path)

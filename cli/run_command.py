@@ -75,6 +75,7 @@ def run(
     from cli.console import print_json, print_table
     from cli.histogram import histogram_table
     from cli.run_plan import make_plan
+    from cli.scheduling import check_priority
     from cli.summary import run_table
 
     plan = make_plan(
@@ -95,11 +96,7 @@ def run(
         )
     if inline and view:
         raise UsageError("--inline uses no bus, so a page would see nothing")
-    if realtime_priority is not None and lockstep:
-        raise UsageError(
-            "--realtime-priority goes with --realtime; in lockstep the two never rest, "
-            "and nothing else would run"
-        )
+    check_priority(realtime_priority, lockstep=lockstep)
     result = _execute(
         plan,
         meeting,

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
+from cli.errors import UsageError
 from cli.logs import log_note, log_warning
+
+
+def check_priority(priority: int | None, *, lockstep: bool) -> None:
+    """Refuses a real-time priority to a loop that never rests.
+
+    Raises:
+        UsageError: nothing else would run on its processor.
+    """
+    if priority is not None and lockstep:
+        raise UsageError(
+            "--realtime-priority goes with --realtime; in lockstep the two never rest, "
+            "and nothing else would run"
+        )
 
 
 def claim_processor(*, cpu: int | None, priority: int | None) -> None:

@@ -57,7 +57,7 @@ def stabilizer(
     from cli.logs import log_note, log_warning, set_up_logging
     from cli.run_files import QP_FAILURE, write_struct
     from cli.run_plan import load_settings
-    from cli.scheduling import claim_processor
+    from cli.scheduling import check_priority, claim_processor
     from cli.summary import controller_table
     from robot_io.pace import Pace
     from robot_io.robot import load_robot
@@ -66,6 +66,7 @@ def stabilizer(
     set_up_logging("stabilizer")
     if child:
         begin_as_child()
+    check_priority(realtime_priority, lockstep=lockstep)
     model = load_robot(robot, servo_profile=servo_profile)
     resolved = load_settings(settings, overrides=overrides or [])
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])

@@ -65,7 +65,7 @@ class Visit:
         scenario = folder / "heaving.toml"
         scenario.write_text(SCENARIO)
         connect = ("--connect", locator)
-        both = ("--json", "--realtime-priority", PRIORITY)
+        both = ("--realtime", "--realtime-priority", PRIORITY, "--json")
         self.view = self._start("view", "--port", port, *connect)
         self.robot = self._start("robot", scenario, "--listen", locator, *both)
         self.stabilizer = self._start("stabilizer", *connect, *both)

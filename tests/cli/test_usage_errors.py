@@ -113,8 +113,11 @@ def test_inline_goes_without_bus_and_real_time(
     assert extra[0] in words
 
 
-def test_a_run_that_never_rests_takes_no_real_time_priority(
-    surefoot: Surefoot,
+@pytest.mark.parametrize(
+    "words", [("run", "standing"), ("robot", "standing"), ("stabilizer",)]
+)
+def test_a_loop_that_never_rests_takes_no_real_time_priority(
+    surefoot: Surefoot, words: tuple[str, ...]
 ) -> None:
-    words = refused(surefoot, "run", "standing", "--realtime-priority", "20")
-    assert "--realtime-priority goes with --realtime" in words
+    told = refused(surefoot, *words, "--realtime-priority", "20")
+    assert "--realtime-priority goes with --realtime" in told

@@ -1,0 +1,312 @@
+"""Why some goals are not reached: three figures, each about one limit.
+
+    python -m benchmarks.limits FOLDER [--seeds 5] [--jobs 2]
+
+``limit-height.svg``: the height on the slow platform over the bandwidth of its filter,
+with and without accelerometer noise. ``limit-pitch.svg``: foot force on swaying ground
+over the feedback in pitch, for three delays of the command. ``limit-push.svg``: the
+CoM after a push along the soles, beside the best that a point mass can do whose centre
+of pressure stays under the soles. Each run is one of ``surefoot sweep``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cli.inline import run_inline
+from cli.run_files import TICKS
+from cli.study.cell import Cell, Group
+from cli.study.run_cell import Row, plan_of, run_cell
+from robot_io.robot import load_robot
+from schemas.arrays import Array
+from sim_robot.constants import GRAVITY_M_S2
+from stabilizer.model import RobotModel
+
+BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
+NOISE = "sensors.accel_noise_m_s2"
+DELAY = "delay.command_ms"
+K_PITCH = (-20.0, -27.5, -35.0, -42.5, -50.0, -57.5, -65.0)
+DELAYS_MS = (1.0, 2.0, 3.0)
+GROUND = {
+    "tilt-sine-pitch": "pitch sine, 120 deg/s",
+    "moving-platform-fast": "fast platform",
+}
+FELL_N = 1e3
+"""Where a case with a fall is drawn [N]."""
+PUSHED = {"whole-body": "C0", "zmp-tuned": "C1"}
+PUSH_END_S = 2.1
+PUSH_N = 200.0
+SEEN_S = (1.9, 4.0)
+FROM_S = 1.0
+"""Errors count from here on."""
+BOUND_STEP_S = 0.01
+
+
+@dataclass(frozen=True)
+class Work:
+    """Seeds of every case, and processes."""
+
+    seeds: int
+    jobs: int
+
+    def rows(self, cases: list[tuple[Group, str]]) -> list[list[Row]]:
+        """Runs cases, each a group and one setting, with every seed."""
+        from joblib import Parallel, delayed
+
+        flat = Parallel(n_jobs=self.jobs)(
+            delayed(run_cell)(Cell(group, seed), robot="walker", overrides=(setting,))
+            for group, setting in cases
+            for seed in range(self.seeds)
+        )
+        size = self.seeds
+        return [flat[at : at + size] for at in range(0, len(flat), size)]
+
+
+def height(work: Work, axes: Any) -> None:
+    """Leak of the ground's motion against noise, over the filter's bandwidth."""
+    scenario = "moving-platform-slow"
+    levels = (0.05, 0.0)
+    cases = [
+        (Group(scenario, ((NOISE, noise),), "whole-body", "ideal"), setting)
+        for noise in levels
+        for setting in (f"estimator.height_bandwidth={w}" for w in BANDWIDTHS_RAD_S)
+    ]
+    rows = work.rows(cases)
+    both = [[row["com_error_rms_mm"][2] for row in seeds] for seeds in rows]
+    count = len(BANDWIDTHS_RAD_S)
+    whole, leak = np.array(both[:count]), np.array(both[count:]).mean(axis=1)
+    noise = np.sqrt(np.maximum((whole**2).mean(axis=1) - leak**2, 0.0))
+    axes.fill_between(
+        BANDWIDTHS_RAD_S, whole.min(axis=1), whole.max(axis=1), color="C0", alpha=0.2
+    )
+    axes.plot(
+        BANDWIDTHS_RAD_S, whole.mean(axis=1), "o-", label="measured, mean and range"
+    )
+    axes.plot(BANDWIDTHS_RAD_S, leak, "s--", label="without accelerometer noise")
+    axes.plot(BANDWIDTHS_RAD_S, noise, "^:", label="difference, in squares")
+    axes.axhline(10.0, color="gray", lw=1.0)
+    axes.annotate("goal", (BANDWIDTHS_RAD_S[-1], 10.0), va="bottom", ha="right")
+    axes.set(
+        title="CoM height, slow platform",
+        xlabel="bandwidth of the pull to the legs' height [rad/s]",
+        ylabel="rms error [mm]",
+        ylim=(0.0, None),
+    )
+    for w, seeds, rest in zip(BANDWIDTHS_RAD_S, whole, leak, strict=True):
+        print(
+            f"height: {w:4.2f} rad/s  mean {seeds.mean():5.1f}"
+            f"  worst {seeds.max():5.1f}  without noise {rest:5.1f} mm"
+        )
+
+
+def pitch(work: Work, grid: Any) -> None:
+    """Force deviation over the feedback in pitch, for each delay."""
+    cases = [
+        (
+            Group(scenario, ((DELAY, delay),), "whole-body", "ideal"),
+            f"dik.k_force=[-50,-50,-50,-50,{gain},-50]",
+        )
+        for scenario in GROUND
+        for delay in DELAYS_MS
+        for gain in K_PITCH
+    ]
+    rows = iter(work.rows(cases))
+    for axes, (scenario, title) in zip(grid, GROUND.items(), strict=True):
+        for delay in DELAYS_MS:
+            found = [next(rows) for _ in K_PITCH]
+            values = [_worst_force(seeds) for seeds in found]
+            axes.plot(K_PITCH, values, "o-", label=f"command {delay:g} ms late")
+            print(f"pitch: {scenario}, {delay:g} ms: " + _words(K_PITCH, values))
+        axes.axvline(-50.0, color="gray", lw=1.0)
+        axes.set(
+            title=title, xlabel="K in pitch [1/s]", yscale="log", ylim=(5.0, 1.3e3)
+        )
+    grid[0].set_ylabel(f"force deviation, worst seed [N]; fell: {FELL_N:g}")
+
+
+def _worst_force(seeds: list[Row]) -> float:
+    if any(row["fell"] for row in seeds):
+        return FELL_N
+    return float(max(max(row["force_deviation_rms_n"]) for row in seeds))
+
+
+def _words(levels: tuple[float, ...], values: list[float]) -> str:
+    pairs = zip(levels, values, strict=True)
+    return ", ".join(
+        f"{level:g}: " + ("fell" if value == FELL_N else f"{value:.0f} N")
+        for level, value in pairs
+    )
+
+
+def push(grid: Any) -> None:
+    """CoM and centre of pressure after a push to the front and to the back."""
+    for column, (direction, name) in enumerate({0.0: "front", 180.0: "back"}.items()):
+        upper, lower = grid[0, column], grid[1, column]
+        sign = 1.0 if direction == 0.0 else -1.0
+        for variant, colour in PUSHED.items():
+            arrays = _record(
+                Group(
+                    "push-standing",
+                    (("push.0.direction_deg", direction),),
+                    variant,
+                    "ideal",
+                )
+            )
+            time_s = arrays["time_s"]
+            middle = 0.5 * (arrays["sole_left"][:, 0] + arrays["sole_right"][:, 0])
+            com = 1e3 * (arrays["com"][:, 0] - middle)
+            rest = com[time_s >= FROM_S][0]
+            upper.plot(time_s, com - rest, colour, label=variant)
+            lower.plot(time_s, _pressure_mm(arrays) - rest, colour, lw=0.8)
+            error = com[time_s >= FROM_S] - rest
+            print(f"push to the {name}: {variant} {_rms(error):.1f} mm rms")
+        heel, toe = _reach_mm(rest)
+        bound = best_point_mass(
+            height_m=float(arrays["com"][0, 2]),
+            reach_m=(1e-3 * heel, 1e-3 * toe),
+            force_n=sign * PUSH_N,
+        )
+        upper.plot(*bound.com, "k--", label="best of a point mass")
+        lower.plot(*bound.pressure, "k--", lw=0.8)
+        seen = len(bound.com[0]) * BOUND_STEP_S / (float(time_s[-1]) - FROM_S)
+        print(
+            f"push to the {name}: best of a point mass "
+            f"{_rms(bound.com[1]) * np.sqrt(seen):.1f} mm rms, soles {heel:.0f} to "
+            f"{toe:.0f} mm"
+        )
+        for edge in (heel, toe):
+            lower.axhline(edge, color="gray", lw=1.0)
+        upper.set_title(f"push of 20 N s to the {name}")
+        lower.set_xlabel("time [s]")
+        upper.set_xlim(SEEN_S)
+    grid[0, 0].set_ylabel("CoM [mm]")
+    grid[1, 0].set_ylabel("centre of pressure, edges [mm]")
+
+
+@dataclass(frozen=True)
+class Bound:
+    """The smallest CoM motion after a push: times [s] and values [mm]."""
+
+    com: tuple[Array, Array]
+    pressure: tuple[Array, Array]
+
+
+def best_point_mass(
+    *, height_m: float, reach_m: tuple[float, float], force_n: float
+) -> Bound:
+    """Least squares over the centre of pressure of a linear inverted pendulum.
+
+    x'' = omega^2 (x - p) + f / m with p under the soles, from the push on for the time
+    shown, at rest before; p answers at once and knows what is to come.
+
+    Args:
+        height_m: of the CoM.
+        reach_m: heel and toe from the CoM at rest.
+        force_n: of the push, 0.1 s.
+    """
+    from scipy.optimize import lsq_linear
+
+    mass = RobotModel(load_robot("walker")).mass
+    omega = math.sqrt(GRAVITY_M_S2 / height_m)
+    dt = BOUND_STEP_S
+    start = PUSH_END_S - 0.1
+    steps = round((SEEN_S[1] - start) / dt)
+    c, s = np.cosh(omega * dt), np.sinh(omega * dt)
+    step = np.array([[c, s / omega], [omega * s, c]])
+    of_pressure = np.array([1.0 - c, -omega * s])
+    # A force is a centre of pressure moved back.
+    of_force = -of_pressure / omega**2 / mass * force_n
+    free, response = np.zeros((steps, 2)), np.zeros((steps, 2, steps))
+    state, gain = np.zeros(2), np.zeros((2, steps))
+    for index in range(steps):
+        state = step @ state + (of_force if index * dt < 0.1 - 1e-9 else 0.0)
+        gain = step @ gain
+        gain[:, index] += of_pressure
+        free[index], response[index] = state, gain
+    # At rest at the end, over its support: what comes after costs nothing then.
+    weight = 1e3
+    matrix = np.vstack([response[:, 0], weight * response[-1]])
+    target = -np.concatenate([free[:, 0], weight * free[-1]])
+    pressure: Array = lsq_linear(matrix, target, bounds=reach_m).x
+    com: Array = free[:, 0] + response[:, 0] @ pressure
+    time_s: Array = start + dt * np.arange(1, steps + 1, dtype=np.float64)
+    return Bound(com=(time_s, 1e3 * com), pressure=(time_s, 1e3 * pressure))
+
+
+def _record(group: Group) -> dict[str, Array]:
+    plan = plan_of(Cell(group, seed=0), robot="walker", overrides=())
+    with tempfile.TemporaryDirectory() as folder:
+        run_inline(plan, Path(folder), record=True, on_tick=lambda tick: None)
+        with np.load(Path(folder) / TICKS) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+
+
+def _pressure_mm(arrays: dict[str, Array]) -> Array:
+    """Centre of pressure of both level soles from their middle, along x."""
+    left, right = arrays["F_left"], arrays["F_right"]
+    force = np.maximum(left[:, 2] + right[:, 2], 1.0)
+    pressure: Array = -1e3 * (left[:, 4] + right[:, 4]) / force
+    return pressure
+
+
+def _reach_mm(com: float) -> tuple[float, float]:
+    """Heel and toe from a CoM, given from the middle of the soles [mm]."""
+    half = 1e3 * load_robot("walker").left.half_length_m
+    return -half - com, half - com
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def main() -> int:
+    """Runs everything and writes the figures."""
+    from matplotlib.figure import Figure
+
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    arguments = parser.parse_args()
+    work = Work(arguments.seeds, arguments.jobs)
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+
+    def write(
+        name: str,
+        draw: Callable[[Any], None],
+        *,
+        size: tuple[float, float],
+        shape: tuple[int, int] = (1, 1),
+        **how: Any,
+    ) -> None:
+        figure = Figure(figsize=size, layout="constrained")
+        grid: Any = figure.subplots(*shape, squeeze=False, **how)
+        draw(grid)
+        for axes in grid.flat:
+            axes.grid(alpha=0.3)
+        grid[0, 0].legend(fontsize="small")
+        figure.savefig(arguments.folder / f"limit-{name}.svg", metadata={"Date": None})
+
+    write("push", push, size=(9.0, 5.2), shape=(2, 2), sharex=True, sharey="row")
+    write("height", lambda grid: height(work, grid[0, 0]), size=(6.4, 3.4))
+    write(
+        "pitch",
+        lambda grid: pitch(work, grid[0]),
+        size=(9.0, 3.6),
+        shape=(1, 2),
+        sharey=True,
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
