@@ -102,7 +102,7 @@ def run_driver(
         with quiet_interpreter():
             while not stop.is_set:
                 now_s = time.monotonic() - begin_s
-                gate.begin_tick(now_s=now_s)
+                gate.begin_tick(now_s=now_s, tick=tick)
                 server.serve_requests(now_s=now_s)
                 stamp_ns = time.monotonic_ns()
                 latency.sensed(tick, stamp_ns=stamp_ns)
