@@ -138,6 +138,9 @@ class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     calibration_s: NonNegative = 0.3
     """At rest after the start: mean tilt and gyroscope bias are taken, the posture
     is held [s]."""
+    still_rate_rad_s: Positive = 0.03
+    """A mean rate and its change in the meantime, together above this, are ground
+    that turns: no bias is learnt then. More than any gyroscope's bias."""
     tilt_bandwidth: Positive = 0.5
     """Correction of roll and pitch by accelerometer and leg velocity [rad/s]."""
     gyro_bias_gain: NonNegative = 0.02

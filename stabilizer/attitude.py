@@ -9,6 +9,9 @@ import numpy as np
 from schemas.arrays import Mat, Vec3
 from stabilizer.model import GRAVITY
 
+FEWEST_READINGS = 20
+"""From fewer readings nobody can tell noise from ground that turns."""
+
 
 class AttitudeFilter:
     """Velocity-aided complementary filter.
@@ -30,22 +33,32 @@ class AttitudeFilter:
     """
 
     def __init__(
-        self, *, tilt_bandwidth: float, bias_gain: float, period_s: float
+        self,
+        *,
+        tilt_bandwidth: float,
+        bias_gain: float,
+        still_rate: float,
+        period_s: float,
     ) -> None:
         """Sets the gains.
 
         Args:
             tilt_bandwidth: correction of roll and pitch [rad/s].
             bias_gain: learning of the gyroscope's bias [1/s^2].
+            still_rate: a mean rate and a change of it, together more than this, are
+                no gyroscope's bias, but ground that turns [rad/s].
             period_s: time between two updates [s].
         """
         self._dt = period_s
         self._velocity_gain = 1.4 * tilt_bandwidth
         self._tilt_gain = tilt_bandwidth**2 / GRAVITY
         self._bias_gain = bias_gain * tilt_bandwidth / GRAVITY
+        self._still_rate = still_rate
         self._count = 0
         self._accel_sum: Vec3 = np.zeros(3)
-        self._bias_sum: Vec3 = np.zeros(3)
+        self._is_turning = self._is_new_turn = False
+        self._rate_sum: Vec3 = np.zeros(3)
+        self._rising_sum: Vec3 = np.zeros(3)
         self._first_velocity: Vec3 = np.zeros(3)
         self._v_x = 0.0
         self._v_y = 0.0
@@ -57,7 +70,11 @@ class AttitudeFilter:
     def calibrate(
         self, gyro: Vec3, accel: Vec3, *, leg_rate: Vec3, leg_velocity: Vec3
     ) -> None:
-        """Takes one reading of a robot that stands on still, level ground.
+        """Takes one reading of a robot that keeps its posture.
+
+        On still ground the mean rate is the gyroscope's bias. Ground that turns shows
+        by a rate that is large or changes: no bias is learnt then, and readings of
+        the accelerometer, from there on, are turned along.
 
         Args:
             gyro: (3,) angular velocity in the IMU frame [rad/s].
@@ -65,12 +82,21 @@ class AttitudeFilter:
             leg_rate: (3,) angular velocity that the legs see, IMU frame [rad/s].
             leg_velocity: (3,) velocity of the unit that the legs see, world [m/s].
         """
-        if self._count == 0:
+        if self._count == 0 or self._is_new_turn:
             self._first_velocity[:] = leg_velocity
+            self._accel_sum[:] = 0.0
         self._count += 1
+        rate = gyro - leg_rate
+        self._rate_sum += rate
+        self._rising_sum += self._count * rate
+        np.divide(self._rate_sum, self._count, out=self.bias)
+        turns = self._ground_turns()
+        self._is_new_turn = turns and not self._is_turning
+        self._is_turning = turns
+        if turns:
+            self.bias[:] = 0.0
+            self._accel_sum -= self._dt * np.cross(gyro, self._accel_sum)
         self._accel_sum += accel
-        self._bias_sum += gyro - leg_rate
-        np.divide(self._bias_sum, self._count, out=self.bias)
         np.subtract(gyro, self.bias, out=self.rate)
         # What the unit sped up in the meantime is not gravity.
         gained = (leg_velocity - self._first_velocity) / self._dt
@@ -81,6 +107,17 @@ class AttitudeFilter:
         self.R_world_imu[:] = np.vstack((x_axis, np.cross(up, x_axis), up))
         self._rows = self.R_world_imu.tolist()
         self._v_x, self._v_y = float(leg_velocity[0]), float(leg_velocity[1])
+
+    def _ground_turns(self) -> bool:
+        """Whether the rates so far are too large or change too much for a bias."""
+        count = self._count
+        if count < FEWEST_READINGS:
+            return False
+        # What a straight line through the rates rises by from first to last.
+        middle = 0.5 * (count + 1)
+        rise = (self._rising_sum - middle * self._rate_sum) * (12.0 / count**2)
+        size = np.linalg.norm(self.bias) + np.linalg.norm(rise)
+        return bool(size > self._still_rate)
 
     def update(self, gyro: Vec3, accel: Vec3, *, leg_velocity: Vec3) -> None:
         """Advances by one period.

@@ -54,6 +54,7 @@ class Estimator:
         self._attitude = AttitudeFilter(
             tilt_bandwidth=settings.tilt_bandwidth,
             bias_gain=settings.gyro_bias_gain,
+            still_rate=settings.still_rate_rad_s,
             period_s=period_s,
         )
         self._R_imu_base = model.T_base_imu.rotation.T.copy()

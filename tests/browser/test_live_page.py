@@ -50,7 +50,7 @@ foot = "both"
   amplitude_m = 0.04
   frequency_hz = 0.2
 """
-"""Level: a hold ends with a new start, which takes the ground to be level."""
+"""It heaves only, so that a push and a hold are all that tilts the robot."""
 
 
 class Visit:

@@ -132,6 +132,52 @@ def test_own_motion_is_not_taken_for_bias(model: RobotModel, leaning: Array) -> 
     np.testing.assert_allclose(estimator.v[3:6], [0.0, -rate, 0.0], atol=1e-6)
 
 
+@pytest.mark.parametrize("rate", [0.15, -0.4])
+def test_ground_that_turns_is_not_taken_for_bias(
+    model: RobotModel, rate: float
+) -> None:
+    """The robot keeps its posture and is turned with the ground."""
+
+    def turning(time_s: float) -> Array:
+        angle = 0.1 + rate * time_s
+        turn = pin.AngleAxis(angle, np.array([1.0, 0.0, 0.0])).toRotationMatrix()
+        q = model.nominal_configuration().copy()
+        q[:3] = turn @ q[:3]
+        q[3:7] = pin.Quaternion(turn).coeffs()
+        return q
+
+    robot = KinematicRobot(model, turning)
+    estimator = Estimator(model, SETTINGS, period_s=PERIOD_S)
+    end_s = 0.3
+    for time_s in np.arange(0.0, end_s + 0.5 * PERIOD_S, PERIOD_S):
+        estimator.calibrate(robot.snapshot(float(time_s)))
+    np.testing.assert_allclose(estimator.v[3:6], [rate, 0.0, 0.0], atol=1e-3)
+    # What is left is what the turning speeds the unit up by.
+    assert tilt_between(turning(end_s), estimator.q) < 0.1 * abs(rate) * end_s
+
+
+def test_ground_about_to_turn_back_is_not_taken_for_bias(model: RobotModel) -> None:
+    """Its mean rate is small there; that the rate changes gives it away."""
+    frequency, amplitude = 0.175, 0.15
+
+    def swaying(time_s: float) -> Array:
+        angle = amplitude * np.cos(2.0 * np.pi * frequency * (time_s - 0.12))
+        turn = pin.AngleAxis(float(angle), np.array([1.0, 0.0, 0.0])).toRotationMatrix()
+        q = model.nominal_configuration().copy()
+        q[:3] = turn @ q[:3]
+        q[3:7] = pin.Quaternion(turn).coeffs()
+        return q
+
+    robot = KinematicRobot(model, swaying)
+    estimator = Estimator(model, SETTINGS, period_s=PERIOD_S)
+    rates = []
+    for time_s in np.arange(0.0, 0.3, PERIOD_S):
+        estimator.calibrate(robot.snapshot(float(time_s)))
+        rates.append(robot.velocity(float(time_s))[3])
+    assert abs(np.mean(rates)) < 0.5 * SETTINGS.still_rate_rad_s
+    np.testing.assert_allclose(estimator.v[3], rates[-1], atol=1e-3)
+
+
 def test_speeding_up_is_not_taken_for_gravity(model: RobotModel) -> None:
     """Base upright, but pushed forward evenly: alone, it would look like a lean."""
     on_soles = StandingOnSoles(model)

@@ -1,0 +1,78 @@
+"""A new stabilizer takes over a robot that was left holding its posture."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from robot_io.robot import Robot
+from robot_io.snapshot import Snapshot
+from schemas.arrays import Array
+from schemas.messages import Reference
+from schemas.settings import ControllerSettings
+from stabilizer.controller import ControllerOutput
+from stabilizer.qp import QpData
+from stabilizer.whole_body import WholeBodyController
+from tests.stabilizer.closed_loop import run_closed_loop
+
+LEFT_ALONE_S = 0.45
+"""As long as it takes a new process to command; see the kill study."""
+DURATION_S = 9.0
+LATE_S = 7.0
+NEAR_M = 0.01
+SINES = {"roll": 0.175, "pitch": 0.127}
+MOTION = [
+    {
+        "axis": axis,
+        "kind": "sine",
+        "amplitude_deg": 8.6,
+        "frequency_hz": frequency_hz,
+        "start_s": 1.0,
+    }
+    for axis, frequency_hz in SINES.items()
+]
+"""As on the slow platform: it leans by up to 12 deg when somebody takes over."""
+
+
+class Relieved:
+    """Balances, is gone for a while, and is replaced by another one."""
+
+    name = "relieved"
+
+    def __init__(self, robot: Robot, *, gone_at_s: float) -> None:
+        self._robot = robot
+        self._gone_at_s, self._time_s = gone_at_s, 0.0
+        self._now = WholeBodyController(robot, ControllerSettings())
+        self._is_gone = False
+        self.failure: QpData | None = None
+
+    def start(self, snapshot: Snapshot, q_command: Array) -> None:
+        self._now.start(snapshot, q_command)
+
+    def step(
+        self, snapshot: Snapshot, reference: Reference | None = None
+    ) -> ControllerOutput:
+        self._time_s += self._robot.period_s
+        is_gone = 0.0 <= self._time_s - self._gone_at_s < LEFT_ALONE_S
+        if self._is_gone and not is_gone:
+            self._now = WholeBodyController(self._robot, ControllerSettings())
+            self._now.start(snapshot, self._last.q_command)
+        self._is_gone = is_gone
+        if not is_gone:
+            self._last = self._now.step(snapshot, reference)
+        return self._last
+
+
+@pytest.mark.parametrize("gone_at_s", [1.9, 3.6, 4.4])
+def test_it_finds_its_balance_on_moving_ground(walker: Robot, gone_at_s: float) -> None:
+    """On ground that turns on, or is about to turn back."""
+    run = run_closed_loop(
+        walker,
+        controller=Relieved(walker, gone_at_s=gone_at_s),
+        duration_s=DURATION_S,
+        platform=[{"foot": "both", "motion": MOTION}],
+    )
+    assert not run.fell
+    error = run.com_true - run.soles_true.mean(axis=1)
+    late = run.time_s > LATE_S
+    assert np.abs(error[late, :2] - error[0, :2]).max() < NEAR_M
