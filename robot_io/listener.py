@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import os
-import secrets
 import sys
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import zenoh
 from zenoh.handlers import Callback
 
 from robot_io.census import Census, take_census
 from robot_io.dial import dialed_bus
-from robot_io.errors import RobotUnreachableError
+from robot_io.onlooker import Onlooker
 from robot_io.quiet import SWITCH_INTERVAL_S
 from robot_io.robot import Robot
-from robot_io.session import unreachable
 from schemas.endpoints import Endpoints
-from schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
+from schemas.topics import ALIVE_ROBOT
 
 POLL_S = 0.01
 KEPT = 200_000
@@ -44,7 +39,7 @@ class Heard(NamedTuple):
     received_ns: int
 
 
-class Listener:
+class Listener(Onlooker):
     """Hears keys, known or not, without any part in the robot's control.
 
     Unlike :class:`robot_io.observer.Observer`, which reads a robot's channels, it
@@ -74,49 +69,12 @@ class Listener:
             patterns: keys or patterns relative to the namespace.
             elsewhere: hear keys outside the namespace too.
         """
+        super().__init__(robot, endpoints=endpoints)
         self.lost = 0
-        self._namespace = robot.file.namespace
-        self._endpoints = endpoints
         self._patterns = [f"{self._namespace}/{pattern}" for pattern in patterns]
         self._elsewhere = elsewhere
         self._heard: deque[Heard] = deque()
-        self._robot_is_here = threading.Event()
-        self._stack = ExitStack()
         self._session: zenoh.Session | None = None
-
-    def __enter__(self) -> Self:
-        """Does nothing yet; see :meth:`connect`."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Closes the bus."""
-        self._stack.close()
-
-    def connect(self, *, timeout_s: float) -> None:
-        """Dials until the robot is alive there.
-
-        Args:
-            timeout_s: how long in all [s].
-
-        Raises:
-            EndpointError: a locator is malformed.
-            RobotUnreachableError: no robot was ready in time.
-        """
-        end = time.monotonic() + timeout_s
-        self._open(timeout_s)
-        if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
-            what = f"no robot {self._namespace!r} is ready"
-            raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
-
-    @property
-    def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows."""
-        return self._robot_is_here.is_set()
 
     def take(self, *, timeout_s: float = 0.0) -> list[Heard]:
         """All messages that have come, in the order in which they came.
@@ -139,24 +97,21 @@ class Listener:
             raise RuntimeError("not connected; call connect first")
         return take_census(self._session, namespace=self._namespace)
 
-    def _open(self, timeout_s: float) -> None:
-        with ExitStack() as stack:
-            # Other threads get short turns, so that stamps are not late.
-            stack.callback(sys.setswitchinterval, sys.getswitchinterval())
-            sys.setswitchinterval(SWITCH_INTERVAL_S)
-            # Without namespace: only so are other keys and the census to be seen.
-            bus = stack.enter_context(
-                dialed_bus(self._endpoints, namespace="", timeout_s=timeout_s)
-            )
-            self._session = bus.session
-            for pattern in self._patterns:
-                self._subscribe(pattern, self._on_sample)
-            if self._elsewhere:
-                self._subscribe("**", self._on_foreign_sample)
-            token = f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}"
-            bus.announce(f"{self._namespace}/{token}")
-            bus.watch_presence(f"{self._namespace}/{ALIVE_ROBOT}", self._on_robot)
-            self._stack = stack.pop_all()
+    def _open(self, stack: ExitStack, timeout_s: float) -> None:
+        # Other threads get short turns, so that stamps are not late.
+        stack.callback(sys.setswitchinterval, sys.getswitchinterval())
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
+        # Without namespace: only so are other keys and the census to be seen.
+        bus = stack.enter_context(
+            dialed_bus(self._endpoints, namespace="", timeout_s=timeout_s)
+        )
+        self._session = bus.session
+        for pattern in self._patterns:
+            self._subscribe(pattern, self._on_sample)
+        if self._elsewhere:
+            self._subscribe("**", self._on_foreign_sample)
+        bus.announce(f"{self._namespace}/{self._token()}")
+        bus.watch_presence(f"{self._namespace}/{ALIVE_ROBOT}", self._on_robot)
 
     def _subscribe(
         self, pattern: str, on_sample: Callable[[zenoh.Sample], None]
@@ -178,10 +133,3 @@ class Listener:
     def _on_foreign_sample(self, sample: zenoh.Sample) -> None:
         if not str(sample.key_expr).startswith(f"{self._namespace}/"):
             self._on_sample(sample)
-
-    def _on_robot(self, key: str, is_there: bool) -> None:
-        del key
-        if is_there:
-            self._robot_is_here.set()
-        else:
-            self._robot_is_here.clear()

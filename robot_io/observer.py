@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import secrets
-import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import msgspec
 
 from robot_io.channel import Channel
 from robot_io.dial import dialed_bus
-from robot_io.errors import RobotUnreachableError
+from robot_io.onlooker import Onlooker
 from robot_io.requests import Requests
 from robot_io.robot import Robot
 from robot_io.service_caller import ServiceCaller
-from robot_io.session import unreachable
 from robot_io.sight import SEEN_CHANNELS, Sight
 from schemas.codec import decode
 from schemas.endpoints import Endpoints
 from schemas.errors import MessageError
 from schemas.topics import (
-    ALIVE_OBSERVER,
     ALIVE_ROBOT,
     ALIVE_STABILIZER,
     TOPICS,
@@ -59,7 +53,7 @@ class Sample(NamedTuple):
     received_ns: int
 
 
-class Observer:
+class Observer(Onlooker):
     """Receives channels of a robot without any part in its control.
 
     A context manager, used by one thread. Zenoh keeps the messages in rings until
@@ -104,51 +98,16 @@ class Observer:
             depth: messages kept per channel until taken; older ones give way.
             identity: named in the robot's log when something is asked.
         """
+        super().__init__(robot, endpoints=endpoints)
         self._identity = identity
         self.channels = tuple(channels)
-        self._robot, self._endpoints, self._depth = robot, endpoints, depth
+        self._robot, self._depth = robot, depth
         self._kinds: dict[str, type[msgspec.Struct]] = {
             name: topic(name).message for name in self.channels
         }
         self._rings: dict[str, Channel] = {}
         self._seen: dict[str, msgspec.Struct] = {}
-        self._robot_is_here = threading.Event()
         self._stabilizers: set[str] = set()
-        self._stack = ExitStack()
-
-    def __enter__(self) -> Self:
-        """Does nothing yet; see :meth:`connect`."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Closes the bus."""
-        self._stack.close()
-
-    def connect(self, *, timeout_s: float) -> None:
-        """Dials until the robot is alive there.
-
-        Args:
-            timeout_s: how long in all [s].
-
-        Raises:
-            EndpointError: a locator is malformed.
-            RobotUnreachableError: no robot was ready in time.
-        """
-        end = time.monotonic() + timeout_s
-        self._open(timeout_s)
-        if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
-            what = f"no robot {self._robot.file.namespace!r} is ready"
-            raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
-
-    @property
-    def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows."""
-        return self._robot_is_here.is_set()
 
     @property
     def stabilizers(self) -> tuple[str, ...]:
@@ -211,43 +170,29 @@ class Observer:
                     break
                 yield Sample(name, data, time.monotonic_ns())
 
-    def _open(self, timeout_s: float) -> None:
+    def _open(self, stack: ExitStack, timeout_s: float) -> None:
         """Opens the bus and declares everything, the liveliness token last.
 
         Declarations reach the robot in this order: whoever sees the token, or
         receives something on the last channel, knows that the robot sends the others.
         """
-        with ExitStack() as stack:
-            bus = stack.enter_context(
-                dialed_bus(
-                    self._endpoints,
-                    namespace=self._robot.file.namespace,
-                    timeout_s=timeout_s,
-                )
-            )
-            keys = self._robot.keys
-            self._rings = {
-                name: bus.channel(keys[name], depth=self._depth)
-                for name in self.channels
-            }
-            caller = ServiceCaller(
-                bus.session,
-                joint_count=self._robot.n_a,
-                timeout_s=REQUEST_TIMEOUT_S,
-                robot_is_here=self._robot_is_here.is_set,
-            )
-            self.requests = Requests(caller, self._robot, source=self._identity)
-            bus.announce(f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}")
-            bus.watch_presence(ALIVE_ROBOT, self._on_robot)
-            bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
-            self._stack = stack.pop_all()
-
-    def _on_robot(self, key: str, is_there: bool) -> None:
-        del key
-        if is_there:
-            self._robot_is_here.set()
-        else:
-            self._robot_is_here.clear()
+        bus = stack.enter_context(
+            dialed_bus(self._endpoints, namespace=self._namespace, timeout_s=timeout_s)
+        )
+        keys = self._robot.keys
+        self._rings = {
+            name: bus.channel(keys[name], depth=self._depth) for name in self.channels
+        }
+        caller = ServiceCaller(
+            bus.session,
+            joint_count=self._robot.n_a,
+            timeout_s=REQUEST_TIMEOUT_S,
+            robot_is_here=self._robot_is_here.is_set,
+        )
+        self.requests = Requests(caller, self._robot, source=self._identity)
+        bus.announce(self._token())
+        bus.watch_presence(ALIVE_ROBOT, self._on_robot)
+        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
 
     def _on_stabilizer(self, key: str, is_there: bool) -> None:
         identity = key.rsplit("/", 1)[-1]
