@@ -2,6 +2,7 @@
 
     python -m benchmarks.observers [--observers 3] [--rounds 5] [--seconds 10]
                                    [--lockstep] [--controller whole-body]
+                                   [--realtime-priority P]
 
 Rounds alternate, so that what else the machine does meets both alike: robot and
 stabilizer as two processes in real time, alone, and then with observers in processes
@@ -84,15 +85,15 @@ class Watcher:
 
 
 def one_run(
-    scenario: Path, pace: str, controller: str, observers: int
+    scenario: Path, how: list[str], controller: str, observers: int
 ) -> tuple[PlantResult, list[int]]:
     """A run, and how many ticks each observer got."""
     endpoints = private_endpoints()
     (locator,) = endpoints.listen
     folder = scenario.parent
     result = folder / "plant.json"
-    words = ("robot", scenario, "--listen", locator, pace, "--result-file", result)
-    dial = ("stabilizer", "--connect", locator, pace, "--controller", controller)
+    words = ("robot", scenario, "--listen", locator, "--result-file", result, *how)
+    dial = ("stabilizer", "--connect", locator, "--controller", controller, *how)
     with Started(folder / "robot.log", *words) as plant:
         plant.wait_for("waits for a stabilizer")
         watchers = [Watcher(endpoints) for _ in range(observers)]
@@ -127,15 +128,19 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--lockstep", action="store_true")
     parser.add_argument("--controller", default="whole-body")
+    parser.add_argument("--realtime-priority", help="of robot and stabilizer")
     arguments = parser.parse_args()
     pace = "--lockstep" if arguments.lockstep else "--realtime"
+    how = [pace]
+    if arguments.realtime_priority is not None:
+        how += ["--realtime-priority", arguments.realtime_priority]
     found: dict[int, list[PlantResult]] = {0: [], arguments.observers: []}
     with tempfile.TemporaryDirectory() as name:
         scenario = Path(name) / "observed.toml"
         scenario.write_text(SCENARIO.format(seconds=arguments.seconds))
         for _ in range(arguments.rounds):
             for count, results in found.items():
-                result, heard = one_run(scenario, pace, arguments.controller, count)
+                result, heard = one_run(scenario, how, arguments.controller, count)
                 results.append(result)
                 print(line(f"{count} observers", result, heard), flush=True)
     print(f"\nmedian over {arguments.rounds} rounds, {pace[2:]}")
