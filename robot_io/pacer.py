@@ -39,7 +39,7 @@ class Pacer:
         """Sleeps until the next tick is due; not at all when it already is."""
         ahead_ns = self._next_ns - time.monotonic_ns()
         if ahead_ns > 0:
-            time.sleep(ahead_ns / NS_PER_S)
+            time.sleep(ahead_ns / NS_PER_S)  # the robot's own period
         late_ns = time.monotonic_ns() - self._next_ns
         self._lateness.add(late_ns)
         self._next_ns += self._period_ns

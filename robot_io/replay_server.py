@@ -107,13 +107,14 @@ class ReplayServer:
             now = {
                 name
                 for name, publisher in self._publishers.items()
+                # Its type stubs lack this property.
                 if publisher.matching_status.matching  # type: ignore[attr-defined]
             }
             if now != seen:
                 seen, since_s = now, time.monotonic()
             elif seen and time.monotonic() - since_s >= SETTLED_S:
                 return True
-            time.sleep(POLL_S)
+            time.sleep(POLL_S)  # to see that nobody else comes, time has to pass
         return False
 
     def publish(self, channel: str, data: bytes) -> None:

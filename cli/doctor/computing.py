@@ -77,7 +77,7 @@ def check_clock() -> Finding:
     due = time.monotonic()
     for _ in range(JITTER_TICKS):
         due += TICK_S
-        time.sleep(max(0.0, due - time.monotonic()))
+        time.sleep(max(0.0, due - time.monotonic()))  # how late it ends is the finding
         late.append(time.monotonic() - due)
         due = max(due, time.monotonic() - TICK_S)
     late.sort()

@@ -115,6 +115,7 @@ class McapFile:
                     for name, count in self.counts.items()
                 }
                 self._writer.add_metadata(COUNTS, counts)
+                # mcap gives this method no types.
                 self._writer.finish()  # type: ignore[no-untyped-call]
                 self._file.flush()
             self._file.close()

@@ -43,7 +43,7 @@ def record_bus(
             if not is_ready and file.counts["status"].messages:
                 is_ready = True
                 on_ready()
-            time.sleep(PERIOD_S)
+            time.sleep(PERIOD_S)  # gathers: waking per message would cost the loop
         while samples := observer.take(timeout_s=LAST_S):
             file.add(samples)
             if stop.is_set and observer.robot_is_here:

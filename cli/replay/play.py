@@ -88,6 +88,7 @@ def _paced(
         while (ahead_s := due_s - time.monotonic()) > SHORTEST_NAP_S:
             if stop.is_set:
                 return
+            # The pace of the record, in naps so short that a stop is soon seen.
             time.sleep(min(ahead_s, LONGEST_NAP_S))
         if stop.is_set:
             return

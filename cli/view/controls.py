@@ -35,6 +35,7 @@ def add_controls(gui: Any, asker: Asker) -> None:
     )
     resume = gui.add_button("Resume", color=GREY, hint="Balance again after a hold.")
 
+    # viser gives its decorators no types.
     @estop.on_click  # type: ignore[untyped-decorator]
     def _(event: Any) -> None:
         asker.ask_now("e-stop", lambda requests: requests.stop_robot())

@@ -104,7 +104,7 @@ class LivePage:
             pause_s = due_s - time.monotonic()
             if pause_s < 0.0:  # behind: leave frames out, never catch up in a burst
                 due_s, pause_s = time.monotonic(), 0.001
-            time.sleep(pause_s)
+            time.sleep(pause_s)  # the pace of the frames
 
     def _draw(self, sight: Sight) -> None:
         ticks = tuple(-1 if message is None else message.tick for message in sight)

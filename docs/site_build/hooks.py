@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:  # mkdocs knows the folder of this file only
     sys.path.insert(0, str(ROOT))
 
+# After the path above, without which it is not found.
 from docs.site_build import generated_pages, source_links  # noqa: E402
 
 _MATH = re.compile(

@@ -63,6 +63,7 @@ class Forwarder:
 
     def close(self) -> None:
         """Hears nothing more."""
+        # Zenoh gives this method no types.
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
 
     def _on_sample(self, sample: zenoh.Sample) -> None:

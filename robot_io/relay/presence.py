@@ -40,4 +40,5 @@ class PresenceMirror:
             liveliness = self._target.session.liveliness()
             self._tokens[key] = liveliness.declare_token(key)
         elif not is_there and key in self._tokens:
+            # Zenoh gives this method no types.
             self._tokens.pop(key).undeclare()  # type: ignore[no-untyped-call]

@@ -81,6 +81,7 @@ class _OpenQuery:
         self._asks = asks
         self._lock = threading.Lock()
         if asks == 0:
+            # Zenoh gives this method no types.
             query.drop()  # type: ignore[no-untyped-call]
 
     def answer(self, reply: zenoh.Reply) -> None:
@@ -94,4 +95,5 @@ class _OpenQuery:
             self._asks -= 1
             is_over = self._asks == 0
         if is_over:
+            # Zenoh gives this method no types.
             self._query.drop()  # type: ignore[no-untyped-call]
