@@ -1,11 +1,13 @@
 """Tunes the ZMP baseline on training scenarios, by coordinate search.
 
     python -m benchmarks.tune_zmp [--jobs 2] [--seeds 1] [--rounds 2] [--out DIR]
+                                  [--servo-profile NAME]
 
 Begins at the published values (zmp-stock). First a full grid over the two foot
 admittances for both kinds of speed limits, since they belong together; then, round
 after round, each setting over its range, the others kept at their best. The training
-scenarios are those of benchmarks/training, none of which ships. A point costs
+scenarios are those of benchmarks/training, none of which ships. The servos are those
+of the robot's file, or the profile named. A point costs
 
     1000 x falls + mean over runs of (CoM error / 10 mm + force deviation / 50 N)
 
@@ -19,6 +21,7 @@ from __future__ import annotations
 import argparse
 import csv
 import itertools
+import json
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
@@ -49,20 +52,23 @@ RANGES: dict[str, list[Any]] = {
     "dcm_kp": [1.0, 2.0, 3.0, 4.0, 5.0],
     "dcm_ki": [5.0, 10.0, 15.0, 20.0],
     "dcm_kd": [0.0, 0.25, 0.5],
+    "dcm_bias": ["off", "bias", "filter"],
     "com_admittance": [0.0, 0.1, 0.25, 0.5],
     "height_stiffness": [0.0, 0.5],
     "drift_hz": [0.5, 1.0, 2.0],
-    "cop_admittance": [0.05, 0.07, 0.085, 0.1],
-    "force_admittance": [3e-4, 4e-4, 5e-4],
+    "cop_admittance": [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.085, 0.1],
+    "force_admittance": [5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 5e-4],
 }
 
 
-def run_once(point: Point, scenario: str, seed: int) -> tuple[bool, float, float]:
+def run_once(
+    point: Point, scenario: str, seed: int, servo_profile: str | None
+) -> tuple[bool, float, float]:
     """One training run: fell, CoM error [mm], force deviation [N]."""
     plan = make_plan(
         scenario,
         robot="walker",
-        servo_profile=None,
+        servo_profile=servo_profile,
         controller="zmp",
         settings_file=START,
         overrides=[f"zmp.{name}={value}" for name, value in point.items()],
@@ -81,10 +87,13 @@ class Search:
         rows: one per point tried.
     """
 
-    def __init__(self, pool: ProcessPoolExecutor, *, seeds: int) -> None:
+    def __init__(
+        self, pool: ProcessPoolExecutor, *, seeds: int, servo_profile: str | None
+    ) -> None:
         """Begins with no points."""
         self._pool = pool
         self._seeds = seeds
+        self._servo_profile = servo_profile
         self.rows: list[Point] = []
 
     def best_of(self, points: list[Point]) -> Point:
@@ -94,7 +103,9 @@ class Search:
         new = list({_key(p): p for p in new}.values())
         jobs = [
             [
-                self._pool.submit(run_once, point, str(scenario), seed)
+                self._pool.submit(
+                    run_once, point, str(scenario), seed, self._servo_profile
+                )
                 for scenario in TRAINING
                 for seed in range(self._seeds)
             ]
@@ -126,9 +137,8 @@ def _key(point: Point) -> tuple[tuple[str, Any], ...]:
     return tuple(sorted(changed.items()))
 
 
-def search(pool: ProcessPoolExecutor, *, seeds: int, rounds: int, out: Path) -> None:
+def search(found: Search, *, rounds: int, out: Path) -> None:
     """Grid over the foot admittances, then coordinate rounds until nothing changes."""
-    found = Search(pool, seeds=seeds)
     # Where the search begins, so that the table shows what tuning brought.
     found.best_of([{}])
     grid = itertools.product(GRID["cop_admittance"], GRID["force_admittance"])
@@ -164,7 +174,7 @@ def write(found: Search, out: Path) -> None:
             rounded = [f"{figure:.4g}" for figure in figures]
             table.writerow(rounded + [row["point"].get(name, "") for name in names])
     lines = ["# Best point; what is not named is as in zmp-stock.", "[zmp]"]
-    lines += [f"{name} = {value}" for name, value in rows[0]["point"].items()]
+    lines += [f"{name} = {json.dumps(v)}" for name, v in rows[0]["point"].items()]
     (out / "best.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -174,10 +184,14 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--servo-profile")
     parser.add_argument("--out", type=Path, default=Path("out/tune-zmp"))
     arguments = parser.parse_args()
     with ProcessPoolExecutor(arguments.jobs) as pool:
-        search(pool, seeds=arguments.seeds, rounds=arguments.rounds, out=arguments.out)
+        found = Search(
+            pool, seeds=arguments.seeds, servo_profile=arguments.servo_profile
+        )
+        search(found, rounds=arguments.rounds, out=arguments.out)
     print(f"wrote {arguments.out}/points.csv and best.toml")
     return 0
 

@@ -8,7 +8,7 @@ are ``estimator`` and ``contact``.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -35,6 +35,17 @@ class ZmpSettings(FileStruct, frozen=True, kw_only=True):
     """Largest average, per axis [m]."""
     dcm_derivator_s: Positive = 1.0
     """Time constant of the offset removed from the velocity error [s]."""
+    dcm_bias: Literal["off", "bias", "filter"] = "off"
+    """Kalman filter that tells a bias of the measured centre of mass from an error:
+    ``bias`` takes the bias off the DCM error, ``filter`` uses the filtered DCM too."""
+    dcm_bias_dcm_std_m: Positive = 0.01
+    """Its standard deviation of the measured DCM, for a period of 5 ms [m]."""
+    dcm_bias_zmp_std_m: Positive = 0.05
+    """Its standard deviation of the measured ZMP, for a period of 5 ms [m]."""
+    dcm_bias_drift_m_s: Positive = 0.02
+    """Its standard deviation of the bias's drift, for a period of 5 ms [m/s]."""
+    dcm_bias_limit_m: NonNegative = 0.02
+    """Largest bias, per axis of the base [m]."""
     com_velocity_lag_s: Positive = 0.01
     """Low-pass of the measured CoM velocity [s]."""
     friction: Positive = 0.6

@@ -66,7 +66,7 @@ def write_report(
         curves=_curves(summaries),
         figures=_figures(folder),
         variants=[VARIANTS[name] for name in used],
-        settings={name: settings_text(VARIANTS[name].resolve()) for name in used},
+        settings=_settings(used),
     )
     write_csv(folder / "summary.csv", summaries)
     findings = {"claims": paper, "goals": own}
@@ -74,6 +74,17 @@ def write_report(
     _write(folder / "results.md", _markdown(paper, own, summaries).encode())
     _write(folder / "index.html", page.encode())
     return folder / "index.html"
+
+
+def _settings(names: list[str]) -> dict[str, str]:
+    """Every setting of these controllers, once more for servos that get others."""
+    texts = {}
+    for name in names:
+        variant = VARIANTS[name]
+        texts[name] = settings_text(variant.resolve(d.IDEAL))
+        for profile in variant.settings_of:
+            texts[f"{name}, {profile}"] = settings_text(variant.resolve(profile))
+    return texts
 
 
 def _curves(summaries: Summaries) -> list[str]:

@@ -51,7 +51,7 @@ def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
         robot=load_robot(robot, servo_profile=group.servo_profile),
         servo_profile=group.servo_profile,
         controller=variant.controller,
-        settings=variant.resolve(overrides),
+        settings=variant.resolve(group.servo_profile, extra=overrides),
         seed=cell.seed,
         mode="inline",
     )

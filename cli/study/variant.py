@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cli.errors import UsageError
@@ -19,6 +20,7 @@ class Variant:
         name: as in tables and plots.
         controller: of the command line.
         settings: name or path of a settings file, if any.
+        settings_of: other settings files by the servo profile they were made for.
         overrides: texts ``section.name=value``.
         about: what it gets, in words.
     """
@@ -26,16 +28,24 @@ class Variant:
     name: str
     controller: str
     settings: str | None = None
+    settings_of: Mapping[str, str] = field(default_factory=dict)
     overrides: tuple[str, ...] = ()
     about: str = ""
 
-    def resolve(self, extra: tuple[str, ...] = ()) -> ControllerSettings:
+    def resolve(
+        self, servo_profile: str, *, extra: tuple[str, ...] = ()
+    ) -> ControllerSettings:
         """All of its settings.
+
+        Args:
+            servo_profile: of the robot it will command.
+            extra: further texts ``section.name=value``.
 
         Raises:
             FileFormatError: a file or an override is malformed.
         """
-        file = None if self.settings is None else Path(self.settings)
+        name = self.settings_of.get(servo_profile, self.settings)
+        file = None if name is None else Path(name)
         return load_settings(file, overrides=[*self.overrides, *extra])
 
 
@@ -48,7 +58,11 @@ _KNOWN = (
         about="the published law alone: nothing fed forward",
     ),
     Variant(
-        "zmp-tuned", "zmp", "zmp-tuned", about="best of a search on other scenarios"
+        "zmp-tuned",
+        "zmp",
+        "zmp-tuned",
+        {"harmonic": "zmp-tuned-harmonic"},
+        about="best of a search on other scenarios, one for each servo profile",
     ),
     Variant("zmp-stock", "zmp", "zmp-stock", about="published gains and clamps"),
 )

@@ -7,6 +7,8 @@ randomness.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pinocchio as pin
 
@@ -192,6 +194,7 @@ class ZmpController:
             velocity=self._velocity,
             zmp=zmp,
             in_air=not any(in_contact),
+            yaw=self._heading(),
         )
         # A force through the measured centre of mass: no moment about it.
         wanted = np.zeros(6)
@@ -209,6 +212,11 @@ class ZmpController:
             distributed=distributed, measured=zmp, active=all(in_contact)
         )
         return "ok"
+
+    def _heading(self) -> float:
+        """Twist of the base about the vertical [rad]."""
+        _, _, z, w = self.estimator.q[N_BASE_V - 3 : N_BASE_V + 1]
+        return 2.0 * math.atan2(z, w)
 
     def _com_target(self) -> ComTarget:
         """Pendulum, CoM admittance and height in one."""

@@ -6,6 +6,9 @@ import pytest
 
 from cli.errors import UsageError
 from cli.study.parse import all_cells, parse_seeds, parse_vary
+from cli.study.variant import VARIANTS
+from robot_io.robot import load_robot
+from schemas.settings import ControllerSettings
 
 
 @pytest.mark.parametrize(
@@ -51,3 +54,19 @@ def test_unknown_controller_is_refused_with_the_valid_ones() -> None:
         all_cells(
             ["standing"], vary=[], variants=["zpm"], servo_profiles=["ideal"], seeds=[0]
         )
+
+
+def test_every_variant_has_settings_for_every_servo_profile() -> None:
+    profiles = load_robot("walker").file.servo.profiles
+    for variant in VARIANTS.values():
+        assert set(variant.settings_of) <= set(profiles)
+        for profile in profiles:
+            assert isinstance(variant.resolve(profile), ControllerSettings)
+
+
+def test_the_tuned_baseline_has_its_own_settings_for_slow_servos() -> None:
+    tuned = VARIANTS["zmp-tuned"]
+    assert tuned.resolve("ideal") == ControllerSettings()
+    slow = tuned.resolve("harmonic", extra=("zmp.dcm_kp=1.5",)).zmp
+    assert slow.cop_admittance != ControllerSettings().zmp.cop_admittance
+    assert slow.dcm_kp == 1.5
