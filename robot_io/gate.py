@@ -9,6 +9,7 @@ import numpy as np
 
 from robot_io.authority import Authority
 from robot_io.limits import CommandLimits
+from robot_io.loop_delay import LoopDelay
 from robot_io.robot import Robot
 from robot_io.verdict import Answer, Limit, Refusal, Verdict
 from schemas.arrays import Array
@@ -32,7 +33,8 @@ class CommandGate:
 
     However many commands come within a tick, the posture moves by one tick's step at
     most. When the commander falls silent the gate holds the last posture; the same
-    commander may go on from there, until the silence has become a fault. What goes
+    commander may go on from there, until the silence has become a fault. So has a loop
+    that answers, but too late on average to balance with. What goes
     beyond a limit is clipped to it, refused, or in ``warn_only`` followed and counted,
     as the robot file says.
 
@@ -40,6 +42,7 @@ class CommandGate:
         authority: mode, fault, reason and lease.
         refused: refused commands by reason.
         clipped: clipped commands by limit.
+        delay: average age of what the servos follow.
     """
 
     def __init__(self, robot: Robot, posture: Array) -> None:
@@ -59,6 +62,7 @@ class CommandGate:
         self._oldest = math.ceil(self._max_age_s / robot.period_s)
         self._began = [(NEVER, 0.0)] * (self._oldest + 1)
         """When the last ticks began, by tick modulo its length: (tick, time [s])."""
+        self.delay = LoopDelay(period_s=robot.period_s, oldest=self._oldest)
         self._limits = CommandLimits(robot)
         self._posture = np.array(posture, dtype=np.float64)
         self._before = self._posture.copy()
@@ -91,6 +95,7 @@ class CommandGate:
             self._is_first = self.mode is RobotMode.ACTIVE
             self._is_commanded = False
             self._heard_s = now_s
+            self.delay.restart()
         return answer
 
     def begin_tick(self, *, now_s: float, tick: int | None = None) -> None:
@@ -99,13 +104,16 @@ class CommandGate:
         Args:
             now_s: the robot's time, never going back [s].
             tick: the tick; from then on the age of a command that answers it counts
-                by time as well, which ticks of a loop that is late do not tell.
+                by time as well, which ticks of a loop that is late do not tell. The
+                delay of the loop is watched only where ticks are told.
         """
         if tick is not None:
             self._began[tick % len(self._began)] = (tick, now_s)
         np.copyto(self._before, self._posture)
         if self._listens():
             self._watch(now_s - self._heard_s)
+        if tick is not None and self.mode is RobotMode.ACTIVE:
+            self._watch_delay(tick)
         lease = self.authority.lease
         if lease.has_expired(now_s=now_s):
             self.authority.lose(f"{lease.holder} let its lease expire")
@@ -141,7 +149,10 @@ class CommandGate:
         ):
             detail = f"answers sensors {now_s - began_s:.3f} s old"
             return self.refuse(Refusal.LATE, detail)
-        return self._check_posture(command.q, now_s)
+        verdict = self._check_posture(command.q, now_s)
+        if verdict.accepted:
+            self.delay.follow(command.tick)
+        return verdict
 
     def refuse(self, refusal: Refusal, detail: str) -> Verdict:
         """Refuses a command, also one that could not even be read."""
@@ -235,3 +246,13 @@ class CommandGate:
             self.authority.fail(f"no command for {silence_s:.3f} s")
         elif silence_s > settings.hold_after_s and self.mode is RobotMode.ACTIVE:
             self.authority.hold_for_silence(f"no command for {silence_s:.3f} s")
+
+    def _watch_delay(self, tick: int) -> None:
+        """Acts on a loop that is too slow, though never silent."""
+        self.delay.count(tick)
+        limit_s = self._settings.max_loop_delay_s
+        if limit_s is not None and self.delay.mean_s > limit_s:
+            self.authority.fail(
+                f"commands answered sensors over {1e3 * limit_s:g} ms old on average: "
+                "the loop is too slow"
+            )

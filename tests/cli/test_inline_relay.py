@@ -127,3 +127,28 @@ def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(
     done = relayed(run_plan(scenario), cut(["imu"], 3600.0), tmp_path)
     assert done.controller.reason == "held: imu missing"
     assert not done.plant.fell
+
+
+def late_commands(ms: float) -> RelayPlan:
+    """Every command comes later by so much."""
+    fault = {"kind": "delay", "direction": "commands", "ms": ms}
+    return relay_plan_from_table({"name": "late", "fault": [fault]}, source="test")
+
+
+def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(
+    tmp_path: Path,
+) -> None:
+    """No single command is too old, and there is one in every tick."""
+    plan = run_plan(Path("moving-platform-fast"))
+    done = relayed(plan, late_commands(6.0), tmp_path)
+    assert done.controller.reason.startswith(
+        "the robot is in fault: commands answered sensors over 4.5 ms old on average"
+    )
+    assert done.plant.refused.get("late", 0) == 0
+
+
+def test_a_loop_slower_by_3_ms_balances(short_scenario: Path, tmp_path: Path) -> None:
+    plan = run_plan(short_scenario)
+    done = relayed(plan, late_commands(3.0), tmp_path)
+    assert done.controller.reason == "run over"
+    assert not done.plant.fell
