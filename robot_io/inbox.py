@@ -2,45 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 from robot_io.channel import Channel
-from schemas.codec import decode
-from schemas.errors import MessageError
+from robot_io.message_reader import MessageReader
 from schemas.messages import Message
 
 M = TypeVar("M", bound=Message)
 NEVER = -1
 
 
-class Inbox(Generic[M]):
+class Inbox(MessageReader[M]):
     """Reads a channel message by message.
 
     What cannot be read is counted and skipped; so is what comes twice, or after a
     message of a later tick.
 
     Attributes:
-        malformed: messages that could not be read.
         outdated: messages that came twice or too late.
-        error: what was wrong with the last malformed one.
     """
 
     def __init__(
         self, channel: Channel, kind: type[M], *, joint_count: int | None = None
     ) -> None:
-        """Reads from a channel.
-
-        Args:
-            channel: where the bytes come from.
-            kind: what they must be.
-            joint_count: n_a, when the message holds per-joint fields.
-        """
-        self.malformed = 0
+        """Reads from a channel; see :class:`MessageReader`."""
+        super().__init__(channel, kind, joint_count=joint_count)
         self.outdated = 0
-        self.error = ""
-        self._channel = channel
-        self._kind = kind
-        self._joint_count = joint_count
         self._head: M | None = None
         self._last_tick = NEVER
 
@@ -87,13 +74,8 @@ class Inbox(Generic[M]):
         self._last_tick = NEVER
 
     def _read(self, data: bytes) -> M | None:
-        try:
-            message = decode(data, self._kind, joint_count=self._joint_count)
-        except MessageError as error:
-            self.malformed += 1
-            self.error = str(error)
-            return None
-        if message.tick <= self._last_tick:
+        message = self._decode(data)
+        if message is not None and message.tick <= self._last_tick:
             self.outdated += 1
             return None
         return message

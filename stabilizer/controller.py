@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from robot_io.snapshot import Snapshot
 from schemas.arrays import Array, Vec3
 from schemas.messages import Reference
@@ -32,6 +34,23 @@ class ControllerOutput:
     com_reference: Vec3
     in_contact: tuple[bool, bool]
     qp_status: str
+
+    @classmethod
+    def holding(cls, q_command: Array) -> ControllerOutput:
+        """An answer that holds a posture and tells nothing of wrenches.
+
+        Args:
+            q_command: (n_a,) the posture, bus order [rad]; kept, not copied.
+        """
+        return cls(
+            q_command=q_command,
+            F_id=np.zeros(12),
+            F_meas=np.zeros(12),
+            com=np.zeros(3),
+            com_reference=np.zeros(3),
+            in_contact=(True, True),
+            qp_status="ok",
+        )
 
 
 class Controller(Protocol):

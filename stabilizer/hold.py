@@ -22,7 +22,7 @@ class HoldController:
         Args:
             joint_count: n_a.
         """
-        self._output = _holding(np.zeros(joint_count))
+        self._output = ControllerOutput.holding(np.zeros(joint_count))
         self.failure: QpData | None = None
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
@@ -33,7 +33,7 @@ class HoldController:
             q_command: (n_a,) posture the servos hold [rad].
         """
         del snapshot
-        self._output = _holding(q_command.copy())
+        self._output = ControllerOutput.holding(q_command.copy())
 
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
@@ -41,15 +41,3 @@ class HoldController:
         """Answers one tick with the posture it started from."""
         del snapshot, reference
         return self._output
-
-
-def _holding(q_command: Array) -> ControllerOutput:
-    return ControllerOutput(
-        q_command=q_command,
-        F_id=np.zeros(12),
-        F_meas=np.zeros(12),
-        com=np.zeros(3),
-        com_reference=np.zeros(3),
-        in_contact=(True, True),
-        qp_status="ok",
-    )

@@ -213,7 +213,9 @@ class Safety:
         if share == 0.0:
             self.state = SafetyState.HELD
         self._command = self._command + share * self._motion
-        before = self._output if self._output is not None else _silent(self._command)
+        before = self._output
+        if before is None:
+            before = ControllerOutput.holding(self._command)
         self._output = replace(before, q_command=self._command)
         return self._output
 
@@ -225,17 +227,4 @@ def _up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
         2.0 * (x * z - y * w),
         2.0 * (y * z + x * w),
         1.0 - 2.0 * (x * x + y * y),
-    )
-
-
-def _silent(q_command: Array) -> ControllerOutput:
-    """An answer before the controller gave any."""
-    return ControllerOutput(
-        q_command=q_command,
-        F_id=np.zeros(12),
-        F_meas=np.zeros(12),
-        com=np.zeros(3),
-        com_reference=np.zeros(3),
-        in_contact=(True, True),
-        qp_status="ok",
     )
