@@ -41,6 +41,16 @@ def relay(
             rich_help_panel="Bus",
         ),
     ] = None,
+    listen_endpoints: Annotated[
+        Path | None,
+        typer.Option(
+            "--listen-endpoints",
+            metavar="FILE",
+            help="Listen with this file instead, as the robot does; needed with TLS, "
+            "where --endpoints dials as the stabilizer.",
+            rich_help_panel="Bus",
+        ),
+    ] = None,
     connect: options.ConnectOption = None,
     insecure: options.InsecureOption = False,
     as_json: options.JsonOption = False,
@@ -70,8 +80,14 @@ def relay(
         begin_as_child()
     faults = load_relay_plan(find_plan(plan))
     model = load_robot(robot)
-    meeting = _meeting(endpoints, listen or [], connect or [], insecure=insecure)
-    ours, robots = ", ".join(meeting.listen), ", ".join(meeting.connect)
+    dialing, listening = _both_sides(
+        endpoints,
+        listen_endpoints,
+        listen=listen or [],
+        connect=connect or [],
+        insecure=insecure,
+    )
+    ours, robots = ", ".join(listening.listen), ", ".join(dialing.connect)
     log_note(f"{faults.name!r}: dials {robots} for {wait_s:g} s at most")
 
     def on_ready() -> None:
@@ -80,7 +96,11 @@ def relay(
             report_ready()
 
     result = Relay(model, faults, seed=seed).run(
-        meeting, stop=StopRequest(), wait_s=wait_s, on_ready=on_ready
+        dialing,
+        listening=listening,
+        stop=StopRequest(),
+        wait_s=wait_s,
+        on_ready=on_ready,
     )
     if result_file is not None:
         write_struct(result_file, result)
@@ -92,21 +112,33 @@ def relay(
     raise typer.Exit(ExitCode.INTERRUPTED)
 
 
-def _meeting(
-    file: Path | None, listen: list[str], connect: list[str], *, insecure: bool
-) -> Endpoints:
-    """Both sides of the relay; they must not be the same place."""
+def _both_sides(
+    file: Path | None,
+    listen_file: Path | None,
+    *,
+    listen: list[str],
+    connect: list[str],
+    insecure: bool,
+) -> tuple[Endpoints, Endpoints]:
+    """How it dials the robot, and how it listens; they must not meet each other."""
     from cli.endpoints import choose_endpoints
     from cli.errors import UsageError
 
-    if file is None and not listen:
+    if file is None and listen_file is None and not listen:
         listen = [LISTEN]
-    meeting = choose_endpoints(file, listen=listen, connect=connect, insecure=insecure)
-    same = set(meeting.listen) & set(meeting.router or meeting.connect)
+    dialing = choose_endpoints(file, listen=[], connect=connect, insecure=insecure)
+    if dialing.tls is not None and listen_file is None:
+        raise UsageError(
+            f"{file}: with [tls] a relay has two identities; name the file it listens "
+            "with, as the robot, with --listen-endpoints"
+        )
+    place = listen_file or file
+    listening = choose_endpoints(place, listen=listen, connect=[], insecure=insecure)
+    same = set(listening.listen) & set(dialing.router or dialing.connect)
     if same:
         raise UsageError(
             f"the relay would dial itself at {', '.join(sorted(same))}; say where it "
             "listens for the stabilizer with --listen, and where the robot is with "
             "--connect"
         )
-    return meeting
+    return dialing, listening

@@ -71,6 +71,7 @@ class Relay:
         *,
         stop: StopRequest,
         wait_s: float,
+        listening: Endpoints | None = None,
         on_ready: Callable[[], None] | None = None,
     ) -> RelayResult:
         """Carries until asked to stop.
@@ -82,6 +83,8 @@ class Relay:
                 where the stabilizer's side dials.
             stop: ends it, besides signals.
             wait_s: how long to dial the robot [s].
+            listening: whose ``listen``, certificates and access are used instead where
+                the stabilizer's side dials, since with TLS each side has an identity.
             on_ready: told once both sides are open.
 
         Returns:
@@ -92,12 +95,13 @@ class Relay:
             RobotUnreachableError: nobody answered in time.
             RobotIoError: it cannot send any more.
         """
+        place = listening or endpoints
         pause = threading.Event()  # never set: a signal may come in the midst of a wait
         dispatcher = Dispatcher()
         with stop.on_signals(), ExitStack() as stack:
             robots_side = self._dial(endpoints, stop, wait_s, stack)
             if robots_side is not None:
-                other_side = stack.enter_context(self._bus(endpoints, Role.ROBOT))
+                other_side = stack.enter_context(self._bus(place, Role.ROBOT))
                 stack.enter_context(dispatcher.running())
                 stack.enter_context(quiet_interpreter())
                 stack.callback(self._disconnect)

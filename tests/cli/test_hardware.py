@@ -60,13 +60,13 @@ def start(tmp_path: Path) -> Iterator[Start]:
         process.communicate()
 
 
-def secured(folder: Path, *, router: bool = False) -> Callable[[str], Path]:
+def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:
     """Certificates, and a function that writes an identity's endpoint file."""
     make_certificates(folder / "certs", hosts=[], days=1)
-    locator = f"tls/127.0.0.1:{free_port()}"
+    place = f"tls/127.0.0.1:{free_port()}"
 
-    def endpoint_file(identity: str) -> Path:
-        path = folder / f"{identity}.toml"
+    def endpoint_file(identity: str, locator: str = place) -> Path:
+        path = folder / f"{identity}-{locator.rpartition(':')[2]}.toml"
         lines = [f'listen = ["{locator}"]', f'connect = ["{locator}"]']
         if router:
             lines += [f'router = ["{locator}"]']
@@ -125,3 +125,26 @@ def test_robot_and_stabilizer_meet_at_a_router(
     router.terminate()
     router.communicate(timeout=TIMEOUT_S)
     assert router.returncode == 130
+
+
+def test_a_relay_over_tls_dials_as_the_stabilizer_and_listens_as_the_robot(
+    start: Start, scenario: Path, tmp_path: Path
+) -> None:
+    file = secured(tmp_path)
+    beside = f"tls/127.0.0.1:{free_port()}"
+    robot = start("robot", "--json", scenario, "--endpoints", file("robot"))
+    between = ["--endpoints", file("stabilizer")]
+    between += ["--listen-endpoints", file("robot", beside)]
+    relay = start("relay", "clear", "--wait", 60, "--json", *between)
+    stabilizer = start(
+        *("stabilizer", "--controller", "hold", "--wait", 60),
+        *("--endpoints", file("stabilizer", beside)),
+    )
+    out, _ = robot.communicate(timeout=TIMEOUT_S)
+    stabilizer.communicate(timeout=TIMEOUT_S)
+    assert (robot.returncode, stabilizer.returncode) == (0, 0)
+    assert json.loads(out)["ticks"] == 1500
+    relay.terminate()
+    told, _ = relay.communicate(timeout=TIMEOUT_S)
+    assert relay.returncode == 130
+    assert json.loads(told)["counts"]["joint_command"]["left"] > 0

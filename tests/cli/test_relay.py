@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from robot_io.certificates import make_certificates
 from schemas.relay_plan import load_relay_plan
 from schemas.result import RunResult
 from tests.cli.conftest import REPOSITORY, Surefoot, environment
@@ -130,3 +131,18 @@ def test_a_relay_that_dies_is_named_as_the_one_who_failed(
         run.wait()
     assert run.returncode == 1, stderr
     assert "relay: was ended by signal 9" in stderr
+
+
+def test_with_tls_a_relay_asks_for_the_file_it_listens_with(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    make_certificates(tmp_path / "certs", hosts=[], days=1)
+    dials = tmp_path / "stabilizer.toml"
+    dials.write_text(
+        'connect = ["tls/127.0.0.1:7447"]\n[tls]\nca = "certs/ca.pem"\n'
+        'certificate = "certs/stabilizer.pem"\nkey = "certs/stabilizer.key.pem"\n'
+    )
+    done = surefoot("relay", "clear", "--endpoints", dials)
+    assert done.returncode == 2, done.stderr
+    assert "with [tls] a relay has two identities" in done.stderr
+    assert "--listen-endpoints" in done.stderr
