@@ -29,7 +29,7 @@ FIELDS = (
     ("ft_right",),
 )
 """What of a snapshot each sensor tells, in the order of ``TICK_SENSORS``."""
-JUMP = "jumped"
+JUMP, OVERLOAD = "jumped", "overloaded"
 
 
 class SensorHealth:
@@ -41,6 +41,8 @@ class SensorHealth:
     Attributes:
         lost: per sensor, in the order of ``TICK_SENSORS``, why it is lost; empty for
             a sensor that is believed.
+        overload_ticks: for how many ticks a foot has been reporting a force that lasts
+            only if it is false; the longer of both feet.
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
@@ -51,6 +53,7 @@ class SensorHealth:
             settings: limits and times.
         """
         self.lost = ["", "", "", ""]
+        self.overload_ticks = 0
         self._bridge = round(settings.bridge_s / robot.period_s)
         self._frozen_after = round(settings.frozen_after_s / robot.period_s)
         self._overload_after = round(settings.overload_after_s / robot.period_s)
@@ -148,6 +151,7 @@ class SensorHealth:
             if trouble:
                 for name in FIELDS[index]:
                     mended[name] = getattr(good, name)
+        self.overload_ticks = max(self._overloaded)
         self._is_calm = not (
             any(self._troubled)
             or any(self._repeats)
@@ -196,7 +200,7 @@ class SensorHealth:
         if self._repeats[index] >= self._frozen_after:
             return f"{name} frozen"
         if self._overloaded[index] > self._overload_after:
-            return f"{name} overloaded"
+            return f"{name} {OVERLOAD}"
         was_jump = self.lost[index].endswith(JUMP)
         if (was_jump or not self.lost[index]) and self._limits.has_jumped(index):
             return f"{name} {JUMP}"

@@ -19,7 +19,15 @@ from schemas.arrays import Array
 from schemas.messages import Reference
 from schemas.settings import SafetySettings
 from stabilizer.controller import Controller, ControllerOutput
-from stabilizer.health import IMU, JOINTS, LEFT_FT, RIGHT_FT, Ages, SensorHealth
+from stabilizer.health import (
+    IMU,
+    JOINTS,
+    LEFT_FT,
+    OVERLOAD,
+    RIGHT_FT,
+    Ages,
+    SensorHealth,
+)
 
 FELL = "fell"
 HELD = "held"
@@ -50,6 +58,17 @@ class Degradable(Protocol):
 
         Args:
             lost: whether the left and the right ankle sensor are.
+        """
+
+    def take_back(
+        self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
+    ) -> None:
+        """Returns to a former command, from which false forces have led away.
+
+        Args:
+            q_command: (n_a,) the command before, bus order [rad].
+            ticks: how long the forces were false; the return takes as long.
+            sides: whether those of the left and of the right foot were.
         """
 
 
@@ -85,6 +104,8 @@ class Safety:
         self._command: Array = np.zeros(robot.n_a)
         self._before: Array = self._command
         self._motion: Array = np.zeros(robot.n_a)
+        self._before_overload: Array = self._command
+        self._return_to: Array | None = None
 
     @property
     def has_fallen(self) -> bool:
@@ -119,6 +140,8 @@ class Safety:
         if self._gives_up():
             return self._fade_out()
         believed = self._health.check(snapshot, ages, moves=self._moves)
+        if self._health.overload_ticks == 1:
+            self._before_overload = self._command.copy()
         if not self._health.all_believed or any(self._degraded):
             self._weigh()
         self._look_for_fall(believed)
@@ -166,12 +189,23 @@ class Safety:
         what = ", ".join(filter(None, lost))
         policy = settings.both_ft_lost if all(feet) else settings.ft_lost
         controller = self.controller
+        lied = (
+            feet[0] and not self._degraded[0] and lost[LEFT_FT].endswith(OVERLOAD),
+            feet[1] and not self._degraded[1] and lost[RIGHT_FT].endswith(OVERLOAD),
+        )
         if any(feet) and (policy == "hold" or not isinstance(controller, Degradable)):
             self.stop(f"{HELD}: {what}")
+            self._return_to = self._before_overload if any(lied) else None
             return
         self._degraded = feet
         if isinstance(controller, Degradable):
             controller.degrade(feet)
+            if any(lied):
+                controller.take_back(
+                    self._before_overload,
+                    ticks=self._health.overload_ticks,
+                    sides=lied,
+                )
         if self.state is SafetyState.LEAVING:
             return
         self.state = SafetyState.DEGRADED if any(feet) else SafetyState.ACTIVE
@@ -205,9 +239,16 @@ class Safety:
         return replace(output, q_command=self._command + share * motion)
 
     def _fade_out(self) -> ControllerOutput:
-        """The last motion goes on, slower and slower, until it stands still."""
+        """The last motion goes on, slower and slower, until it stands still.
+
+        After false forces it is the way back from where they have led.
+        """
         if self._fade == 0:
             self._motion = self._command - self._before
+            if self._return_to is not None:
+                # The shares below add up to half the ticks.
+                steps = max(1.0, 0.5 * (self._fade_ticks - 1))
+                self._motion = (self._return_to - self._command) / steps
         self._fade += 1
         share = max(0.0, 1.0 - self._fade / self._fade_ticks)
         if share == 0.0:

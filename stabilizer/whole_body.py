@@ -69,6 +69,8 @@ class WholeBodyController:
         self._weight = weight
         self._normals = [0.5 * weight] * 2
         self._lost = (False, False)
+        self._return_ticks = 0
+        self._return_step: Array = np.zeros(self.model.n_a)
         self._since_start_s = 0.0
         self._reference: Reference | None = None
 
@@ -88,6 +90,7 @@ class WholeBodyController:
         """
         self.estimator.calibrate(snapshot)
         self._q_command[:] = q_command[self.model.to_model]
+        self._return_ticks = 0
         self._since_start_s = 0.0
 
     def degrade(self, lost: tuple[bool, bool]) -> None:
@@ -100,6 +103,25 @@ class WholeBodyController:
             lost: whether the left and the right sensor are to be left out.
         """
         self._lost = lost
+
+    def take_back(
+        self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
+    ) -> None:
+        """Returns to a former command, at constant speed and on top of all else.
+
+        What false forces have led to is undone as fast as it was done. Meanwhile the
+        feet concerned do not show their ground's motion, but that return.
+
+        Args:
+            q_command: (n_a,) the command before, bus order [rad].
+            ticks: how long the forces were false.
+            sides: whether those of the left and of the right foot were.
+        """
+        self._return_ticks = ticks
+        self._return_step = (q_command[self.model.to_model] - self._q_command) / ticks
+        for side in range(2):
+            if sides[side]:
+                self.law.doubt_ground(side)
 
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
@@ -196,6 +218,9 @@ class WholeBodyController:
         active_s = self._since_start_s - self._settings.estimator.calibration_s
         fade = min(max(active_s / settings.ramp_in_s, 0.0), 1.0)
         self._q_command += (fade * self._dt) * v_joint
+        if self._return_ticks:
+            self._return_ticks -= 1
+            self._q_command += self._return_step
         q_joint = self.dynamics.q[7:]
         reach = settings.windup_limit_rad
         q_command = self._q_command

@@ -81,6 +81,16 @@ class WrenchLaw:
         self._leak = dik.stance_leak
         self._ground_gain = ground.gain
 
+    def doubt_ground(self, side: int) -> None:
+        """Takes a foot's motion for its own, not its ground's, until it stood a while.
+
+        Args:
+            side: left or right.
+        """
+        self._low_passed[SOLE_ROWS[side]] = 0.0
+        self._share[side] = 0.0
+        self._turn_share[side][:] = [0.0, 0.0]
+
     def update(
         self,
         dynamics: Dynamics,

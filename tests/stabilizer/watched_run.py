@@ -7,9 +7,9 @@ from typing import Any
 
 from robot_io.delivery import Delivery
 from robot_io.robot import Robot
-from schemas.result import Distribution
+from schemas.result import Distribution, PlantResult
 from schemas.scenario import scenario_from_table
-from schemas.settings import ControllerSettings
+from schemas.settings import ControllerSettings, SafetySettings
 from sim_robot.simulated_robot import SimulatedRobot
 from stabilizer.controller import Controller
 from stabilizer.safety import Safety, SafetyState
@@ -24,6 +24,7 @@ class WatchedRun:
     Attributes:
         log_sha256: fingerprint of all readings and commands.
         fell: whether the robot did.
+        com_error_max_mm: (3,) largest error of the centre of mass [mm].
         states: what the safety layer went through, each stay once.
         reason: its last word.
         reasons: all it gave, each once, in order.
@@ -31,13 +32,19 @@ class WatchedRun:
 
     log_sha256: str
     fell: bool
+    com_error_max_mm: tuple[float, float, float] | None
     states: list[SafetyState]
     reason: str
     reasons: list[str]
 
 
 def watched_run(
-    robot: Robot, *, is_watched: bool = True, seed: int = 0, **scenario: Any
+    robot: Robot,
+    *,
+    is_watched: bool = True,
+    seed: int = 0,
+    safety_settings: SafetySettings | None = None,
+    **scenario: Any,
 ) -> WatchedRun:
     """Runs a scenario; other keywords are its keys, noise and delay as shipped."""
     table = {"name": "test", "sensors": NOISE, "delay": DELAY, **scenario}
@@ -46,7 +53,7 @@ def watched_run(
     )
     settings = ControllerSettings()
     controller: Controller = WholeBodyController(robot, settings)
-    safety = Safety(controller, robot, settings.safety)
+    safety = Safety(controller, robot, safety_settings or settings.safety)
     safety.start(simulated.sense(), simulated.held_posture)
     delivery, commands = Delivery(), {}
     states, reasons = [safety.state], [safety.reason]
@@ -65,16 +72,18 @@ def watched_run(
         if due in commands:
             simulated.apply(commands.pop(due), tick=due)
         simulated.step()
+    result = _result(simulated)
     return WatchedRun(
-        log_sha256=_fingerprint(simulated),
+        log_sha256=result.log_sha256,
         fell=simulated.fell,
+        com_error_max_mm=result.com_error_max_mm,
         states=states,
         reason=safety.reason,
         reasons=reasons,
     )
 
 
-def _fingerprint(simulated: SimulatedRobot) -> str:
+def _result(simulated: SimulatedRobot) -> PlantResult:
     nothing = Distribution(median=0.0, p99=0.0, max=0.0)
     return simulated.result(
         real_time_factor=0.0,
@@ -83,4 +92,4 @@ def _fingerprint(simulated: SimulatedRobot) -> str:
         deadline_misses=0,
         refused={},
         clipped={},
-    ).log_sha256
+    )
