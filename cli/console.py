@@ -146,6 +146,8 @@ def live_table(
 
 def _words(error: BaseException) -> str:
     """What an error says; the system's own in words, not by its number."""
+    if isinstance(error, ImportError):
+        return f"{error}; {import_advice(error)}"
     if not isinstance(error, OSError) or type(error).__module__ != "builtins":
         return str(error)
     if error.strerror is None:
@@ -153,6 +155,16 @@ def _words(error: BaseException) -> str:
     place = f"{error.filename}: " if error.filename is not None else ""
     hint = _HINTS.get(error.errno or 0, "")
     return f"{place}{error.strerror}{hint}"
+
+
+def import_advice(error: ImportError) -> str:
+    """What to install, by what could not be loaded: a system library or a package."""
+    if "shared object" not in str(error):
+        return "install what is missing: pip install . (in a checkout: make install)"
+    return (
+        "a library of the system is missing; for libgomp.so.1, on Debian and Ubuntu: "
+        "apt-get install libgomp1"
+    )
 
 
 _UNWRITABLE = "; name a folder that can be written to"

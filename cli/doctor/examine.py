@@ -47,6 +47,8 @@ def _surroundings() -> Iterator[Finding]:
 
 
 def _try(name: str, check: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
+    from cli.console import import_advice
+
     try:
         yield from check()
     except ImportError as error:
@@ -54,6 +56,5 @@ def _try(name: str, check: Callable[[], Iterator[Finding]]) -> Iterator[Finding]
             name=name,
             verdict=Verdict.FAIL,
             got=str(error),
-            advice="install what is missing: pip install . (in a checkout: make "
-            "install)",
+            advice=import_advice(error),
         )

@@ -12,7 +12,7 @@ from typing import IO, Any
 import numpy as np
 
 from cli.atomic_file import atomic_file
-from cli.errors import UsageError
+from cli.errors import EnvironmentFailedError, UsageError
 from cli.recording.read_record import Record
 from cli.run_files import write_arrays
 from schemas.arrays import Array
@@ -52,13 +52,13 @@ def export_parquet(record: Record, folder: Path) -> list[Path]:
     """Writes a file per channel, with the columns of :func:`export_csv`.
 
     Raises:
-        ImportError: the package for it is not installed.
+        EnvironmentFailedError: the package for it is not installed.
     """
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
-        raise ImportError(
+        raise EnvironmentFailedError(
             "parquet needs pyarrow, which is not installed: "
             "pip install 'surefoot[parquet]'; csv and npz need nothing"
         ) from error

@@ -65,6 +65,25 @@ def test_what_would_stop_a_run_is_exit_code_3(
     assert any("Zenoh on loopback" in line for line in lines)
 
 
+def test_a_missing_library_of_the_system_is_told_from_a_missing_package(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    reason = "libgomp.so.1: cannot open shared object file: No such file or directory"
+    for name in ("threadpoolctl", "pinocchio"):
+        (tmp_path / "work" / f"{name}.py").write_text(f"raise ImportError({reason!r})")
+    done = surefoot("doctor")
+    assert done.returncode == 3
+    lines = done.stdout.splitlines()
+    assert (
+        "apt-get install libgomp1"
+        in lines[lines.index(f"FAIL  linear algebra: {reason}") + 1]
+    )
+    run = surefoot("run", "standing", "--inline")
+    assert run.returncode == 3
+    assert "Traceback" not in run.stderr
+    assert f"{reason}; a library of the system is missing" in run.stderr
+
+
 def test_our_own_pins_name_every_package_we_need() -> None:
     pins = read_pins(PINS)
     assert pins
