@@ -7,11 +7,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
-import typer
-import yaml
 import zenoh
 
-from cli.app import app
 from deploy.zenoh.write import FILES, text
 from robot_io.access import access_control
 from robot_io.exposure import check_encryption, check_exposure, check_locators
@@ -21,17 +18,6 @@ from schemas.toml_file import load
 from tests.cli.conftest import REPOSITORY
 
 DEPLOY = REPOSITORY / "deploy"
-
-
-def compose(*names: str) -> list[dict]:
-    return [
-        yaml.safe_load((DEPLOY / "docker" / name).read_text(encoding="utf-8"))
-        for name in names
-    ]
-
-
-def commands() -> set[str]:
-    return set(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("path", sorted(DEPLOY.rglob("*.toml")), ids=str)
@@ -61,22 +47,6 @@ def test_access_follows_the_robot_files_keys() -> None:
     allowed = {key for rule in rules["rules"] for key in rule["key_exprs"]}
     assert "walker/sensor/ft/lankle" in allowed
     assert "walker/state/ft/left_ankle" not in allowed
-
-
-def test_every_service_runs_a_command_with_an_endpoint_file_that_is_there() -> None:
-    (base, routed) = compose("compose.yaml", "routed.yaml")
-    assert set(base["services"]) == {"robot", "stabilizer", "recorder"}
-    assert set(routed["services"]) - set(base["services"]) == {"router"}
-    for services in (base["services"], routed["services"]):
-        for name, service in services.items():
-            command = service["command"]
-            assert command[0] in commands(), name
-            file = command[command.index("--endpoints") + 1]
-            assert (DEPLOY / "docker" / file.lstrip("/")).is_file()
-            for needed in service.get("depends_on", {}):
-                assert needed in {**base["services"], **routed["services"]}
-            healthy = name == "recorder" or "healthcheck" in service
-            assert healthy or "healthcheck" in base["services"].get(name, {})
 
 
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
