@@ -178,21 +178,34 @@ def _only_whole_body(evidence: Evidence, scenario: str, title: str) -> Finding:
 def _limit_of(
     evidence: Evidence, variant: str, statement: str, *, at: float
 ) -> Finding:
-    """Smallest 50 % limit over the axes, with the ideal servo."""
-    words, limits = [], []
+    """Smallest 50 % limit over the axes with the ideal servo; the slow one is told."""
+    found = [_limits(evidence, variant, profile) for profile in d.PROFILES]
+    ideal = found[d.PROFILES.index(d.IDEAL)]
+    if not ideal:
+        return Finding(statement, f"{variant}: not run", OPEN)
+    words = []
+    for profile, limits in zip(d.PROFILES, found, strict=True):
+        each = ", ".join(
+            f"{axis} {'over ' * is_beyond}{rate:.0f}"
+            for axis, (rate, is_beyond) in limits.items()
+        )
+        words.append(f"{profile} {each} deg/s" if each else f"{profile} not run")
+    true = min(rate for rate, _ in ideal.values()) >= at
+    return Finding(statement, f"half fall at: {'; '.join(words)}", _verdict(true))
+
+
+def _limits(
+    evidence: Evidence, variant: str, profile: str
+) -> dict[str, tuple[float, bool]]:
+    """By axis: where half the runs fall [deg/s], and whether that was not reached."""
+    limits = {}
     for name in d.RAMPS:
         for curve in curves_over(evidence.summaries, scenario=name, name=d.TILT_RATE):
-            if curve.label != f"{variant}, {d.IDEAL}":
-                continue
-            limit = curve.limit
-            axis = name.rsplit("-", 1)[1]
-            above = f"over {max(curve.levels):g}"
-            words.append(f"{axis} {above if limit is None else f'{limit:.0f}'} deg/s")
-            limits.append(max(curve.levels) if limit is None else limit)
-    if not limits:
-        return Finding(statement, f"{variant}: not run", OPEN)
-    true = min(limits) >= at
-    return Finding(statement, f"half fall at: {', '.join(words)}", _verdict(true))
+            if curve.label == f"{variant}, {profile}":
+                limit = curve.limit
+                highest = max(curve.levels)
+                limits[name.rsplit("-", 1)[1]] = (limit or highest, limit is None)
+    return limits
 
 
 def _share(evidence: Evidence, scenario: str, share: float, statement: str) -> Finding:

@@ -95,3 +95,23 @@ def test_page_needs_no_network_and_names_missing_runs(tmp_path: Path) -> None:
     findings = msgspec.json.decode((tmp_path / "findings.json").read_bytes())
     assert set(findings) == {"claims", "goals"}
     assert (tmp_path / "summary.csv").read_text().count("\n") >= 2
+
+
+def test_the_limit_is_told_for_both_servos_and_judged_with_the_ideal_one() -> None:
+    """With slow servos everything above 60 deg/s falls here."""
+    rows = [
+        {**r, "fell": r["fell"] or (r["servo_profile"] == d.SLOW and too_fast(r))}
+        for r in measured(zmp_falls=False)
+    ]
+    (limit,) = (
+        f
+        for f in goals(Evidence(summarise(rows)))
+        if f.statement.startswith("Half stay up")
+    )
+    assert limit.verdict == HOLDS
+    assert "ideal roll over 240, pitch over 240, diagonal over 240" in limit.measured
+    assert "harmonic roll 90, pitch 90, diagonal 90 deg/s" in limit.measured
+
+
+def too_fast(run: dict[str, Any]) -> bool:
+    return bool(run["values"].get(d.TILT_RATE, 0.0) > d.PAPER_LIMIT_DEG_S)
