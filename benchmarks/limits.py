@@ -1,11 +1,13 @@
-"""Why some goals are not reached: three figures, each about one limit.
+"""Why some goals are not reached: four figures, each about one limit.
 
     python -m benchmarks.limits FOLDER [--only push] [--seeds 5] [--jobs 2]
 
 ``limit-height.svg``: the height on the slow platform over the bandwidth of its filter,
 with and without accelerometer noise. ``limit-pitch.svg``: foot force on swaying ground
 over the feedback in pitch, for three delays of the command. ``limit-push.svg``: CoM and
-centre of pressure after a push along the soles. Each run is one of ``surefoot sweep``.
+centre of pressure after a push along the soles. ``limit-slow.svg``: slow servos, over
+how much stiffer the feedback gets with their lag. Each run is one of
+``surefoot sweep``.
 """
 
 from __future__ import annotations
@@ -38,6 +40,14 @@ GROUND = {
 }
 FELL_N = 1e3
 """Where a case with a fall is drawn [N]."""
+STIFFER = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
+"""Factors of K with the slow servos; 3 is the default."""
+SLOW_SINES = {"tilt-sine-roll": "C0", "tilt-sine-pitch": "C1"}
+SLOW_GROUND = {
+    "tilt-ramp-pitch": "C1",
+    "tilt-ramp-roll": "C0",
+    "moving-platform-fast": "C2",
+}
 PUSHED = {"whole-body": "C0", "zmp-tuned": "C1"}
 SEEN_S = (1.9, 4.0)
 EDGE_MM = 10.0
@@ -128,6 +138,42 @@ def pitch(work: Work, grid: Any) -> None:
     grid[0].set_ylabel(f"force deviation, worst seed [N]; fell: {FELL_N:g}")
 
 
+def slow(work: Work, grid: Any) -> None:
+    """Slow servos: who stays up, and which force is left, over the feedback."""
+    lag_s = load_robot("walker", servo_profile="harmonic").servo_profile.lag_s
+    scenarios = (*SLOW_SINES, *SLOW_GROUND)
+    cases = [
+        (
+            Group(scenario, (), "whole-body", "harmonic"),
+            f"dik.k_lag_s={lag_s / max(factor - 1.0, 1e-9)}",
+        )
+        for scenario in scenarios
+        for factor in STIFFER
+    ]
+    rows = iter(work.rows(cases))
+    upper, lower = grid
+    for scenario in scenarios:
+        found = [next(rows) for _ in STIFFER]
+        up = [sum(not row["fell"] for row in seeds) for seeds in found]
+        forces = [_worst_force(seeds) for seeds in found]
+        print(f"slow: {scenario}, up: {dict(zip(STIFFER, up, strict=True))}")
+        print(f"slow: {scenario}: " + _words(STIFFER, forces))
+        if scenario in SLOW_SINES:
+            upper.plot(STIFFER, up, "o-", color=SLOW_SINES[scenario], label=scenario)
+        else:
+            lower.plot(STIFFER, forces, "o-", color=SLOW_GROUND[scenario])
+            lower.annotate(scenario, (STIFFER[-1], forces[-1]), ha="right", va="bottom")
+    for axes in grid:
+        axes.axvline(3.0, color="gray", lw=1.0)
+        axes.set(xlabel="K over that of the ideal servos")
+    upper.set(title="sines, 120 deg/s", ylabel=f"stayed up, of {work.seeds}")
+    lower.set(
+        title="ramps of 60 deg/s, fast platform",
+        ylabel=f"force deviation, worst seed [N]; fell: {FELL_N:g}",
+        yscale="log",
+    )
+
+
 def _worst_force(seeds: list[Row]) -> float:
     if any(row["fell"] for row in seeds):
         return FELL_N
@@ -211,7 +257,7 @@ def main() -> int:
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--only", choices=("push", "height", "pitch"))
+    parser.add_argument("--only", choices=("push", "height", "pitch", "slow"))
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     arguments = parser.parse_args()
@@ -245,6 +291,7 @@ def main() -> int:
         shape=(1, 2),
         sharey=True,
     )
+    write("slow", lambda grid: slow(work, grid[0]), size=(9.0, 3.6), shape=(1, 2))
     return 0
 
 
