@@ -16,6 +16,7 @@ LOWER_BY = 0.4
 HEIGHT_LIMIT_MM = 10.0
 REGAIN_S = 0.3
 RATE_GOAL_DEG_S = 180.0
+HALF = 0.5
 ROBUST_SHARE, DROP_80_SHARE = 0.95, 0.9
 
 
@@ -183,28 +184,31 @@ def _limit_of(
     ideal = found[d.PROFILES.index(d.IDEAL)]
     if not ideal:
         return Finding(statement, f"{variant}: not run", OPEN)
-    words = []
+    told = []
     for profile, limits in zip(d.PROFILES, found, strict=True):
-        each = ", ".join(
-            f"{axis} {'over ' * is_beyond}{rate:.0f}"
-            for axis, (rate, is_beyond) in limits.items()
-        )
-        words.append(f"{profile} {each} deg/s" if each else f"{profile} not run")
+        each = ", ".join(f"{axis} {words}" for axis, (_, words) in limits.items())
+        told.append(f"{profile} {each} deg/s" if each else f"{profile} not run")
     true = min(rate for rate, _ in ideal.values()) >= at
-    return Finding(statement, f"half fall at: {'; '.join(words)}", _verdict(true))
+    return Finding(statement, f"half fall at: {'; '.join(told)}", _verdict(true))
 
 
 def _limits(
     evidence: Evidence, variant: str, profile: str
-) -> dict[str, tuple[float, bool]]:
-    """By axis: where half the runs fall [deg/s], and whether that was not reached."""
+) -> dict[str, tuple[float, str]]:
+    """By axis: where half the runs fall [deg/s], as number and in words."""
     limits = {}
     for name in d.RAMPS:
         for curve in curves_over(evidence.summaries, scenario=name, name=d.TILT_RATE):
-            if curve.label == f"{variant}, {profile}":
-                limit = curve.limit
-                highest = max(curve.levels)
-                limits[name.rsplit("-", 1)[1]] = (limit or highest, limit is None)
+            if curve.label != f"{variant}, {profile}":
+                continue
+            axis = name.rsplit("-", 1)[1]
+            lowest, highest = curve.levels[0], curve.levels[-1]
+            if curve.limit is None:
+                limits[axis] = (highest, f"over {highest:g}")
+            elif curve.rates[0] < HALF:
+                limits[axis] = (0.0, f"under {lowest:g}")
+            else:
+                limits[axis] = (curve.limit, f"{curve.limit:.0f}")
     return limits
 
 

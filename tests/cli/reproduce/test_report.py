@@ -115,3 +115,11 @@ def test_the_limit_is_told_for_both_servos_and_judged_with_the_ideal_one() -> No
 
 def too_fast(run: dict[str, Any]) -> bool:
     return bool(run["values"].get(d.TILT_RATE, 0.0) > d.PAPER_LIMIT_DEG_S)
+
+
+def test_a_limit_below_all_that_was_tried_is_no_limit_at_the_lowest() -> None:
+    rows = [{**r, "fell": bool(r["values"])} for r in measured(zmp_falls=False)]
+    found = goals(Evidence(summarise(rows)))
+    (limit,) = (f for f in found if f.statement.startswith("Half stay up"))
+    assert limit.verdict == FAILS
+    assert "ideal roll under 60, pitch under 60" in limit.measured
