@@ -89,6 +89,9 @@ class NoWatchdog(CommandGate):
     def _watch(self, silence_s: float) -> None:
         pass
 
+    def _watch_delay(self, tick: int) -> None:
+        pass  # it would notice a silence, too
+
 
 class NoLease(CommandGate):
     """Does what anyone asks."""
