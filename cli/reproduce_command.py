@@ -30,7 +30,7 @@ def reproduce(
 ) -> None:
     """Run the paper's scenarios with all controllers, and write a page about them.
 
-    Whole, with 50 seeds, it takes some five hours on two processors; --quick takes
+    Whole, with 50 seeds, it takes some six hours on two processors; --quick takes
     less than five minutes. Ended early, it goes on where it was.
     """
     from cli.atomic_file import atomic_file
