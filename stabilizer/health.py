@@ -41,8 +41,8 @@ class SensorHealth:
     Attributes:
         lost: per sensor, in the order of ``TICK_SENSORS``, why it is lost; empty for
             a sensor that is believed.
-        overload_ticks: for how many ticks a foot has been reporting a force that lasts
-            only if it is false; the longer of both feet.
+        overload_ticks: for how many ticks the left and the right foot have been
+            reporting a force that lasts only if it is false.
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
@@ -53,7 +53,7 @@ class SensorHealth:
             settings: limits and times.
         """
         self.lost = ["", "", "", ""]
-        self.overload_ticks = 0
+        self.overload_ticks = (0, 0)
         self._bridge = round(settings.bridge_s / robot.period_s)
         self._frozen_after = round(settings.frozen_after_s / robot.period_s)
         self._overload_after = round(settings.overload_after_s / robot.period_s)
@@ -151,7 +151,7 @@ class SensorHealth:
             if trouble:
                 for name in FIELDS[index]:
                     mended[name] = getattr(good, name)
-        self.overload_ticks = max(self._overloaded)
+        self.overload_ticks = (self._overloaded[LEFT_FT], self._overloaded[RIGHT_FT])
         self._is_calm = not (
             any(self._troubled)
             or any(self._repeats)

@@ -104,7 +104,7 @@ class Safety:
         self._command: Array = np.zeros(robot.n_a)
         self._before: Array = self._command
         self._motion: Array = np.zeros(robot.n_a)
-        self._before_overload: Array = self._command
+        self._before_overload: list[Array] = [self._command, self._command]
         self._return_to: Array | None = None
 
     @property
@@ -140,8 +140,8 @@ class Safety:
         if self._gives_up():
             return self._fade_out()
         believed = self._health.check(snapshot, ages, moves=self._moves)
-        if self._health.overload_ticks == 1:
-            self._before_overload = self._command.copy()
+        if 1 in self._health.overload_ticks:
+            self._remember()
         if not self._health.all_believed or any(self._degraded):
             self._weigh()
         self._look_for_fall(believed)
@@ -195,21 +195,31 @@ class Safety:
         )
         if any(feet) and (policy == "hold" or not isinstance(controller, Degradable)):
             self.stop(f"{HELD}: {what}")
-            self._return_to = self._before_overload if any(lied) else None
+            if any(lied):
+                self._return_to, _ = self._misled_from(lied)
             return
         self._degraded = feet
         if isinstance(controller, Degradable):
             controller.degrade(feet)
             if any(lied):
-                controller.take_back(
-                    self._before_overload,
-                    ticks=self._health.overload_ticks,
-                    sides=lied,
-                )
+                before, ticks = self._misled_from(lied)
+                controller.take_back(before, ticks=ticks, sides=lied)
         if self.state is SafetyState.LEAVING:
             return
         self.state = SafetyState.DEGRADED if any(feet) else SafetyState.ACTIVE
         self.reason = what
+
+    def _remember(self) -> None:
+        """Keeps the command at which a foot's overload begins, if it is one."""
+        for side, ticks in enumerate(self._health.overload_ticks):
+            if ticks == 1:
+                self._before_overload[side] = self._command.copy()
+
+    def _misled_from(self, lied: tuple[bool, bool]) -> tuple[Array, int]:
+        """The command before these feet's earlier overload, and its age [ticks]."""
+        ticks = self._health.overload_ticks
+        side = max((side for side in range(2) if lied[side]), key=ticks.__getitem__)
+        return self._before_overload[side], ticks[side]
 
     def _look_for_fall(self, snapshot: Snapshot) -> None:
         x, y, z = _up_in_unit(snapshot)

@@ -124,6 +124,19 @@ def test_the_controller_is_told_the_command_before_and_how_long_it_was_misled(
     assert sides == (False, True)
 
 
+def test_the_second_foot_to_lie_is_not_taken_back_to_the_first_ones_time(
+    walker: Robot,
+) -> None:
+    safety, _, reading = watched(walker, "degrade")
+    feed(safety, overloaded(reading), ticks=OVERLOAD_TICKS + 200)
+    both = overloaded(reading)
+    both = replace(both, ft_left=both.ft_left + (both.ft_right - reading.ft_right))
+    before = feed(safety, overloaded(reading), ticks=1).q_command.copy()
+    output = feed(safety, both, ticks=OVERLOAD_TICKS + 100)
+    assert safety.state is SafetyState.HELD
+    np.testing.assert_allclose(output.q_command, before, atol=1e-9)
+
+
 def test_an_impact_is_nothing_to_take_back(walker: Robot) -> None:
     safety, controller, reading = watched(walker, "degrade")
     feed(safety, overloaded(reading), ticks=OVERLOAD_TICKS - 5)
