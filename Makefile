@@ -59,7 +59,7 @@ format: $(STAMP)
 	$(BIN)/ruff format .
 
 schemas: $(STAMP)
-	$(BIN)/python -m schemas.json_schema
+	$(BIN)/python -m surefoot.schemas.json_schema
 
 # Every warning ends it. Material's word on the future of mkdocs is none of ours.
 docs: $(STAMP)

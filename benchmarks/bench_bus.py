@@ -22,19 +22,18 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from robot_io.client import RobotClient
-from robot_io.gate import CommandGate
-from robot_io.quiet import quiet_interpreter
-from robot_io.robot import Robot, load_robot
-from robot_io.sensor_messages import sensor_messages
-from robot_io.server import RobotServer
-from robot_io.snapshot import Snapshot
-from robot_io.stop_request import StopRequest
-from robot_io.timing import TimingLog
-from schemas.codec import decode, encode
-from schemas.endpoints import Endpoints
-from schemas.messages import SCHEMA_VERSION, JointCommand
-from schemas.result import Distribution
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.robot_io.snapshot import Snapshot, sensor_messages
+from surefoot.robot_io.timing import TimingLog
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand
+from surefoot.schemas.result import Distribution
 
 NS_PER_US = 1e3
 START_TIMEOUT_S = 20.0
@@ -50,7 +49,7 @@ class Load(NamedTuple):
 
 
 def main() -> None:
-    """Measures and prints a table."""
+    """Measure and print a table."""
     options = _options()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     robot = load_robot(options.robot)
@@ -79,7 +78,7 @@ def _print(name: str, times: Distribution) -> None:
 
 
 def _measure(robot: Robot, ticks: int, delay: int, load: Load) -> Distribution:
-    """Runs both processes; time from one tick to the next in the robot's."""
+    """Run both processes; time from one tick to the next in the robot's."""
     locator = f"tcp/127.0.0.1:{_free_port()}"
     endpoints = Endpoints(listen=[locator], connect=[locator])
     peer = multiprocessing.get_context("spawn").Process(
@@ -108,7 +107,7 @@ def _run_robot(
                 _compute(load.plant_us)
                 if snapshot.tick >= WARM_UP_TICKS:
                     times.add(time.perf_counter_ns() - begin)
-        gate.authority.finish("measured")
+        gate.modes.finish("measured")
         server.publish_status(now_s=0.0, at_once=True)
     return times.distribution()
 
@@ -123,7 +122,7 @@ def _one_tick(
     if due >= 0:
         answer = server.wait_answer(due, now_s=now_s, timeout_s=ANSWER_TIMEOUT_S)
         if answer is None or not answer.verdict.accepted:
-            raise SystemExit(f"tick {due}: {answer}, {gate.authority.reason}")
+            raise SystemExit(f"tick {due}: {answer}, {gate.modes.reason}")
     server.serve_requests(now_s=now_s)
     server.publish_status(now_s=now_s)
 

@@ -23,7 +23,15 @@ def run_once(scenario: str, mode: str) -> dict[str, Any]:
     Raises:
         RuntimeError: the run failed or the robot fell; holds its last words.
     """
-    words = [sys.executable, "-m", "cli", "run", scenario, f"--{mode}", "--json"]
+    words = [
+        sys.executable,
+        "-m",
+        "surefoot.cli",
+        "run",
+        scenario,
+        f"--{mode}",
+        "--json",
+    ]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"{mode}: exit {done.returncode}\n{done.stderr[-800:]}")
@@ -32,7 +40,7 @@ def run_once(scenario: str, mode: str) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Reads the command line, runs and prints."""
+    """Read the command line, run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario", nargs="?", default="moving-platform-fast")
     parser.add_argument("--rounds", type=int, default=3)

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from robot_io.robot import load_robot
-from schemas import codec, messages
-from schemas.settings import ControllerSettings
-from sim_robot.catalogue import open_scenario
-from sim_robot.simulated_robot import SimulatedRobot
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas import codec, messages
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.stabilizer.control.whole_body import WholeBodyController
 
 WARM_UP_TICKS = 500
 US_PER_NS = 1e-3
@@ -32,11 +32,11 @@ class Stopwatch:
     """Collects durations of calls by name."""
 
     def __init__(self) -> None:
-        """Starts with nothing measured."""
+        """Start with nothing measured."""
         self.durations_ns: dict[str, list[int]] = {}
 
     def wrap(self, owner: object, method: str, name: str) -> None:
-        """Replaces a method of one object by a timed one."""
+        """Replace a method of one object by a timed one."""
         original = getattr(owner, method)
         setattr(owner, method, self.timed(original, name))
 
@@ -64,7 +64,7 @@ class Stopwatch:
 
 
 def run(scenario_name: str, *, ticks: int) -> str:
-    """Runs a scenario and reports the stages."""
+    """Run a scenario and report the stages."""
     robot = load_robot("walker")
     simulated = SimulatedRobot(robot, open_scenario(scenario_name), seed=0)
     controller = WholeBodyController(robot, ControllerSettings())
@@ -122,7 +122,7 @@ def _decode_snapshot(parts: list[tuple[bytes, type[messages.Message]]]) -> None:
 
 
 def main() -> None:
-    """Reads the command line and prints the table."""
+    """Read the command line and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario", nargs="?", default="moving-platform-slow")
     parser.add_argument("--ticks", type=int, default=8000)

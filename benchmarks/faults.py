@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.shortened import shortened
-from robot_io.relay.catalogue import list_plans
+from surefoot.robot_io.relay.catalogue import list_plans
 
 SCENARIOS = ("standing", "moving-platform-slow")
 MRAD = 1e3
@@ -46,7 +46,7 @@ def run_once(
         path.write_text(shortened(scenario, seconds), encoding="utf-8")
         words = ["run", str(path), f"--{mode}", "--relay", plan, "--seed", str(seed)]
         done = subprocess.run(
-            [sys.executable, "-m", "cli", *words, "--json", "--out", str(out)],
+            [sys.executable, "-m", "surefoot.cli", *words, "--json", "--out", str(out)],
             capture_output=True,
             text=True,
             check=False,
@@ -107,7 +107,7 @@ HEAD = f"| {' | '.join(COLUMNS)} |\n{'|---' * len(COLUMNS)}|"
 
 
 def main() -> int:
-    """Reads the command line, runs and prints."""
+    """Read the command line, run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--inline", action="store_true")
     parser.add_argument("--seeds", type=int, default=1)

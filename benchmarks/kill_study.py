@@ -25,12 +25,12 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.started import Started, wait_until
-from cli.endpoints import private_endpoints
-from robot_io.observer import Observer
-from robot_io.robot import Robot, load_robot
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode, RobotStatus
-from sim_robot.catalogue import find_scenario
+from surefoot.endpoints import loopback_endpoints
+from surefoot.robot_io.client_side.observer import Observer
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.sim_robot.catalogue import find_scenario
 
 SCENARIOS = ("standing", "moving-platform-slow")
 DURATION_S = 14.0
@@ -72,7 +72,7 @@ class Watch:
         )
 
     def until(self, mode: RobotMode, *, tick: int = 0) -> RobotStatus:
-        """Waits for a mode at some tick or later."""
+        """Wait for a mode at some tick or later."""
 
         def look() -> RobotStatus | None:
             for sample in self.observer.take():
@@ -91,7 +91,7 @@ class Watch:
 
 def kill_once(robot: Robot, scenario: Path, pace: str, tick: int, seed: int) -> Kill:
     """A run whose stabilizer is killed at a tick and replaced by another."""
-    endpoints = private_endpoints()
+    endpoints = loopback_endpoints()
     (locator,) = endpoints.listen
     folder = scenario.parent
     record = folder / "ticks.npz"
@@ -150,7 +150,7 @@ def _what_came(
 def study_stabilizer(
     robot: Robot, scenario: str, pace: str, kills: int, seed: int
 ) -> bool:
-    """Kills the stabilizer again and again; whether the robot never jumped."""
+    """Kill the stabilizer again and again; whether the robot never jumped."""
     rng = np.random.default_rng(seed)
     limit = robot.file.gate.step_limit_rad
     found = []
@@ -194,12 +194,12 @@ def study_stabilizer(
 
 
 def study_robot(pace: str, kills: int, seed: int) -> None:
-    """Kills the robot, and times what its stabilizer says and does."""
+    """Kill the robot, and time what its stabilizer says and does."""
     rng = np.random.default_rng(seed)
     robot = load_robot("walker")
     said, back = [], []
     for index in range(kills):
-        endpoints = private_endpoints()
+        endpoints = loopback_endpoints()
         (locator,) = endpoints.listen
         reconnect = ("--reconnect",) if index % 2 else ()
         words = ("robot", "standing", "--listen", locator, pace)
@@ -237,7 +237,7 @@ def study_robot(pace: str, kills: int, seed: int) -> None:
 
 
 def main() -> int:
-    """Reads the command line, runs and prints."""
+    """Read the command line, run and print."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

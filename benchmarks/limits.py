@@ -22,12 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from cli.inline import run_inline
-from cli.run_files import TICKS
-from cli.study.cell import Cell, Group
-from cli.study.run_cell import Row, plan_of, run_cell
-from robot_io.robot import load_robot
-from schemas.arrays import Array
+from surefoot.robot_io.robot import load_robot
+from surefoot.run_folder import TICKS
+from surefoot.schemas.arrays import Array
+from surefoot.simulation import run_inline
+from surefoot.studies.cell import Cell, Group, Row, plan_of, run_cell
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
 NOISE = "sensors.accel_noise_m_s2"
@@ -64,7 +63,7 @@ class Work:
     jobs: int
 
     def rows(self, cases: list[tuple[Group, str]]) -> list[list[Row]]:
-        """Runs cases, each a group and one setting, with every seed."""
+        """Run cases, each a group and one setting, with every seed."""
         from joblib import Parallel, delayed
 
         flat = Parallel(n_jobs=self.jobs)(
@@ -252,7 +251,7 @@ def _rms(values: Array) -> float:
 
 
 def main() -> int:
-    """Runs everything and writes the figures."""
+    """Run everything and write the figures."""
     from matplotlib.figure import Figure
 
     parser = argparse.ArgumentParser(description=__doc__)

@@ -67,7 +67,7 @@ def run_once(
     words = ["run", str(path), "--inline", "--json", "--seed", str(seed)]
     words += ["--set", f'safety.ft_lost="{policy}"']
     done = subprocess.run(
-        [sys.executable, "-m", "cli", *words],
+        [sys.executable, "-m", "surefoot.cli", *words],
         capture_output=True,
         text=True,
         check=False,
@@ -106,7 +106,7 @@ def table(cells: dict[tuple[str, str, str, str], str]) -> str:
 
 
 def main() -> int:
-    """Reads the command line, runs and prints."""
+    """Read the command line, run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=1)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)

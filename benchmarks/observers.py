@@ -24,12 +24,12 @@ import msgspec
 import numpy as np
 
 from benchmarks.started import Started
-from cli.endpoints import private_endpoints
-from robot_io.observer import Observer
-from robot_io.robot import load_robot
-from schemas.endpoints import Endpoints
-from schemas.result import PlantResult
-from schemas.topics import TICK_SENSORS
+from surefoot.endpoints import loopback_endpoints
+from surefoot.robot_io.client_side.observer import Observer
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import PlantResult
+from surefoot.schemas.topics import TICK_SENSORS
 
 SPAWN = multiprocessing.get_context("spawn")
 DEPTH = 256
@@ -48,7 +48,7 @@ command_ms = 1.0
 
 
 def look_on(endpoints: Endpoints, tell: Connection) -> None:
-    """Takes everything until the robot has gone; tells how many joint states came."""
+    """Take everything until the robot has gone; tells how many joint states came."""
     robot = load_robot("walker")
     joints = 0
     with Observer(robot, endpoints=endpoints, depth=DEPTH) as observer:
@@ -64,7 +64,7 @@ class Watcher:
     """An observer in a process of its own."""
 
     def __init__(self, endpoints: Endpoints) -> None:
-        """Starts it, and waits until it looks on."""
+        """Start it, and wait until it looks on."""
         self._come, tell = SPAWN.Pipe(duplex=False)
         self.process: SpawnProcess = SPAWN.Process(
             target=look_on, args=(endpoints, tell)
@@ -88,7 +88,7 @@ def one_run(
     scenario: Path, how: list[str], controller: str, observers: int
 ) -> tuple[PlantResult, list[int]]:
     """A run, and how many ticks each observer got."""
-    endpoints = private_endpoints()
+    endpoints = loopback_endpoints()
     (locator,) = endpoints.listen
     folder = scenario.parent
     result = folder / "plant.json"
@@ -119,7 +119,7 @@ def line(name: str, result: PlantResult, heard: list[int]) -> str:
 
 
 def main() -> int:
-    """Reads the command line, runs and prints."""
+    """Read the command line, run and print."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_io.robot import load_robot
-from sim_robot.catalogue import open_scenario
-from sim_robot.plant import Plant
+from surefoot.robot_io.robot import load_robot
+from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.plant import Plant
 
 MM = 1e3
 NO_MATPLOTLIB = "plot_run needs matplotlib; get it with: pip install matplotlib"
@@ -39,7 +39,7 @@ def tilt_angles(quat_xyzw: Any) -> tuple[Any, Any]:
 
 
 def draw(run: Path, picture: Path) -> None:
-    """Draws the run in a folder that ``surefoot run --out`` filled."""
+    """Draw the run in a folder that ``surefoot run --out`` filled."""
     import matplotlib as mpl
 
     mpl.use("Agg")
@@ -79,7 +79,7 @@ def draw(run: Path, picture: Path) -> None:
 
 
 def main() -> int:
-    """Reads the command line."""
+    """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("run", type=Path)
     parser.add_argument("picture", type=Path)

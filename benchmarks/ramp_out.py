@@ -24,12 +24,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_io.delivery import Delivery
-from robot_io.robot import load_robot
-from schemas.settings import ControllerSettings
-from sim_robot.catalogue import open_scenario
-from sim_robot.simulated_robot import SimulatedRobot
-from stabilizer.factory import make_controller
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.snapshot import Delivery
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.stabilizer.factory import make_controller
 
 SCENARIOS = (
     "standing",
@@ -69,7 +69,7 @@ class Run:
     """Plant and controller in one process, which can be stopped in several ways."""
 
     def __init__(self, scenario: str, seed: int) -> None:
-        """Starts a run of a shipped scenario."""
+        """Start a run of a shipped scenario."""
         self.robot = load_robot("walker")
         self.plant = SimulatedRobot(self.robot, open_scenario(scenario), seed=seed)
         self._controller = make_controller(
@@ -81,11 +81,11 @@ class Run:
         self._command = self._before = self.plant.held_posture.copy()
 
     def tick(self) -> None:
-        """Balances for a tick."""
+        """Balance for a tick."""
         self._follow(self._ask())
 
     def end(self, way: str, seconds: float) -> Ending:
-        """Stops in one of the ways, and looks on."""
+        """Stop in one of the ways, and look on."""
         ticks = round(seconds / self.robot.period_s)
         motion = self._command - self._before
         asked = self._command
@@ -139,7 +139,7 @@ def split(run: Run, way: str, seconds: float) -> Ending:
 
 
 def study(scenario: str, moments: int, seed: int) -> None:
-    """Prints the table of a scenario."""
+    """Print the table of a scenario."""
     run = Run(scenario, seed)
     rng = np.random.default_rng(seed)
     latest_s = min(LATEST_S, open_scenario(scenario).duration_s - WATCHED_S - 1.0)
@@ -169,7 +169,7 @@ def study(scenario: str, moments: int, seed: int) -> None:
 
 
 def main() -> int:
-    """Reads the command line and prints."""
+    """Read the command line and print."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

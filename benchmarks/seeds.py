@@ -39,7 +39,7 @@ def run_once(scenario: str, seed: int, options: list[str]) -> dict[str, Any]:
     """
     words = ["run", scenario, "--inline", "--json", "--seed", str(seed), *options]
     done = subprocess.run(
-        [sys.executable, "-m", "cli", *words],
+        [sys.executable, "-m", "surefoot.cli", *words],
         capture_output=True,
         text=True,
         check=False,
@@ -64,7 +64,7 @@ def table(scenario: str, results: list[dict[str, Any]]) -> str:
 
 
 def main() -> int:
-    """Reads the command line, runs and prints."""
+    """Read the command line, run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenarios", nargs="+")
     parser.add_argument("--seeds", type=int, default=20)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from sim_robot.catalogue import find_scenario
+from surefoot.sim_robot.catalogue import find_scenario
 
 
 def shortened(name: str, duration_s: float) -> str:

@@ -16,7 +16,7 @@ PAUSE_S = 0.001
 
 
 def wait_until(condition: Callable[[], T], *, what: str) -> T:
-    """Asks again and again until the answer is truthy.
+    """Ask again and again until the answer is truthy.
 
     Raises:
         TimeoutError: it was not in time.
@@ -33,11 +33,11 @@ class Started:
     """A ``surefoot`` command; a context manager that leaves no process behind."""
 
     def __init__(self, log: Path, *words: object) -> None:
-        """Starts it; what it says goes to a log."""
+        """Start it; what it says goes to a log."""
         self._log = log
         with log.open("w") as file:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "cli", *map(str, words)],
+                [sys.executable, "-m", "surefoot.cli", *map(str, words)],
                 stdout=file,
                 stderr=subprocess.STDOUT,
             )
@@ -52,16 +52,16 @@ class Started:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Kills what still runs."""
+        """Kill what still runs."""
         self.process.kill()
         self.process.wait()
 
     def signal(self, number: int) -> None:
-        """Sends a signal."""
+        """Send a signal."""
         self.process.send_signal(number)
 
     def exit_code(self) -> int:
-        """Waits for its end."""
+        """Wait for its end."""
         return self.process.wait(DEADLINE_S)
 
     def said(self) -> str:
@@ -69,7 +69,7 @@ class Started:
         return self._log.read_text(errors="replace")
 
     def wait_for(self, words: str) -> None:
-        """Waits until it has said something.
+        """Wait until it has said something.
 
         Raises:
             TimeoutError: it did not in time.

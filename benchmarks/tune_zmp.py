@@ -27,10 +27,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from cli.inline import run_inline
-from cli.run_plan import make_plan
-from schemas.toml_file import read_toml
-from stabilizer.shipped_settings import find_settings
+from surefoot.run_plan import make_plan
+from surefoot.schemas.toml_file import read_toml
+from surefoot.simulation import run_inline
+from surefoot.stabilizer.factory import find_settings
 
 TRAINING = sorted((Path(__file__).parent / "training").glob("*.toml"))
 START = Path("zmp-stock")
@@ -90,7 +90,7 @@ class Search:
     def __init__(
         self, pool: ProcessPoolExecutor, *, seeds: int, servo_profile: str | None
     ) -> None:
-        """Begins with no points."""
+        """Begin with no points."""
         self._pool = pool
         self._seeds = seeds
         self._servo_profile = servo_profile
@@ -162,7 +162,7 @@ def search(found: Search, *, rounds: int, out: Path) -> None:
 
 
 def write(found: Search, out: Path) -> None:
-    """Writes the table of all points and the best as a settings file."""
+    """Write the table of all points and the best as a settings file."""
     rows = sorted(found.rows, key=lambda row: row["cost"])
     names = sorted({name for row in rows for name in row["point"]})
     out.mkdir(parents=True, exist_ok=True)
@@ -179,7 +179,7 @@ def write(found: Search, out: Path) -> None:
 
 
 def main() -> int:
-    """Reads the command line, searches and writes."""
+    """Read the command line, search and write."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--seeds", type=int, default=1)

@@ -25,19 +25,18 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from cli.endpoints import private_endpoints
-from cli.scheduling import claim_processor
-from robot_io.gate import CommandGate
-from robot_io.pace import Pace
-from robot_io.quiet import quiet_interpreter
-from robot_io.robot import load_robot
-from robot_io.server import RobotServer
-from robot_io.stop_request import StopRequest
-from schemas.endpoints import Endpoints
-from schemas.result import Distribution
-from sim_robot.catalogue import open_scenario
-from sim_robot.robot_loop import RobotLoop
-from sim_robot.simulated_robot import SimulatedRobot
+from surefoot.cli.scheduling import claim_processor
+from surefoot.endpoints import loopback_endpoints
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import Pace, quiet_interpreter
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import Distribution
+from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.robot_loop import RobotLoop
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
 
 OFF, ON = "without", "with"
 SETTLE_S = 2.0
@@ -62,7 +61,7 @@ class RoundTrips:
         self.phase: list[int] | None = None
 
     def add(self, duration_ns: int) -> None:
-        """Keeps a duration [ns]."""
+        """Keep a duration [ns]."""
         if self.phase is not None:
             self.phase.append(duration_ns)
 
@@ -85,7 +84,7 @@ def child(*words: str, log: Path) -> subprocess.Popen[bytes]:
     """A command of ours as a process; it says what it says to a file."""
     with log.open("wb") as stderr:
         return subprocess.Popen(
-            [sys.executable, "-m", "cli", *words],
+            [sys.executable, "-m", "surefoot.cli", *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=stderr,
@@ -100,7 +99,7 @@ def alternate(
     window_s: float,
     stop: StopRequest,
 ) -> None:
-    """Opens and closes the page, and prints each window as it ends."""
+    """Open and close the page, and print each window as it ends."""
     pause = threading.Event()
     p99: dict[str, list[float]] = {OFF: [], ON: []}
     if hasattr(os, "SCHED_OTHER"):  # of this thread, and so of the page
@@ -154,14 +153,14 @@ def run(
     priority: int | None,
     measure: Callable[[RoundTrips, Endpoints, StopRequest], None],
 ) -> str:
-    """Runs the robot here, its stabilizer beside it, and measures meanwhile.
+    """Run the robot here, its stabilizer beside it, and measure meanwhile.
 
     Returns:
         Why it ended.
     """
     claim = () if priority is None else ("--realtime-priority", str(priority))
     claim_processor(cpu=None, priority=priority)
-    robot, endpoints, stop = load_robot("walker"), private_endpoints(), StopRequest()
+    robot, endpoints, stop = load_robot("walker"), loopback_endpoints(), StopRequest()
     world = msgspec.structs.replace(open_scenario(scenario), duration_s=LONGEST_S)
     simulated = SimulatedRobot(robot, world, seed=0, record=False)
     gate = CommandGate(robot, simulated.held_posture)
@@ -186,7 +185,7 @@ def run(
         with quiet_interpreter():
             reason = loop.run(stop)
         stop.set(reason)
-        gate.authority.finish(reason)
+        gate.modes.finish(reason)
         server.publish_status(now_s=simulated.time_s, at_once=True)
         meter.result()  # raises what went wrong there
     stabilizer.communicate(timeout=START_S)
@@ -194,7 +193,7 @@ def run(
 
 
 def main() -> int:
-    """Reads the command line, runs and prints."""
+    """Read the command line, run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario", nargs="?", default="standing")
     parser.add_argument("--rounds", type=int, default=5)

@@ -1,4 +1,4 @@
-"""Entry of the ``surefoot`` command and of ``python -m cli``."""
+"""Entry of the ``surefoot`` command and of ``python -m surefoot.cli``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import signal
 import sys
 from types import FrameType
 
-from cli.exit_codes import ExitCode, exit_code_of
+from surefoot.exit_codes import ExitCode, exit_code_of
 
 # 34 x 34 algebra is slower with threads, and its tail far worse. Read when numpy
 # and its libraries load, so it must stand before any of them.
@@ -16,10 +16,10 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 
 def main() -> None:
-    """Runs the command line; the exit code is the one of :class:`ExitCode`."""
+    """Run the command line; the exit code is the one of :class:`ExitCode`."""
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        from cli.app import app
+        from surefoot.cli.app import app
 
         app(prog_name="surefoot")
     except (Exception, KeyboardInterrupt) as error:
@@ -29,14 +29,14 @@ def main() -> None:
         if code is None:
             raise
         if code is not ExitCode.INTERRUPTED:
-            from cli.console import print_error
+            from surefoot.cli.console import print_error
 
             print_error(error)
         sys.exit(code)
 
 
 def _interrupt(signum: int, frame: FrameType | None) -> None:
-    """Ends a command as Ctrl-C would, so that everything is closed on the way."""
+    """End a command as Ctrl-C would, so that everything is closed on the way."""
     raise KeyboardInterrupt
 
 

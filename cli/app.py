@@ -6,25 +6,25 @@ from typing import Annotated
 
 import typer
 
-from cli.bus.echo_command import echo
-from cli.bus.hz_command import hz
-from cli.bus.topics_command import topics
-from cli.certs_command import certs
-from cli.check_robot_command import check_robot
-from cli.doctor_command import doctor
-from cli.log_command import log
-from cli.record_command import record
-from cli.relay_command import relay
-from cli.replay_command import replay
-from cli.report_command import report
-from cli.reproduce_command import reproduce
-from cli.robot_command import robot
-from cli.router_command import router
-from cli.run_command import run
-from cli.scenarios_command import scenarios
-from cli.stabilizer_command import stabilizer
-from cli.sweep_command import sweep
-from cli.view_command import view
+from surefoot.cli.bus.echo_command import echo
+from surefoot.cli.bus.hz_command import hz
+from surefoot.cli.bus.topics_command import topics
+from surefoot.cli.certs_command import certs
+from surefoot.cli.check_robot_command import check_robot
+from surefoot.cli.doctor_command import doctor
+from surefoot.cli.log_command import log
+from surefoot.cli.record_command import record
+from surefoot.cli.relay_command import relay
+from surefoot.cli.replay_command import replay
+from surefoot.cli.report_command import report
+from surefoot.cli.reproduce_command import reproduce
+from surefoot.cli.robot_command import robot
+from surefoot.cli.router_command import router
+from surefoot.cli.run_command import run
+from surefoot.cli.scenarios_command import scenarios
+from surefoot.cli.stabilizer_command import stabilizer
+from surefoot.cli.sweep_command import sweep
+from surefoot.cli.view_command import view
 
 app = typer.Typer(
     name="surefoot",

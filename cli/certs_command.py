@@ -37,8 +37,11 @@ def certs(
     Give each process its own pair and ca.pem. Keep ca.key.pem off the robot: whoever
     has it can make certificates that command the robot.
     """
-    from cli.console import print_note
-    from robot_io.certificates import make_certificates, renew_certificates
+    from surefoot.cli.console import print_note
+    from surefoot.robot_io.security.certificates import (
+        make_certificates,
+        renew_certificates,
+    )
 
     make = renew_certificates if renew else make_certificates
     written = make(out, hosts=hosts or [], days=days)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from robot_io.conformance.finding import ConformanceReport
+    from surefoot.robot_io.conformance.check_result import ConformanceReport
 
 
 def check_robot(
@@ -41,11 +41,11 @@ def check_robot(
     Takes command, holds the posture and gives it back; no joint moves by more than
     1 mrad. Exits with 1 when something failed, with 4 when there is no robot.
     """
-    from cli.console import print_json, print_table
-    from cli.endpoints import choose_endpoints
-    from cli.errors import UsageError
-    from robot_io.conformance.run import SECTIONS, check_conformance
-    from robot_io.robot import load_robot
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.errors import UsageError
+    from surefoot.robot_io.conformance.run import SECTIONS, check_conformance
+    from surefoot.robot_io.robot import load_robot
 
     unknown = sorted(set(only or ()) - set(SECTIONS))
     if unknown:

@@ -9,7 +9,7 @@ _SUFFIX = ".toml"
 
 def complete_scenario(incomplete: str) -> list[str]:
     """Shipped scenarios, and scenario files."""
-    from sim_robot.catalogue import list_scenarios
+    from surefoot.sim_robot.catalogue import list_scenarios
 
     names = [name for name in list_scenarios() if name.startswith(incomplete)]
     return names + _files(incomplete)
@@ -17,7 +17,7 @@ def complete_scenario(incomplete: str) -> list[str]:
 
 def complete_channel(incomplete: str) -> list[tuple[str, str]]:
     """Channels that can be listened to, with what they carry."""
-    from cli.bus.channels import PUBLISHED
+    from surefoot.cli.bus.topics import PUBLISHED
 
     return [
         (entry.name, entry.description)
@@ -28,7 +28,7 @@ def complete_channel(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_robot(incomplete: str) -> list[str]:
     """Shipped robots, and robot files."""
-    from robot_io.robot import list_robots
+    from surefoot.robot_io.robot import list_robots
 
     names = [name for name in list_robots() if name.startswith(incomplete)]
     return names + _files(incomplete)
@@ -36,7 +36,7 @@ def complete_robot(incomplete: str) -> list[str]:
 
 def complete_setting(incomplete: str) -> list[str]:
     """Settings that ``--set`` knows, up to the equals sign."""
-    from schemas.settings import setting_names
+    from surefoot.schemas.settings import setting_names
 
     known = (f"{name}=" for name in setting_names())
     return [name for name in known if name.startswith(incomplete)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -13,8 +14,8 @@ from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-ERROR_PREFIX = "surefoot:"
-"""What every error begins with; a parent finds its children's by it."""
+from surefoot.errors import ERROR_PREFIX
+
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
 
@@ -34,30 +35,50 @@ _stderr = Console(stderr=True)
 
 
 def print_error(error: BaseException) -> None:
-    """Says what went wrong; the message itself, without decoration or traceback."""
+    """Say what went wrong; the message itself, without decoration or traceback."""
     _stderr.print(f"[bold red]{ERROR_PREFIX}[/]", end=" ")
     _stderr.print(_words(error), markup=False, highlight=False, soft_wrap=True)
 
 
 def print_note(text: str) -> None:
-    """Says something in passing, away from the result."""
+    """Say something in passing, away from the result."""
     _stderr.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
+class NoteHandler(logging.Handler):
+    """Shows what the library logs while a command runs, as notes."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one message."""
+        print_note(self.format(record))
+
+
+def show_notes(logger: str) -> None:
+    """Show what one logger of the library says from now on.
+
+    Args:
+        logger: its name.
+    """
+    log = logging.getLogger(logger)
+    log.setLevel(logging.INFO)
+    log.handlers[:] = [NoteHandler()]
+    log.propagate = False
+
+
 def print_table(table: RenderableType) -> None:
-    """Prints a result for people."""
+    """Print a result for people."""
     _stdout.print(table)
 
 
 def print_text(text: str) -> None:
-    """Prints a line of a result for people."""
+    """Print a line of a result for people."""
     _stdout.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def print_json(
     value: msgspec.Struct | Sequence[msgspec.Struct | dict[str, object]],
 ) -> None:
-    """Prints a result for scripts: one JSON text on one line, nothing else."""
+    """Print a result for scripts: one JSON text on one line, nothing else."""
     sys.stdout.write(msgspec.json.encode(value).decode() + "\n")
     sys.stdout.flush()
 
@@ -66,7 +87,7 @@ def print_json(
 def progress_bar(
     title: str, *, ticks: int, period_s: float
 ) -> Iterator[Callable[[int], None]]:
-    """Shows how far a run is, on a terminal only.
+    """Show how far a run is, on a terminal only.
 
     Args:
         title: what is running.
@@ -88,7 +109,7 @@ def progress_bar(
 def count_bar(
     title: str, *, total: int, done: int, of: str = "runs"
 ) -> Iterator[Callable[[], None]]:
-    """Shows how many of many things are done, and the time left, on a terminal only.
+    """Show how many of many things are done, and the time left, on a terminal only.
 
     Args:
         title: what is under way.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 
 def doctor(as_json: options.JsonOption = False) -> None:
@@ -13,9 +13,9 @@ def doctor(as_json: options.JsonOption = False) -> None:
 
     Exits with 3 when something would stop a run. Takes a few seconds.
     """
-    from cli.console import print_json, print_text
-    from cli.doctor.examine import examine
-    from cli.doctor.finding import Verdict
+    from surefoot.cli.console import print_json, print_text
+    from surefoot.cli.doctor.diagnosis import Severity
+    from surefoot.cli.doctor.examine import examine
 
     findings = []
     for finding in examine():
@@ -24,8 +24,8 @@ def doctor(as_json: options.JsonOption = False) -> None:
             print_text(f"{finding.verdict:<5} {finding.name}: {finding.got}")
             if finding.advice:
                 print_text(f"      -> {finding.advice}")
-    stopped = sum(finding.verdict is Verdict.FAIL for finding in findings)
-    warned = sum(finding.verdict is Verdict.WARN for finding in findings)
+    stopped = sum(finding.verdict is Severity.FAIL for finding in findings)
+    warned = sum(finding.verdict is Severity.WARN for finding in findings)
     if as_json:
         print_json(findings)
     elif stopped:

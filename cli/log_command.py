@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli import options
+from surefoot.cli import options
 
 log = typer.Typer(no_args_is_help=True, help="Look into records, and export them.")
 FileArgument = Annotated[
@@ -27,10 +27,9 @@ class ExportFormat(StrEnum):
 @log.command()
 def info(file: FileArgument, as_json: options.JsonOption = False) -> None:
     """Tell what a record holds, and what is missing in it."""
-    from cli.console import print_json, print_table, print_text
-    from cli.recording.read_record import read_record
-    from cli.recording.record_info import record_info
-    from cli.recording.tables import counts_table
+    from surefoot.cli.console import print_json, print_table, print_text
+    from surefoot.cli.summary import counts_table
+    from surefoot.recording.read import read_record, record_info
 
     told = record_info(read_record(file))
     if as_json:
@@ -57,9 +56,9 @@ def export(
     ],
 ) -> None:
     """Write a record in a format of other tools."""
-    from cli.console import print_note
-    from cli.recording.export import export_csv, export_npz, export_parquet
-    from cli.recording.read_record import read_record
+    from surefoot.cli.console import print_note
+    from surefoot.recording.export import export_csv, export_npz, export_parquet
+    from surefoot.recording.read import read_record
 
     write = {
         ExportFormat.CSV: export_csv,

@@ -9,7 +9,7 @@ _LOG = logging.getLogger("surefoot")
 
 
 def set_up_logging(name: str) -> None:
-    """Sends our own notes, warnings and errors to stderr.
+    """Send our own notes, warnings and errors to stderr.
 
     Args:
         name: of the process, said first together with its number.
@@ -23,10 +23,10 @@ def set_up_logging(name: str) -> None:
 
 
 def log_note(text: str) -> None:
-    """Says something in passing."""
+    """Say something in passing."""
     _LOG.info(text)
 
 
 def log_warning(text: str) -> None:
-    """Says something the user should not miss."""
+    """Say something the user should not miss."""
     _LOG.warning(text)

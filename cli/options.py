@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli.completion import complete_robot, complete_scenario, complete_setting
+from surefoot.cli.completion import complete_robot, complete_scenario, complete_setting
 
 
 class ControllerName(StrEnum):

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from cli.recording.mcap_file import McapFile
+    from surefoot.recording.write import McapFile
 
 
 def record(
@@ -50,18 +50,16 @@ def record(
     with 3 when the file cannot be written, with 130 after Ctrl-C, which leaves a
     whole file.
     """
-    from cli.child_mode import begin_as_child, report_ready
-    from cli.console import print_json, print_table
-    from cli.endpoints import choose_endpoints
-    from cli.errors import UsageError
-    from cli.logs import log_note, set_up_logging
-    from cli.recording.attachments import attachments
-    from cli.recording.mcap_file import McapFile
-    from cli.recording.record_bus import RING_DEPTH, record_bus
-    from cli.recording.tables import counts_table
-    from robot_io.observer import ALL_CHANNELS, Observer
-    from robot_io.robot import load_robot
-    from robot_io.stop_request import StopRequest
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.cli.summary import counts_table
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.errors import UsageError
+    from surefoot.processes.child import begin_as_child, report_ready
+    from surefoot.recording.write import RING_DEPTH, McapFile, attachments, record_bus
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
+    from surefoot.robot_io.robot import load_robot
 
     set_up_logging("recorder")
     if child:
@@ -98,8 +96,8 @@ def record(
 
 
 def _tell(file: McapFile) -> None:
-    """Says on stderr what is missing, whatever is printed on stdout."""
-    from cli.logs import log_note, log_warning
+    """Say on stderr what is missing, whatever is printed on stdout."""
+    from surefoot.cli.logs import log_note, log_warning
 
     total = sum(count.messages for count in file.counts.values())
     log_note(f"{total} messages in {file.path}")
@@ -114,6 +112,6 @@ def _tell(file: McapFile) -> None:
 
 
 def _say_ready() -> None:
-    from cli.logs import log_note
+    from surefoot.cli.logs import log_note
 
     log_note("ready: what is said from now on is in the record")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from schemas.endpoints import Endpoints
+    from surefoot.schemas.endpoints import Endpoints
 
 LISTEN = "tcp/127.0.0.1:7448"
 """Beside the robot's own default, which is where the relay dials."""
@@ -64,16 +64,16 @@ def relay(
     time: in lockstep the robot waits two seconds for each command that is lost. Exits
     with 4 when there is no robot, with 130 after Ctrl-C.
     """
-    from cli.child_mode import begin_as_child, report_ready
-    from cli.console import print_json, print_table
-    from cli.logs import log_note, set_up_logging
-    from cli.run_files import write_struct
-    from cli.summary import relay_table
-    from robot_io.relay.catalogue import find_plan
-    from robot_io.relay.relay import Relay
-    from robot_io.robot import load_robot
-    from robot_io.stop_request import StopRequest
-    from schemas.relay_plan import load_relay_plan
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.cli.summary import relay_table
+    from surefoot.processes.child import begin_as_child, report_ready
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.relay.catalogue import find_plan
+    from surefoot.robot_io.relay.relay import Relay
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.run_folder import write_struct
+    from surefoot.schemas.relay_plan import load_relay_plan
 
     set_up_logging("relay")
     if child:
@@ -121,8 +121,8 @@ def _both_sides(
     insecure: bool,
 ) -> tuple[Endpoints, Endpoints]:
     """How it dials the robot, and how it listens; they must not meet each other."""
-    from cli.endpoints import choose_endpoints
-    from cli.errors import UsageError
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.errors import UsageError
 
     if file is None and listen_file is None and not listen:
         listen = [LISTEN]

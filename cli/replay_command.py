@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
-from cli.errors import UsageError
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.errors import UsageError
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from cli.replay.timeline import Timeline
-    from robot_io.robot import Robot
-    from schemas.endpoints import Endpoints
+    from surefoot.playback.timeline import Timeline
+    from surefoot.robot_io.robot import Robot
+    from surefoot.schemas.endpoints import Endpoints
 
 _CONTROLLER = "With --controller"
 _PLAYING = "Playing on the bus"
@@ -119,8 +119,7 @@ def replay(
     commands come out the same, bit for bit, and with 1 when not. The whole record is
     read into memory.
     """
-    from cli.replay.recorded_robot import recorded_robot
-    from cli.replay.timeline import read_timeline
+    from surefoot.playback.timeline import read_timeline, recorded_robot
 
     bus = bool(loop or now or from_s or speed != 1.0 or endpoints or listen or router)
     tuned = bool(law or settings or overrides or as_json)
@@ -145,7 +144,7 @@ def replay(
                 as_json=as_json,
             )
             return
-        from cli.endpoints import choose_endpoints
+        from surefoot.endpoints import choose_endpoints
 
         meeting = choose_endpoints(
             endpoints, listen=listen or [], connect=[], router=router, insecure=insecure
@@ -173,16 +172,16 @@ def _check(
     until_s: float | None,
     as_json: bool,
 ) -> None:
-    from cli.console import (
+    from surefoot.cli.console import (
         print_json,
         print_note,
         print_table,
         print_text,
         progress_bar,
     )
-    from cli.replay.check import check, recorded_settings
-    from cli.replay.tables import outcome_table, verdict
-    from cli.run_plan import load_settings
+    from surefoot.cli.replay_tables import outcome_table, verdict
+    from surefoot.playback.check import check, recorded_settings
+    from surefoot.run_plan import load_settings
 
     resolved = (
         recorded_settings(timeline, overrides)
@@ -224,12 +223,12 @@ def _play(
     now: bool,
     span: tuple[float, float | None],
 ) -> None:
-    from cli.console import progress_bar
-    from cli.logs import log_note, set_up_logging
-    from cli.replay.play import between, play
-    from cli.replay.timeline import PLAYABLE
-    from robot_io.replay_server import ReplayServer
-    from robot_io.stop_request import StopRequest
+    from surefoot.cli.console import progress_bar
+    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.playback.play import between, play
+    from surefoot.playback.timeline import PLAYABLE
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.robot_side.replay_server import ReplayServer
 
     set_up_logging("replay")
     period_s = robot.period_s

@@ -53,8 +53,8 @@ def report(
     """
     from importlib.util import find_spec
 
-    from cli.console import print_text
-    from cli.errors import EnvironmentFailedError
+    from surefoot.cli.console import count_bar, print_text
+    from surefoot.errors import EnvironmentFailedError
 
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
@@ -62,19 +62,19 @@ def report(
             f"a report needs {', '.join(missing)}, not installed here; "
             "pip install 'surefoot[view]'"
         )
-    from cli.report.video import check_drawing, load_drawing
+    from surefoot.report.video import check_drawing, load_drawing
 
     if video or animation:
         load_drawing()  # before the simulator is loaded for anything else
-    from cli.report.run_data import load_runs
+    from surefoot.report.run_data import load_runs
 
     loaded = load_runs(runs)
     folder = out or (runs[0] if len(runs) == 1 else runs[0].parent) / "report"
     if video or animation:
         check_drawing(loaded[0], video=video)
-    from cli.report.write_report import write_report  # heavy: errors come first
+    from surefoot.report.page import write_report  # heavy: errors come first
 
-    write_report(loaded, folder, video=video, animation=animation)
+    write_report(loaded, folder, video=video, animation=animation, bar=count_bar)
     page = folder / "index.html"
     print_text(str(page))
     if open_browser:

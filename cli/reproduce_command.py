@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from cli import options
+from surefoot.cli import options
 
 
 def reproduce(
@@ -33,20 +33,27 @@ def reproduce(
     Whole, with 50 seeds, it takes some six hours on two processors; --quick takes
     less than five minutes. Ended early, it goes on where it was.
     """
-    from cli.atomic_file import atomic_file
-    from cli.console import count_bar, print_note
-    from cli.reproduce.definition import cells_of, extent
-    from cli.reproduce.figures import COMPARED, SHOWN, draw, record
-    from cli.reproduce.report import FIGURES, write_report
-    from cli.study.execute import execute
-    from cli.study.store import StudyStore
-    from cli.study.summarise import summarise
+    from surefoot.cli.console import count_bar, print_note
+    from surefoot.robot_io.atomic_file import atomic_file
+    from surefoot.studies.execute import execute
+    from surefoot.studies.paper import cells_of, extent
+    from surefoot.studies.paper_figures import COMPARED, SHOWN, draw, record
+    from surefoot.studies.paper_page import FIGURES, write_report
+    from surefoot.studies.store import StudyStore
+    from surefoot.studies.summary import summarise
 
     cells = cells_of(extent(quick=quick, seeds=seeds))
     with StudyStore(out, about={"study": "reproduce"}) as store:
         if not report_only:
             workers = jobs or os.cpu_count() or 1
-            execute(cells, store, robot="walker", jobs=workers, title="runs")
+            execute(
+                cells,
+                store,
+                robot="walker",
+                jobs=workers,
+                title="runs",
+                bar=count_bar,
+            )
             folder = out / FIGURES
             folder.mkdir(exist_ok=True)
             undrawn = [n for n in SHOWN if not (folder / f"{n}.svg").is_file()]

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from sim_robot.node import RobotRun
+    from surefoot.sim_robot.node import RobotRun
 
 
 def robot(
@@ -36,15 +36,14 @@ def robot(
 
     Exits with 5 when the robot fell.
     """
-    from cli.child_mode import begin_as_child, progress_reporter
-    from cli.endpoints import choose_endpoints
-    from cli.logs import log_note, set_up_logging
-    from cli.scenario_errors import naming_scenario
-    from cli.scheduling import check_priority, claim_processor
-    from robot_io.pace import Pace
-    from robot_io.robot import load_robot
-    from schemas.scenario import load_scenario
-    from sim_robot.catalogue import find_scenario
+    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.cli.scheduling import check_priority, claim_processor
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.processes.child import begin_as_child, progress_reporter
+    from surefoot.robot_io.realtime import Pace
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.scenario import load_scenario
+    from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 
     set_up_logging("robot")
     if child:
@@ -65,7 +64,7 @@ def robot(
         f"{', '.join(meeting.router or meeting.listen)}"
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
-    from sim_robot.node import run_robot  # heavy: a wrong file is told first
+    from surefoot.sim_robot.node import run_robot  # heavy: a wrong file is told first
 
     with naming_scenario(path):
         done = run_robot(
@@ -90,7 +89,7 @@ def robot(
 def _write_files(
     done: RobotRun, *, result_file: Path | None, record_file: Path | None
 ) -> None:
-    from cli.run_files import write_arrays, write_struct
+    from surefoot.run_folder import write_arrays, write_struct
 
     if record_file is not None and done.recording is not None:
         write_arrays(record_file, done.recording)
@@ -99,9 +98,8 @@ def _write_files(
 
 
 def _show(done: RobotRun, scenario: str, *, as_json: bool) -> None:
-    from cli.console import print_json, print_table
-    from cli.histogram import histogram_table
-    from cli.summary import plant_table
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.summary import histogram_table, plant_table
 
     if as_json:
         print_json(done.result)

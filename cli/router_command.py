@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 
 def router(
@@ -19,12 +19,12 @@ def router(
 
     With TLS it checks who may say what, as the robot does without a router.
     """
-    from cli.child_mode import begin_as_child
-    from cli.endpoints import choose_endpoints
-    from cli.logs import log_note, set_up_logging
-    from robot_io.robot import load_robot
-    from robot_io.router import run_router
-    from robot_io.stop_request import StopRequest
+    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.processes.child import begin_as_child
+    from surefoot.robot_io.bus.router import run_router
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.robot import load_robot
 
     set_up_logging("router")
     if child:

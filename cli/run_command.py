@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
-from cli.errors import ChildFailedError, UsageError
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.errors import ChildFailedError, UsageError
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from cli.processes import Sides
-    from cli.run_plan import Mode, RunPlan
-    from schemas.endpoints import Endpoints
-    from schemas.result import RunResult
+    from surefoot.run_plan import Mode, RunPlan
+    from surefoot.run_result import Sides
+    from surefoot.schemas.endpoints import Endpoints
+    from surefoot.schemas.result import RunResult
 
 
 def run(
@@ -72,12 +72,12 @@ def run(
 
     Exits with 5 when the robot fell, with 1 when the stabilizer lost command of it.
     """
-    from cli.console import print_json, print_table
-    from cli.histogram import histogram_table
-    from cli.run_plan import make_plan
-    from cli.scheduling import check_priority
-    from cli.summary import run_table
+    from surefoot.cli.console import print_json, print_table, show_notes
+    from surefoot.cli.scheduling import check_priority
+    from surefoot.cli.summary import histogram_table, run_table
+    from surefoot.run_plan import make_plan
 
+    show_notes("surefoot.run")
     plan = make_plan(
         scenario,
         robot=robot,
@@ -129,7 +129,7 @@ def _meeting(
     file: Path | None, *, listen: list[str], connect: list[str]
 ) -> Endpoints | None:
     """Where the user wants the two to meet; None for no wish."""
-    from cli.endpoints import choose_endpoints
+    from surefoot.endpoints import choose_endpoints
 
     if file is None and not listen and not connect:
         return None
@@ -151,11 +151,10 @@ def _execute(
     histogram: bool,
     priority: int | None,
 ) -> RunResult:
-    """Runs the plan and fills the folder of the run."""
-    from cli.console import progress_bar
-    from cli.join_result import join_result
-    from cli.run_directory import RunDirectory
-    from cli.run_files import RESULT, write_inputs, write_struct
+    """Run the plan and fill the folder of the run."""
+    from surefoot.cli.console import progress_bar
+    from surefoot.run_folder import RESULT, RunDirectory, write_inputs, write_struct
+    from surefoot.run_result import join_result
 
     with RunDirectory(out) as folder:
         write_inputs(folder.path, plan)
@@ -202,8 +201,8 @@ def _run_sides(
         return _run_inline(
             plan, folder, record=record, on_tick=on_tick, histogram=histogram
         )
-    from cli.endpoints import private_bus
-    from cli.processes import run_processes
+    from surefoot.endpoints import private_bus
+    from surefoot.processes.bus_run import run_processes
 
     with private_bus() if meeting is None else nullcontext(meeting) as endpoints:
         return run_processes(
@@ -227,13 +226,13 @@ def _run_inline(
     histogram: bool,
 ) -> Sides:
     if plan.relay_path is None:
-        from cli.inline import run_inline
+        from surefoot.simulation import run_inline
 
         return run_inline(
             plan, folder, record=record, on_tick=on_tick, histogram=histogram
         )
-    from cli.inline_relay import run_inline_relayed
-    from schemas.relay_plan import load_relay_plan
+    from surefoot.relayed_simulation import run_inline_relayed
+    from surefoot.schemas.relay_plan import load_relay_plan
 
     faults = load_relay_plan(plan.relay_path)
     return run_inline_relayed(plan, faults, folder, record=record, on_tick=on_tick)

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from cli import options
+from surefoot.cli import options
 
 
 def scenarios(as_json: options.JsonOption = False) -> None:
     """List the shipped scenarios."""
-    from cli.console import print_json, print_table
-    from cli.summary import ScenarioRow, scenario_table
-    from schemas.scenario import load_scenario
-    from sim_robot.catalogue import find_scenario, list_scenarios
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.summary import ScenarioRow, scenario_table
+    from surefoot.schemas.scenario import load_scenario
+    from surefoot.sim_robot.catalogue import find_scenario, list_scenarios
 
     rows = []
     for name in list_scenarios():

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cli.errors import UsageError
-from cli.logs import log_note, log_warning
+from surefoot.cli.logs import log_note, log_warning
+from surefoot.errors import UsageError
 
 
 def check_priority(priority: int | None, *, lockstep: bool) -> None:
-    """Refuses a real-time priority to a loop that never rests.
+    """Refuse a real-time priority to a loop that never rests.
 
     Raises:
         UsageError: nothing else would run on its processor.
@@ -28,7 +28,7 @@ def claim_processor(*, cpu: int | None, priority: int | None) -> None:
         cpu: processor to stay on; None for any.
         priority: of SCHED_FIFO; None for an ordinary process.
     """
-    from robot_io.scheduling import pin_to_cpu, take_priority
+    from surefoot.robot_io.realtime import pin_to_cpu, take_priority
 
     if cpu is not None:
         _tell(pin_to_cpu(cpu), f"on processor {cpu}")

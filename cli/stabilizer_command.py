@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 IN_ORDER = ("held", "lost command", "the robot is in fault")
 """How a reason begins to end before the robot does, which then holds its posture."""
@@ -50,18 +50,17 @@ def stabilizer(
     with 5 when it fell. Ctrl-C brings the robot to rest first; again, and it ends at
     once.
     """
-    from cli.child_mode import begin_as_child
-    from cli.console import print_json, print_table
-    from cli.endpoints import choose_endpoints
-    from cli.histogram import histogram_table
-    from cli.logs import log_note, log_warning, set_up_logging
-    from cli.run_files import QP_FAILURE, write_struct
-    from cli.run_plan import load_settings
-    from cli.scheduling import check_priority, claim_processor
-    from cli.summary import controller_table
-    from robot_io.pace import Pace
-    from robot_io.robot import load_robot
-    from robot_io.stop_request import StopRequest
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.logs import log_note, log_warning, set_up_logging
+    from surefoot.cli.scheduling import check_priority, claim_processor
+    from surefoot.cli.summary import controller_table, histogram_table
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.processes.child import begin_as_child
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.realtime import Pace
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.run_folder import QP_FAILURE, write_struct
+    from surefoot.run_plan import load_settings
 
     set_up_logging("stabilizer")
     if child:
@@ -76,8 +75,8 @@ def stabilizer(
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
     # Heavy: a wrong file is told first.
-    from stabilizer.factory import make_controller
-    from stabilizer.node import run_stabilizer
+    from surefoot.stabilizer.factory import make_controller
+    from surefoot.stabilizer.node import run_stabilizer
 
     folder = result_file.parent if result_file is not None else Path.cwd()
     stop = StopRequest()

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
+from rich.console import Group as RenderableGroup
 from rich.table import Table
 
-from schemas.result import (
+from surefoot.schemas.result import (
     ControllerResult,
     Distribution,
+    Histogram,
     PlantResult,
     RelayResult,
     RunResult,
 )
 
+if TYPE_CHECKING:
+    from surefoot.recording.write import ChannelCount
+    from surefoot.studies.tables import Summaries
+
 _PASSAGE = ("arrived", "left")
 """What a relay counts besides its faults."""
+BAR_WIDTH = 40
+_EIGHTHS = " ▏▎▍▌▋▊▉"
 
 
 class ScenarioRow(NamedTuple):
@@ -88,6 +96,24 @@ def relay_table(result: RelayResult) -> Table:
         row = [str(counts.get(kind, 0)) for kind in (*_PASSAGE, *kinds)]
         table.add_row(name, *row)
     return table
+
+
+def study_tables(summaries: Summaries) -> RenderableGroup:
+    """For people at a terminal: a table a case."""
+    from surefoot.studies.tables import cells_of
+
+    tables: dict[str, Table] = {}
+    for group, summary in summaries.items():
+        if group.case not in tables:
+            tables[group.case] = Table(
+                *("controller", "servo", "up", "95 %"),
+                *("CoM rms [mm]", "force [N]", "peak [N]"),
+                title=group.case,
+                title_justify="left",
+            )
+        tables[group.case].add_row(*cells_of(group, summary)[1:8])
+    note = "CoM rms x, y, z and deviation of the forces: mean over runs that stayed up"
+    return RenderableGroup(*tables.values(), note)
 
 
 def scenario_table(rows: Iterable[ScenarioRow]) -> Table:
@@ -172,3 +198,66 @@ def _faults(result: RelayResult) -> str:
     passed = total["arrived"]
     found = {kind: n for kind, n in total.items() if kind not in _PASSAGE}
     return f"{_counts(found)} of {passed} messages"
+
+
+def histogram_table(name: str, histogram: Histogram) -> Table:
+    """One line per range of times that anything fell into, or lies between such.
+
+    Bars are proportional to the share, and whatever happened at all shows at least a
+    sliver: the rare late tick is what one looks for.
+
+    Args:
+        name: what was timed.
+        histogram: how often it took how long.
+    """
+    edges, counts = histogram.edges_ms, histogram.counts
+    total = sum(counts)
+    table = Table(title=f"{name}, {total} times", title_justify="left", box=None)
+    table.add_column("ms", justify="right", no_wrap=True)
+    table.add_column("", width=BAR_WIDTH, no_wrap=True)
+    table.add_column("count", justify="right", no_wrap=True)
+    table.add_column("share", justify="right", no_wrap=True)
+    filled = [index for index, count in enumerate(counts) if count]
+    if not filled:
+        return table
+    most = max(counts)
+    for index in range(filled[0], filled[-1] + 1):
+        count = counts[index]
+        table.add_row(
+            _range(edges, index),
+            _bar(count / most),
+            str(count),
+            f"{100.0 * count / total:.2f} %",
+        )
+    return table
+
+
+def _range(edges: list[float], index: int) -> str:
+    if index == 0:
+        return f"under {edges[0]:g}"
+    if index == len(edges):
+        return f"over {edges[-1]:g}"
+    return f"{edges[index - 1]:g} to {edges[index]:g}"
+
+
+def _bar(share: float) -> str:
+    eighths = round(8 * BAR_WIDTH * share)
+    if share > 0.0:
+        eighths = max(1, eighths)
+    return "█" * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
+
+
+def counts_table(counts: Iterable[ChannelCount]) -> Table:
+    """What came on each channel, and what is missing."""
+    table = Table("channel", "messages", "first", "last", "missing", "restarts")
+    for count in counts:
+        counted = bool(count.counted_by)
+        table.add_row(
+            count.channel,
+            str(count.messages),
+            "-" if count.first is None else str(count.first),
+            "-" if count.last is None else str(count.last),
+            f"{count.missing} by {count.counted_by}" if counted else "-",
+            str(count.restarts) if counted else "-",
+        )
+    return table

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from cli import options
-from cli.completion import complete_scenario
+from surefoot.cli import options
+from surefoot.cli.completion import complete_scenario
+
+Values = tuple[tuple[str, Any], ...]
 
 
 def sweep(
@@ -58,13 +60,13 @@ def sweep(
     it was. OUT/summary.csv and summary.json hold the figures, one plot per scenario
     and varied value the success curve.
     """
-    from cli.console import print_json, print_table
-    from cli.study.execute import execute
-    from cli.study.parse import all_cells, parse_seeds
-    from cli.study.store import StudyStore
-    from cli.study.summarise import summarise
-    from cli.study.tables import terminal_tables
-    from cli.study.write_summary import write_summary
+    from surefoot.cli.console import count_bar, print_json, print_table
+    from surefoot.cli.summary import study_tables
+    from surefoot.cli.sweep_cells import all_cells, parse_seeds
+    from surefoot.studies.execute import execute
+    from surefoot.studies.store import StudyStore
+    from surefoot.studies.summary import summarise
+    from surefoot.studies.tables import write_summary
 
     cells = all_cells(
         scenarios,
@@ -82,6 +84,7 @@ def sweep(
             overrides=shared,
             jobs=jobs or os.cpu_count() or 1,
             title="sweep",
+            bar=count_bar,
         )
         rows = [store.rows[cell.key] for cell in cells]
     summaries = summarise(rows)
@@ -89,4 +92,4 @@ def sweep(
     if as_json:
         print_json(rows_out)
     else:
-        print_table(terminal_tables(summaries))
+        print_table(study_tables(summaries))

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from cli import options
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.exit_codes import ExitCode
 
 
 def view(
@@ -31,15 +31,15 @@ def view(
     import logging
     from importlib.util import find_spec
 
-    from cli.child_mode import begin_as_child
-    from cli.console import print_note
-    from cli.endpoints import choose_endpoints
-    from cli.errors import EnvironmentFailedError
-    from cli.logs import set_up_logging
-    from cli.view.port import free_port
-    from robot_io.exposure import check_locators
-    from robot_io.robot import load_robot
-    from robot_io.stop_request import StopRequest
+    from surefoot.cli.console import print_note
+    from surefoot.cli.logs import set_up_logging
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.errors import EnvironmentFailedError
+    from surefoot.processes.child import begin_as_child
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.robot_io.security.locators import check_locators
+    from surefoot.view.page import free_port
 
     set_up_logging("view")
     logging.getLogger("websockets").setLevel(logging.WARNING)
@@ -54,7 +54,7 @@ def view(
             "pip install 'surefoot[view]'"
         )
     chosen = free_port(port)
-    from cli.view.page import LivePage  # heavy: a wrong option is told first
+    from surefoot.view.page import LivePage  # heavy: a wrong option is told first
 
     stop = StopRequest()
     with stop.on_signals():

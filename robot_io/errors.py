@@ -15,7 +15,7 @@ class EndpointError(RobotIoError, OSError):
     """A session cannot listen or dial where it should; ``locators`` says where."""
 
     def __init__(self, message: str, *, locators: list[str]) -> None:
-        """Keeps the locators beside the message."""
+        """Keep the locators beside the message."""
         super().__init__(message)
         self.locators = locators
 
@@ -32,7 +32,7 @@ class RequestRefusedError(RobotIoError):
     """The robot refused a request; ``reason`` is the robot's own word."""
 
     def __init__(self, message: str, *, reason: str) -> None:
-        """Keeps the robot's reason beside the message."""
+        """Keep the robot's reason beside the message."""
         super().__init__(message)
         self.reason = reason
 

@@ -14,13 +14,13 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from robot_io.errors import RobotFileError
-from robot_io.robot_check import check_robot
-from schemas.arrays import Array
-from schemas.errors import FileFormatError
-from schemas.robot_file import Foot, RobotFile, ServoProfile
-from schemas.toml_file import convert, read_toml
-from schemas.topics import resolve_keys
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.robot_check import check_robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.robot_file import Foot, RobotFile, ServoProfile
+from surefoot.schemas.toml_file import convert, read_toml
+from surefoot.schemas.topics import resolve_keys
 
 EXTENDS = "extends"
 """Key of a robot file: another one, relative to it, that it changes."""
@@ -166,7 +166,7 @@ def find_robot(name_or_path: str) -> Path:
 
 
 def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
-    """Loads a robot by shipped name or path.
+    """Load a robot by shipped name or path.
 
     Args:
         name_or_path: ``walker`` or ``path/to/robot.toml``.
@@ -187,7 +187,7 @@ def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
 
 
 def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
-    """Holds a robot file that was read already against its URDF.
+    """Hold a robot file that was read already against its URDF.
 
     Args:
         file: resolved: extended, the servo profile chosen.

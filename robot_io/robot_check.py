@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robot_io.errors import RobotFileError
-from schemas.arrays import Array
-from schemas.errors import FileFormatError
-from schemas.robot_file import Foot, Joint, RobotFile
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.robot_file import Foot, Joint, RobotFile
 
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
@@ -26,7 +26,7 @@ class JointRanges(NamedTuple):
 
 
 def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> JointRanges:
-    """Compares a robot's TOML with itself and with its URDF.
+    """Compare a robot's TOML with itself and with its URDF.
 
     Args:
         file: the TOML.

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 
-from schemas.result import Distribution, Histogram
+from surefoot.schemas.result import Distribution, Histogram
 
 MS_PER_NS = 1e-6
 EDGES_MS = (
@@ -12,13 +14,16 @@ EDGES_MS = (
     *(2.0, 3.0, 5.0, 7.0, 10.0, 20.0, 50.0, 100.0, 1000.0),
 )
 """Fine around a control period, coarse where only its order counts."""
+TICKS_KEPT = 1024
+"""Ticks whose sensors' stamp is remembered; older answers are refused anyway."""
+_NOTHING = 0
 
 
 class TimingLog:
     """The newest durations of something that happens every tick."""
 
     def __init__(self, capacity: int) -> None:
-        """Starts empty.
+        """Start empty.
 
         Args:
             capacity: how many are kept; the oldest make room.
@@ -32,7 +37,7 @@ class TimingLog:
         return min(self._count, self._capacity)
 
     def add(self, duration_ns: int) -> None:
-        """Adds a duration [ns]."""
+        """Add a duration [ns]."""
         self._durations_ns[self._count % self._capacity] = duration_ns
         self._count += 1
 
@@ -52,3 +57,45 @@ class TimingLog:
         bins = np.searchsorted(EDGES_MS, kept, side="right")
         counts = np.bincount(bins, minlength=len(EDGES_MS) + 1)
         return Histogram(edges_ms=list(EDGES_MS), counts=counts.tolist())
+
+
+class CommandLatency:
+    """Times what a whole-body loop is about, on one clock, the robot's.
+
+    Attributes:
+        log: stamp of the sensors to command applied; one per command that acts.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        """Start empty.
+
+        Args:
+            capacity: how many are kept.
+        """
+        self.log = TimingLog(capacity)
+        self._stamps_ns = [_NOTHING] * TICKS_KEPT
+        self._acting_ns = [_NOTHING] * TICKS_KEPT
+
+    def sensed(self, tick: int, *, stamp_ns: int) -> None:
+        """The sensors of a tick were stamped."""
+        self._stamps_ns[tick % TICKS_KEPT] = stamp_ns
+
+    def stamp_ns(self, tick: int) -> int:
+        """When the sensors of a recent tick were stamped [ns]."""
+        return self._stamps_ns[tick % TICKS_KEPT]
+
+    def taken(self, answered_tick: int, *, acts_at: int) -> None:
+        """A command was let through.
+
+        Args:
+            answered_tick: the tick it answers.
+            acts_at: the tick in whose step the servos begin to follow it.
+        """
+        self._acting_ns[acts_at % TICKS_KEPT] = self.stamp_ns(answered_tick)
+
+    def applied(self, tick: int) -> None:
+        """The servos follow what acts from this tick on."""
+        index = tick % TICKS_KEPT
+        if self._acting_ns[index] != _NOTHING:
+            self.log.add(time.monotonic_ns() - self._acting_ns[index])
+            self._acting_ns[index] = _NOTHING

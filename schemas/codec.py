@@ -12,10 +12,10 @@ from typing import TypeVar
 import msgpack
 import msgspec
 
-from schemas.errors import MessageError, SchemaVersionError
-from schemas.finite import find_non_finite
-from schemas.messages import SCHEMA_VERSION
-from schemas.validation import explain
+from surefoot.schemas.errors import MessageError, SchemaVersionError
+from surefoot.schemas.finite import find_non_finite
+from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.validation import explain
 
 MAX_MESSAGE_BYTES = 65536
 _T = TypeVar("_T", bound=msgspec.Struct)
@@ -24,10 +24,10 @@ _UNREADABLE = (ValueError, TypeError, RecursionError, msgpack.UnpackException)
 
 
 def encode(message: msgspec.Struct) -> bytes:
-    """Packs a message.
+    """Pack a message.
 
     Args:
-        message: any struct of :mod:`schemas.messages`.
+        message: any struct of :mod:`surefoot.schemas.messages`.
 
     Returns:
         MessagePack bytes.
@@ -36,7 +36,7 @@ def encode(message: msgspec.Struct) -> bytes:
 
 
 def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T:
-    """Unpacks and checks a message.
+    """Unpack and check a message.
 
     Args:
         data: bytes from the bus.
@@ -83,7 +83,7 @@ def _decoder(kind: type[_T]) -> msgspec.msgpack.Decoder[_T]:
 
 
 def _decode_in_steps(data: bytes, kind: type[_T]) -> _T:
-    """Finds out what is wrong with bytes that are no such message.
+    """Find out what is wrong with bytes that are no such message.
 
     First whether they are MessagePack at all, then for which version they were
     written, then which field does not fit.

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import msgspec
 
-from schemas.errors import FileFormatError
-from schemas.toml_file import FileStruct, load
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.toml_file import FileStruct, load
 
 DEFAULT_LOCATOR = "tcp/127.0.0.1:7447"
 MAX_INCOMING_BYTES = 16384
@@ -80,7 +80,7 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
 
 
 def load_endpoints(path: Path) -> Endpoints:
-    """Reads an endpoint file; paths in it become absolute.
+    """Read an endpoint file; paths in it become absolute.
 
     Args:
         path: of the TOML.

@@ -12,7 +12,7 @@ class SchemaError(ValueError):
     """
 
     def __init__(self, message: str, *, field: str = "") -> None:
-        """Keeps the path of the offending field beside the message."""
+        """Keep the path of the offending field beside the message."""
         super().__init__(message)
         self.field = field
 

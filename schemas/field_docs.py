@@ -11,7 +11,7 @@ import msgspec
 
 
 def field_docs(kind: type[msgspec.Struct]) -> dict[str, str]:
-    """Collects what is written under each field of a struct and its bases.
+    """Collect what is written under each field of a struct and its bases.
 
     Args:
         kind: a struct class whose source is at hand.

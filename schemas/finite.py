@@ -19,7 +19,7 @@ class NonFinite(NamedTuple):
 
 
 def find_non_finite(value: Any, path: str = "") -> NonFinite | None:
-    """Finds the first NaN or infinity at any depth.
+    """Find the first NaN or infinity at any depth.
 
     Args:
         value: a number, struct, list or dict; other types hold no numbers.

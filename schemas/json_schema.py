@@ -1,7 +1,7 @@
 """JSON Schema of every bus message and file format, for other languages and editors.
 
-``python -m schemas.json_schema`` writes them into ``schemas/json``. Each schema
-stands alone: no ``$ref``, which some tools refuse.
+``python -m surefoot.schemas.json_schema`` writes them into ``schemas/json``. Each
+schema stands alone: no ``$ref``, which some tools refuse.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from typing import Any
 import msgspec
 import msgspec.inspect
 
-from schemas import messages
-from schemas.arrays import JsonObject
-from schemas.endpoints import Endpoints
-from schemas.field_docs import field_docs
-from schemas.messages import SCHEMA_VERSION
-from schemas.relay_plan import RelayPlan
-from schemas.result import RunResult
-from schemas.robot_file import RobotFile
-from schemas.scenario import Scenario
-from schemas.settings import ControllerSettings
-from schemas.topics import TOPICS
+from surefoot.schemas import messages
+from surefoot.schemas.arrays import JsonObject
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.field_docs import field_docs
+from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.relay_plan import RelayPlan
+from surefoot.schemas.result import RunResult
+from surefoot.schemas.robot_file import RobotFile
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.topics import TOPICS
 
 JSON_DIR = Path(__file__).parent / "json"
 FILE_FORMATS: tuple[type[msgspec.Struct], ...] = (
@@ -41,7 +41,7 @@ _DROPPED = ("$ref", "discriminator")
 
 
 def json_schema(kind: type[msgspec.Struct]) -> JsonObject:
-    """Describes a message or file format.
+    """Describe a message or file format.
 
     Args:
         kind: a struct of this package.
@@ -83,7 +83,7 @@ def as_text(schema: JsonObject) -> str:
 
 
 def write_schemas(directory: Path = JSON_DIR) -> list[Path]:
-    """Writes all schemas, and removes those of formats that are gone."""
+    """Write all schemas, and remove those of formats that are gone."""
     directory.mkdir(parents=True, exist_ok=True)
     texts = {name: as_text(schema) for name, schema in all_schemas().items()}
     for stale in directory.glob("*.schema.json"):
@@ -130,7 +130,7 @@ def _structs_within(kind: type[msgspec.Struct]) -> list[type[msgspec.Struct]]:
 
 
 def _inline(node: Any, definitions: JsonObject) -> Any:
-    """Replaces references by what they refer to; no format contains itself."""
+    """Replace references by what they refer to; no format contains itself."""
     if isinstance(node, list):
         return [_inline(item, definitions) for item in node]
     if not isinstance(node, dict):

@@ -7,9 +7,9 @@ from typing import Any
 
 import msgspec
 
-from schemas.errors import FileFormatError
-from schemas.settings import ControllerSettings
-from schemas.toml_file import convert
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.toml_file import convert
 
 LIVE_SETTINGS = (
     "tsid.com_kp",

@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from schemas.arrays import Floats, Floats3, Floats4, Floats6, Pair
+from surefoot.schemas.arrays import Floats, Floats3, Floats4, Floats6, Pair
 
 SCHEMA_VERSION = 2
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
@@ -147,7 +147,7 @@ class Reference(Message, frozen=True, kw_only=True):
     """Left and right foot; empty for the present stance."""
 
     def __post_init__(self) -> None:
-        """Refuses a reference for one foot only."""
+        """Refuse a reference for one foot only."""
         if len(self.feet) == 1:
             raise ValueError("`feet` has 1 entry, expected left and right, or none")
 

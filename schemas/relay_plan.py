@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from schemas.robot_file import NonNegative
-from schemas.toml_file import FileStruct, convert, read_toml
-from schemas.topics import TOPICS, Direction
+from surefoot.schemas.robot_file import NonNegative
+from surefoot.schemas.toml_file import FileStruct, convert, read_toml
+from surefoot.schemas.topics import TOPICS, Direction
 
 Probability = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 Milliseconds = Annotated[float, msgspec.Meta(gt=0.0, le=10000.0)]
@@ -42,7 +42,7 @@ class _Fault(FileStruct, frozen=True, kw_only=True):
     """Until the end when absent."""
 
     def __post_init__(self) -> None:
-        """Checks that channels are named once, and exist."""
+        """Check that channels are named once, and exist."""
         if bool(self.topics) == (self.direction is not None):
             raise ValueError("give either `topics` or `direction`")
         known = [entry.name for entry in TOPICS]
@@ -113,7 +113,7 @@ class CutFault(_Fault, frozen=True, kw_only=True, tag="cut", tag_field="kind"):
     """Everything is lost for a while."""
 
     def __post_init__(self) -> None:
-        """Checks that a cut ends."""
+        """Check that a cut ends."""
         _Fault.__post_init__(self)
         if self.duration_s is None:
             raise ValueError("kind 'cut' needs `duration_s`; say how long it lasts")
@@ -128,7 +128,7 @@ class ClockJumpFault(
     """Positive: the clock jumped ahead. A stamp never gets below zero."""
 
     def __post_init__(self) -> None:
-        """Checks that the messages have stamps."""
+        """Check that the messages have stamps."""
         _Fault.__post_init__(self)
         for entry in TOPICS:
             fields = entry.message.__struct_fields__
@@ -167,7 +167,7 @@ class RelayPlan(FileStruct, frozen=True, kw_only=True):
 
 
 def relay_plan_from_table(raw: dict[str, Any], *, source: str) -> RelayPlan:
-    """Builds a plan from a TOML table.
+    """Build a plan from a TOML table.
 
     Raises:
         FileFormatError: with the path of the offending key.
@@ -176,7 +176,7 @@ def relay_plan_from_table(raw: dict[str, Any], *, source: str) -> RelayPlan:
 
 
 def load_relay_plan(path: Path) -> RelayPlan:
-    """Reads a plan file; see :func:`relay_plan_from_table`."""
+    """Read a plan file; see :func:`relay_plan_from_table`."""
     return relay_plan_from_table(read_toml(path), source=str(path))
 
 

@@ -6,8 +6,8 @@ from typing import Literal
 
 import msgspec
 
-from schemas.arrays import Floats3, Pair
-from schemas.messages import PushEvent, SettingsChange
+from surefoot.schemas.arrays import Floats3, Pair
+from surefoot.schemas.messages import PushEvent, SettingsChange
 
 
 class Distribution(msgspec.Struct, frozen=True, kw_only=True):

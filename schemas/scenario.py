@@ -11,13 +11,52 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from schemas.arrays import Floats3
-from schemas.robot_file import NonNegative, Positive
-from schemas.sensor_fault import SensorFault
-from schemas.toml_file import FileStruct, convert, read_toml
+from surefoot.schemas.arrays import Floats3
+from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 
 Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 ROTATIONS = ("roll", "pitch", "yaw")
+SensorName = Literal["joints", "imu", "left_ankle_ft", "right_ankle_ft"]
+FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
+JUMP_SIZES = {
+    "joints": 0.3,
+    "imu": 5.0,
+    "left_ankle_ft": 2500.0,
+    "right_ankle_ft": 2500.0,
+}
+"""Offset of a jump by sensor, where the file gives none: positions [rad], gyroscope
+[rad/s], vertical force [N]."""
+
+
+class SensorFault(FileStruct, frozen=True, kw_only=True):
+    """One sensor fails for a while.
+
+    ``drop``: its messages are not sent. ``freeze``: it repeats its last reading.
+    ``nan``: it reports no numbers. ``jump``: an offset appears at once. ``range``: it
+    reports a value that it cannot have measured.
+    """
+
+    sensor: SensorName
+    """Which one fails."""
+    kind: FaultKind
+    """How it fails, see above."""
+    start_s: NonNegative
+    """When it begins."""
+    duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+    """How long it lasts."""
+    size: Positive | None = None
+    """Of a jump, in the sensor's unit; see JUMP_SIZES."""
+
+    def __post_init__(self) -> None:
+        """Check that only a jump has a size."""
+        if self.size is not None and self.kind != "jump":
+            raise ValueError(f"kind {self.kind!r} takes no `size`; only `jump` does")
+
+    @property
+    def offset(self) -> float:
+        """Offset of a jump."""
+        return JUMP_SIZES[self.sensor] if self.size is None else self.size
 
 
 class _Motion(FileStruct, frozen=True, kw_only=True):
@@ -33,7 +72,7 @@ class _Motion(FileStruct, frozen=True, kw_only=True):
     """When it begins."""
 
     def __post_init__(self) -> None:
-        """Checks that the size has the unit of the axis."""
+        """Check that the size has the unit of the axis."""
         self._only_unit("amplitude", required=True)
 
     @property
@@ -81,7 +120,7 @@ class RampMotion(_Motion, frozen=True, kw_only=True, tag="ramp", tag_field="kind
     """Magnitude of the rate about roll, pitch or yaw."""
 
     def __post_init__(self) -> None:
-        """Checks units of amplitude and rate."""
+        """Check units of amplitude and rate."""
         super().__post_init__()
         self._only_unit("rate", per="_s", required=True)
 
@@ -100,7 +139,7 @@ class DropMotion(_Motion, frozen=True, kw_only=True, tag="drop", tag_field="kind
     """Magnitude of the rate about roll, pitch or yaw."""
 
     def __post_init__(self) -> None:
-        """Checks units; only z can fall freely."""
+        """Check units; only z can fall freely."""
         super().__post_init__()
         self._only_unit("rate", per="_s", required=self.axis != "z")
 
@@ -201,7 +240,7 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     """Sensors that fail."""
 
     def __post_init__(self) -> None:
-        """Checks that every foot has at most one platform."""
+        """Check that every foot has at most one platform."""
         feet: list[str] = []
         for platform in self.platform:
             feet += ["left", "right"] if platform.foot == "both" else [platform.foot]
@@ -214,7 +253,7 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
 
 
 def scenario_from_table(raw: dict[str, Any], *, source: str) -> Scenario:
-    """Builds a scenario from a TOML table.
+    """Build a scenario from a TOML table.
 
     Raises:
         FileFormatError: with the path of the offending key.
@@ -223,5 +262,5 @@ def scenario_from_table(raw: dict[str, Any], *, source: str) -> Scenario:
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Reads a scenario file; see :func:`scenario_from_table`."""
+    """Read a scenario file; see :func:`scenario_from_table`."""
     return scenario_from_table(read_toml(path), source=str(path))

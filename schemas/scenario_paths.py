@@ -15,8 +15,8 @@ from typing import Any
 
 import msgspec
 
-from schemas.errors import FileFormatError
-from schemas.scenario import ROTATIONS, Scenario, scenario_from_table
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.scenario import ROTATIONS, Scenario, scenario_from_table
 
 Table = dict[str, Any]
 _PACE, _TILT_RATE = "pace", "tilt_rate_deg_s"
@@ -67,7 +67,7 @@ def scenario_paths(scenario: Scenario) -> list[str]:
 
 
 def parse_override(text: str, *, option: str) -> tuple[str, Any]:
-    """Takes ``PATH=VALUE`` apart; the value is written as in TOML.
+    """Take ``PATH=VALUE`` apart; the value is written as in TOML.
 
     Args:
         text: as typed.
@@ -85,7 +85,7 @@ def parse_override(text: str, *, option: str) -> tuple[str, Any]:
 
 
 def parse_value(text: str, *, what: str) -> Any:
-    """Reads one TOML value; a bare word is a text.
+    """Read one TOML value; a bare word is a text.
 
     Raises:
         FileFormatError: neither.
@@ -125,7 +125,7 @@ def _leaves(value: Any, path: str = "") -> Iterable[str]:
 
 
 def _set(table: Table, path: str, value: Any) -> None:
-    """Sets one known path in a table of :func:`msgspec.to_builtins`."""
+    """Set one known path in a table of :func:`msgspec.to_builtins`."""
     if path in (_PACE, _TILT_RATE):
         (_set_pace if path == _PACE else _set_tilt_rate)(table, _positive(path, value))
         return
@@ -143,7 +143,7 @@ def _set(table: Table, path: str, value: Any) -> None:
 
 
 def _set_direction(push: Table, direction_deg: float) -> None:
-    """Turns a push about the vertical; 0 is forwards, 90 to the left."""
+    """Turn a push about the vertical; 0 is forwards, 90 to the left."""
     x, y, z = push["force_n"]
     size, angle = math.hypot(x, y), math.radians(direction_deg)
     push["force_n"] = [size * math.cos(angle), size * math.sin(angle), z]

@@ -13,10 +13,10 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from schemas.errors import FileFormatError
-from schemas.robot_file import NonNegative, Positive
-from schemas.toml_file import FileStruct, convert
-from schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.toml_file import FileStruct, convert
+from surefoot.schemas.zmp_settings import ZmpSettings
 
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
@@ -277,7 +277,7 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
 def build_settings(
     table: dict[str, Any], *, overrides: list[str], source: str = "settings"
 ) -> ControllerSettings:
-    """Joins defaults, a settings table and command-line overrides.
+    """Join defaults, a settings table and command-line overrides.
 
     Args:
         table: content of a settings file; empty for the defaults.

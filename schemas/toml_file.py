@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 
-from schemas.errors import FileFormatError
-from schemas.finite import find_non_finite
-from schemas.key_names import suggest_key
-from schemas.validation import explain
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.finite import find_non_finite
+from surefoot.schemas.key_names import suggest_key
+from surefoot.schemas.validation import explain
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 
@@ -21,7 +22,7 @@ class FileStruct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Reads a TOML table.
+    """Read a TOML table.
 
     Raises:
         FileFormatError: the file is missing, unreadable or not TOML.
@@ -37,7 +38,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
-    """Turns a table into a struct.
+    """Turn a table into a struct.
 
     Args:
         raw: what was read.
@@ -66,5 +67,34 @@ def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
 
 
 def load(path: Path, kind: type[_T]) -> _T:
-    """Reads a file into a struct; see :func:`read_toml` and :func:`convert`."""
+    """Read a file into a struct; see :func:`read_toml` and :func:`convert`."""
     return convert(read_toml(path), kind, source=str(path))
+
+
+def toml_text(tables: dict[str, dict[str, Any]]) -> str:
+    """Write tables of numbers, texts, booleans and lists of them.
+
+    Args:
+        tables: table name to its keys; both plain names.
+
+    Returns:
+        TOML that reads back as the same tables.
+    """
+    blocks = []
+    for name, table in tables.items():
+        blocks.append(f"[{name}]\n{toml_keys(table)}")
+    return "\n\n".join(blocks) + "\n"
+
+
+def toml_keys(table: dict[str, Any]) -> str:
+    """Write the keys of one table, without its name."""
+    return "\n".join(f"{key} = {_value(value)}" for key, value in table.items())
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_value, value))}]"
+    # JSON and TOML write booleans, finite numbers and escapes alike; but TOML wants
+    # characters beyond the 16-bit plane as they are, and DEL escaped.
+    text = json.dumps(value, allow_nan=False, ensure_ascii=False)
+    return text.replace("\x7f", "\\u007F")

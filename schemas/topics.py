@@ -6,8 +6,8 @@ from enum import StrEnum
 
 import msgspec
 
-from schemas import messages
-from schemas.errors import FileFormatError
+from surefoot.schemas import messages
+from surefoot.schemas.errors import FileFormatError
 
 
 class Direction(StrEnum):
@@ -77,7 +77,7 @@ TICK_SENSORS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
 
 
 def topic(name: str) -> Topic:
-    """Finds a channel by name.
+    """Find a channel by name.
 
     Raises:
         KeyError: no such channel; the message lists the valid names.

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from schemas.key_names import valid_values
+from surefoot.schemas.key_names import valid_values
 
 _PLACE = re.compile(r" - at `(?:key` in `)?\$\.?([^`]*)`$")
 _NAMED_FIELD = re.compile(r"field `([^`]+)`")
@@ -29,7 +29,7 @@ _WORDS = {
 def explain(
     error: msgspec.ValidationError, raw: Any, kind: type[msgspec.Struct]
 ) -> tuple[str, str]:
-    """Takes a validation error apart.
+    """Take a validation error apart.
 
     Args:
         error: what msgspec said.

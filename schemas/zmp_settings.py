@@ -12,8 +12,8 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from schemas.robot_file import NonNegative, Positive
-from schemas.toml_file import FileStruct
+from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.toml_file import FileStruct
 
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 CopAdmittance = Annotated[float, msgspec.Meta(ge=0.0, le=0.1)]

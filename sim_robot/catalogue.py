@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from schemas.scenario import Scenario, load_scenario
-from sim_robot.errors import ScenarioError
+from surefoot.schemas.scenario import Scenario, load_scenario
+from surefoot.sim_robot.errors import ScenarioError
 
 SCENARIOS_DIR = Path(__file__).parent / "scenarios"
 
@@ -35,10 +37,28 @@ def find_scenario(name_or_path: str) -> Path:
 
 
 def open_scenario(name_or_path: str) -> Scenario:
-    """Loads a scenario by shipped name or path.
+    """Load a scenario by shipped name or path.
 
     Raises:
         ScenarioError: no such scenario.
         FileFormatError: the file is malformed.
     """
     return load_scenario(find_scenario(name_or_path))
+
+
+@contextmanager
+def naming_scenario(path: Path) -> Iterator[None]:
+    """Names the file in a :class:`ScenarioError` that says which key is wrong.
+
+    Bodies, ticks and ranges are checked where robot and scenario come together, which
+    know nothing of files.
+
+    Args:
+        path: of the scenario.
+    """
+    try:
+        yield
+    except ScenarioError as error:
+        if not error.field:
+            raise
+        raise ScenarioError(f"{path}: {error}", field=error.field) from error

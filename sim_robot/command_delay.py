@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from schemas.arrays import Array
-from sim_robot.errors import CommandError
+from surefoot.schemas.arrays import Array
+from surefoot.sim_robot.errors import CommandError
 
 
 class CommandDelay:
@@ -14,7 +14,7 @@ class CommandDelay:
     """
 
     def __init__(self, ticks: int, *, posture: Array) -> None:
-        """Starts without answers.
+        """Start without answers.
 
         Args:
             ticks: d, zero or more.
@@ -29,7 +29,7 @@ class CommandDelay:
         return tick - self.ticks if tick >= self.ticks else None
 
     def put(self, q_command: Array, *, answers: int, now: int) -> None:
-        """Takes in the answer to a tick.
+        """Take in the answer to a tick.
 
         Args:
             q_command: (n_a,) [rad]; copied.

@@ -15,7 +15,7 @@ class ScenarioError(SimulationError, ValueError):
     """
 
     def __init__(self, message: str, *, field: str = "") -> None:
-        """Keeps the path of the offending key beside the message."""
+        """Keep the path of the offending key beside the message."""
         super().__init__(message)
         self.field = field
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from schemas.arrays import Array
-from sim_robot.constants import SIM_STEP_S
-from sim_robot.ground_spec import PLATFORM_INERTIA
-from sim_robot.motion import MotionLaw, motion_law
-from sim_robot.world import World
+from surefoot.schemas.arrays import Array
+from surefoot.sim_robot.motion import MotionLaw, motion_law
+from surefoot.sim_robot.platforms import PLATFORM_INERTIA
+from surefoot.sim_robot.ticks import SIM_STEP_S
+from surefoot.sim_robot.world import World
 
 
 class Ground:
@@ -23,7 +23,7 @@ class Ground:
     """
 
     def __init__(self, world: World, data: mujoco.MjData) -> None:
-        """Takes over the platform joints of ``data``, at rest in zero.
+        """Take over the platform joints of ``data``, at rest in zero.
 
         Raises:
             ScenarioError: a motion cannot be done.

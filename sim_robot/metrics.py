@@ -8,7 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from schemas.arrays import Array, Vec3
+from surefoot.schemas.arrays import Array, Vec3
+from surefoot.sim_robot.state_view import PlantView
 
 COM_FROM_S = 1.0
 """CoM errors and force deviations count from here on: ground begins to move."""
@@ -17,11 +18,17 @@ PEAK_FROM_S = 0.2
 CONTACT_LOST_N = 5.0
 """A foot pressed less than this has lost the ground."""
 _TIME_TOLERANCE = 1e-9
+FALL_HEIGHT_RATIO = 0.6
+"""Base height above the soles, against standing, under which the robot fell."""
+FALL_TILT_RAD = math.radians(60.0)
+FALL_CLEARANCE_M = 0.03
+"""Links above the ankles this close to the height of the lower sole are down."""
+_UPRIGHT = math.cos(FALL_TILT_RAD)
 
 
 @dataclass(frozen=True, slots=True)
 class StandingFigures:
-    """Figures of a run; see :class:`schemas.result.PlantResult`.
+    """Figures of a run; see :class:`surefoot.schemas.result.PlantResult`.
 
     Attributes:
         has_counted: whether the run got to where errors and deviations count.
@@ -78,7 +85,7 @@ class PlantMetrics:
     """Running sums over ticks; its memory does not grow with the run."""
 
     def __init__(self, reference: Vec3, *, weight: float, period_s: float) -> None:
-        """Starts all sums at zero.
+        """Start all sums at zero.
 
         Args:
             reference: (3,) centre of mass of the reference stance, x and y from the
@@ -102,7 +109,7 @@ class PlantMetrics:
         self._longest_gap = [0, 0]
 
     def update(self, state: StandingState, *, tick: int) -> None:
-        """Takes in one tick; each tick once."""
+        """Take in one tick; each tick once."""
         self._least_upright = min(self._least_upright, state.upright)
         forces = state.normal_forces
         for foot, force in enumerate(forces):
@@ -155,3 +162,24 @@ def _com_over_soles(state: StandingState) -> tuple[float, float, float]:
 
 def _first_tick(time_s: float, period_s: float) -> int:
     return math.ceil(time_s / period_s - _TIME_TOLERANCE)
+
+
+class FallDetector:
+    """Compares the robot with how it stood at first."""
+
+    def __init__(self, view: PlantView) -> None:
+        """Take the present height as that of standing."""
+        self._view = view
+        base, left, right, *_ = view.heights()
+        self._least_height = FALL_HEIGHT_RATIO * (base - 0.5 * (left + right))
+
+    def check(self) -> bool:
+        """Whether the robot is low, leans too far, or touches down with a link."""
+        base, left, right, *links = self._view.heights()
+        # A state that is not a number fails one of these: that is a fall, too.
+        standing = (
+            self._view.upright > _UPRIGHT
+            and base - 0.5 * (left + right) > self._least_height
+            and min(links) > min(left, right) + FALL_CLEARANCE_M
+        )
+        return not standing

@@ -5,16 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from schemas.scenario import DropMotion, Motion, RampMotion, SineMotion
-from sim_robot.constants import BLEND_S, GRAVITY_M_S2
-from sim_robot.errors import ScenarioError
+from surefoot.schemas.scenario import DropMotion, Motion, RampMotion, SineMotion
+from surefoot.sim_robot.errors import ScenarioError
 
+GRAVITY_M_S2 = 9.81
+BLEND_S = 0.020
+"""Ramps and drops start and stop over this time [s]."""
 MotionLaw = Callable[[float], tuple[float, float]]
 """Time [s] to (position, velocity) in SI; at rest in zero until the motion starts."""
 
 
 def motion_law(motion: Motion) -> MotionLaw:
-    """Turns a motion of the scenario file into a function of time.
+    """Turn a motion of the scenario file into a function of time.
 
     Args:
         motion: sine, ramp or drop; its axis does not matter here.

@@ -9,18 +9,17 @@ from dataclasses import dataclass
 
 import msgspec
 
-from robot_io.gate import CommandGate
-from robot_io.pace import Pace
-from robot_io.quiet import quiet_interpreter
-from robot_io.robot import Robot
-from robot_io.server import RobotServer
-from robot_io.stop_request import StopRequest
-from schemas.arrays import Array
-from schemas.endpoints import Endpoints
-from schemas.result import PlantResult
-from schemas.scenario import Scenario
-from sim_robot.robot_loop import RobotLoop
-from sim_robot.simulated_robot import SimulatedRobot
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import Pace, quiet_interpreter
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import PlantResult
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.robot_loop import RobotLoop
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
 
 NEVER_STARTED = "no commander came"
 
@@ -55,7 +54,7 @@ def run_robot(
     stop: StopRequest | None = None,
     on_tick: Callable[[int], None] | None = None,
 ) -> RobotRun:
-    """Runs a scenario on the bus, commanded by whoever takes the lease.
+    """Run a scenario on the bus, commanded by whoever takes the lease.
 
     The robot stands at tick 0, in HOLD, until a commander has enabled it: scenarios
     begin with the commander, however long it takes to come up. Sensors are published
@@ -106,7 +105,7 @@ def run_robot(
             with quiet_interpreter():
                 reason = loop.run(stop)
         elapsed_s = time.monotonic() - begin_s
-        gate.authority.finish(reason)
+        gate.modes.finish(reason)
         server.publish_status(now_s=simulated.time_s, at_once=True)
         result = simulated.result(
             real_time_factor=simulated.time_s / elapsed_s if elapsed_s else 0.0,

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import mujoco
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array, Vec3
-from schemas.messages import PushRequest
-from schemas.scenario import Scenario
-from sim_robot.constants import SIM_STEP_S
-from sim_robot.errors import CommandError
-from sim_robot.fall import FallDetector
-from sim_robot.ground import Ground
-from sim_robot.pushes import Pushes
-from sim_robot.sensors import SensorSuite
-from sim_robot.servos import Servos
-from sim_robot.ticks import whole_ticks
-from sim_robot.truth import PlantTruth
-from sim_robot.view import PlantView
-from sim_robot.world import World, build_world
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.messages import PushRequest
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.errors import CommandError
+from surefoot.sim_robot.ground import Ground
+from surefoot.sim_robot.metrics import FallDetector
+from surefoot.sim_robot.pushes import Pushes
+from surefoot.sim_robot.sensors import SensorSuite
+from surefoot.sim_robot.servos import Servos
+from surefoot.sim_robot.state_view import PlantView
+from surefoot.sim_robot.ticks import SIM_STEP_S, whole_ticks
+from surefoot.sim_robot.truth import PlantTruth
+from surefoot.sim_robot.world import World, build_world
 
 SETTLE_S = 2.0
 """The nominal posture is held on still ground for so long before tick 0."""
@@ -40,10 +39,10 @@ class Plant:
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, *, seed: int) -> None:
-        """Builds the world and lets the robot settle in its nominal posture.
+        """Build the world and let the robot settle in its nominal posture.
 
         Args:
-            robot: from :func:`robot_io.robot.load_robot`.
+            robot: from :func:`surefoot.robot_io.robot.load_robot`.
             scenario: ground, pushes, sensors, sensor delay and model error; its
                 command delay is not applied here.
             seed: of the sensor noise.
@@ -92,13 +91,13 @@ class Plant:
         return self._fallen.check()
 
     def sense(self) -> Snapshot:
-        """Reads the sensors at the present tick; the same reading if asked again."""
+        """Read the sensors at the present tick; the same reading if asked again."""
         if self._snapshot is None:
             self._snapshot = self._sensors.read(self._tick)
         return self._snapshot
 
     def step(self, q_command: Array) -> None:
-        """Advances one control period.
+        """Advance one control period.
 
         Args:
             q_command: (n_a,) position the servos are to follow [rad].
@@ -120,7 +119,7 @@ class Plant:
         self._snapshot = None
 
     def push(self, push: PushRequest) -> int:
-        """Pushes the robot from the next tick on.
+        """Push the robot from the next tick on.
 
         Args:
             push: body, force and duration.
@@ -153,7 +152,7 @@ class Plant:
         mujoco.mj_step1(self._model, self.data)
 
     def _settle(self) -> Vec3:
-        """Stands the robot on the ground and waits until it is at rest.
+        """Stand the robot on the ground and wait until it is at rest.
 
         Returns:
             (3,) centre of mass of the nominal posture on level ground, x and y from

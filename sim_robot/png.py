@@ -14,7 +14,7 @@ _EIGHT_BIT_RGB = bytes([8, 2, 0, 0, 0])
 
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
-    """Writes a picture.
+    """Write a picture.
 
     Args:
         path: where to; replaced if it is there.

@@ -8,12 +8,12 @@ import math
 import mujoco
 import numpy as np
 
-from schemas.arrays import Vec3
-from schemas.messages import PushRequest
-from schemas.scenario import Push
-from sim_robot.constants import SIM_STEP_S
-from sim_robot.errors import ScenarioError
-from sim_robot.world import World
+from surefoot.schemas.arrays import Vec3
+from surefoot.schemas.messages import PushRequest
+from surefoot.schemas.scenario import Push
+from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.ticks import SIM_STEP_S
+from surefoot.sim_robot.world import World
 
 MAX_FORCE_N = 2000.0
 MAX_DURATION_S = 5.0
@@ -26,7 +26,7 @@ class Pushes:
     """
 
     def __init__(self, pushes: list[Push], world: World) -> None:
-        """Looks up the bodies.
+        """Look up the bodies.
 
         Raises:
             ScenarioError: a body does not exist or has no mass.
@@ -50,7 +50,7 @@ class Pushes:
             self._bodies.append(body)
 
     def add(self, push: PushRequest, *, first_step: int) -> None:
-        """Adds a push that somebody asks for during the run.
+        """Add a push that somebody asks for during the run.
 
         Args:
             push: body, force and duration.
@@ -83,7 +83,7 @@ class Pushes:
         self._bodies.append(body)
 
     def apply(self, data: mujoco.MjData, step: int) -> None:
-        """Sets the forces for simulation step ``step``, counted from zero."""
+        """Set the forces for simulation step ``step``, counted from zero."""
         if not self._windows:
             return
         for body in self._bodies:

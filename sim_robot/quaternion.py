@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas.arrays import Array
+from surefoot.schemas.arrays import Array
 
 _FROM_WXYZ = np.array([1, 2, 3, 0])
 _FROM_XYZW = np.array([3, 0, 1, 2])
 
 
 def xyzw(quat_wxyz: Array) -> Array:
-    """Puts the scalar last.
+    """Put the scalar last.
 
     Args:
         quat_wxyz: (4,) as MuJoCo has it.
@@ -23,5 +23,5 @@ def xyzw(quat_wxyz: Array) -> Array:
 
 
 def wxyz(quat_xyzw: Array) -> Array:
-    """Puts the scalar first, (4,) to (4,); the inverse of :func:`xyzw`."""
+    """Put the scalar first, (4,) to (4,); the inverse of :func:`xyzw`."""
     return quat_xyzw.take(_FROM_XYZW)

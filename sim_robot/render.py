@@ -14,15 +14,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_io.robot import Robot
-from schemas.arrays import Array, Vec3
-from schemas.scenario import Scenario
-from sim_robot.errors import RenderError
-from sim_robot.ground import Ground
-from sim_robot.platforms import PlatformPlan
-from sim_robot.quaternion import wxyz
-from sim_robot.scenery import FLOOR_Z_M
-from sim_robot.world import build_world
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.errors import RenderError
+from surefoot.sim_robot.ground import Ground
+from surefoot.sim_robot.platforms import PlatformPlan
+from surefoot.sim_robot.quaternion import wxyz
+from surefoot.sim_robot.scenery import FLOOR_Z_M
+from surefoot.sim_robot.world import build_world
 
 LEGS = 6
 LEG_LEAN_RAD = 0.42
@@ -36,6 +36,7 @@ _NO_GL = (
     "no picture can be drawn: {reason}. Set MUJOCO_GL=egl (or osmesa) before Python "
     "starts; on Debian: apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
 )
+SIZE = 16
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Renderer:
         height: int,
         quick: bool = False,
     ) -> None:
-        """Sets up the drawing.
+        """Set up the drawing.
 
         Args:
             robot: as in the run.
@@ -104,7 +105,7 @@ class Renderer:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Frees what OpenGL holds."""
+        """Free what OpenGL holds."""
         self._drawing.close()
 
     def draw(
@@ -116,7 +117,7 @@ class Renderer:
         q: Array,
         camera: Camera | None = None,
     ) -> NDArray[np.uint8]:
-        """Draws one moment.
+        """Draw one moment.
 
         Args:
             time_s: of the run: where the platforms are.
@@ -143,7 +144,7 @@ class Renderer:
     def draw_recorded(
         self, arrays: Mapping[str, Array], *, row: int, camera: Camera | None = None
     ) -> NDArray[np.uint8]:
-        """Draws one tick of a recorded run.
+        """Draw one tick of a recorded run.
 
         Args:
             arrays: as :meth:`SimulatedRobot.recording` gives them, or the file they
@@ -160,7 +161,7 @@ class Renderer:
         )
 
     def _add_legs(self) -> None:
-        """Draws each platform on six cylinders, as a motion base."""
+        """Draw each platform on six cylinders, as a motion base."""
         for body, plan in zip(
             self._world.ground_bodies, self._world.platforms, strict=True
         ):
@@ -256,3 +257,15 @@ def _open_drawing(model: mujoco.MjModel, *, width: int, height: int) -> mujoco.R
             return mujoco.Renderer(model, height, width)
     except Exception as error:  # Each OpenGL back end raises its own kind.
         raise RenderError(_NO_GL.format(reason=error)) from error
+
+
+def draw_small_picture() -> None:
+    """Draw an empty world with the backend that ``MUJOCO_GL`` names."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    with mujoco.Renderer(model, SIZE, SIZE) as renderer:
+        renderer.update_scene(mujoco.MjData(model))
+        renderer.render()
+
+
+if __name__ == "__main__":
+    draw_small_picture()

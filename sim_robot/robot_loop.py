@@ -5,17 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from robot_io.command_latency import CommandLatency
-from robot_io.gate import CommandGate
-from robot_io.pace import Pace
-from robot_io.pacer import Pacer
-from robot_io.server import RobotServer
-from robot_io.stop_request import StopRequest
-from robot_io.timing import TimingLog
-from schemas.messages import RobotMode
-from schemas.result import Histogram
-from sim_robot.simulated_robot import SimulatedRobot
-from sim_robot.truth_message import truth_message
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import Pace, Pacer
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.robot_io.timing import CommandLatency, TimingLog
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.result import Histogram
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.sim_robot.truth import truth_message
 
 DEADLINE_S = 2.0
 """Lockstep: how long an answer may take."""
@@ -50,7 +48,7 @@ class RobotLoop:
         ticks: int,
         on_tick: Callable[[int], None] | None = None,
     ) -> None:
-        """Joins plant, gate and bus.
+        """Join plant, gate and bus.
 
         Args:
             simulated: the run.
@@ -81,7 +79,7 @@ class RobotLoop:
         return {name: log.histogram() for name, log in logs.items() if len(log)}
 
     def run(self, stop: StopRequest) -> str:
-        """Runs until the scenario is over, the robot fell or somebody asks.
+        """Run until the scenario is over, the robot fell or somebody asks.
 
         Returns:
             Why it ended.
@@ -123,7 +121,7 @@ class RobotLoop:
                 self._on_tick(tick)
 
     def _note_mode(self, tick: int) -> None:
-        """Answers are due for ticks from the first ACTIVE one on."""
+        """Answer are due for ticks from the first ACTIVE one on."""
         if self._gate.mode is not RobotMode.ACTIVE:
             if self._is_lockstep and self._active_since is not None:
                 self._pacer.restart()  # from now on its time goes by the clock
@@ -157,7 +155,7 @@ class RobotLoop:
             self._server.deadline_misses += 1
 
     def _take_in(self, answered_tick: int, acts_as: int) -> None:
-        """Hands the gate's posture on.
+        """Hand the gate's posture on.
 
         Args:
             answered_tick: the tick the command answers.

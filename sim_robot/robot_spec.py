@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
 import mujoco
 
-from robot_io.robot import Robot
-from schemas.robot_file import Foot
-from schemas.scenario import Scenario
-from sim_robot.urdf_spec import read_urdf
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.robot_file import Foot
+from surefoot.schemas.scenario import Scenario
 
 SOLE_HALF_THICKNESS_M = 0.015
 IMU_SITE = "imu"
@@ -22,6 +24,37 @@ NOISY is the gyroscope (4 to 7) and all from there to the last force sensor. The
 velocity of the IMU is in world axes; wrenches have MuJoCo's sign, that of the
 robot on what is below.
 """
+
+
+def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
+    """Read a URDF; fixed links stay bodies of their own, nothing collides.
+
+    Args:
+        path: of the URDF.
+        visuals: keep its <visual> elements, for pictures; else nothing is left of
+            its geometry.
+
+    Returns:
+        The model, not compiled.
+    """
+    root = ElementTree.parse(path).getroot()
+    # MuJoCo drops visuals while it reads, unless the file itself says otherwise.
+    extension = root.find("mujoco")
+    if extension is None:
+        extension = ElementTree.SubElement(root, "mujoco")
+    compiler = extension.find("compiler")
+    if compiler is None:
+        compiler = ElementTree.SubElement(extension, "compiler")
+    compiler.set("discardvisual", "false" if visuals else "true")
+    compiler.set("fusestatic", "false")
+    spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
+    # From here on it would drop every geom that only explicit pairs let collide.
+    spec.compiler.discardvisual = False
+    spec.modelfiledir = str(path.parent)
+    for geom in list(spec.geoms):
+        if geom.contype or geom.conaffinity:
+            spec.delete(geom)
+    return spec
 
 
 def robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjSpec:

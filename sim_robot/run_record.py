@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+
 import numpy as np
 
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from sim_robot.truth import PlantTruth
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.sim_robot.truth import PlantTruth
+
+BLOCK_ROWS = 64
+"""Ticks hashed at a time; the digest does not depend on it."""
+READINGS_BESIDE_JOINTS = 4 + 3 + 3 + 6 + 6
+PER_JOINT = 4
 
 
 class RunRecord:
@@ -18,7 +25,7 @@ class RunRecord:
     def __init__(
         self, *, ticks: int, joints: int, platforms: int, period_s: float
     ) -> None:
-        """Makes room.
+        """Make room.
 
         Args:
             ticks: most ticks to keep; later ones are dropped.
@@ -50,7 +57,7 @@ class RunRecord:
         ]
 
     def add(self, truth: PlantTruth, snapshot: Snapshot, q_command: Array) -> None:
-        """Keeps one tick; each tick once, in order."""
+        """Keep one tick; each tick once, in order."""
         row = self._count
         rows = self._rows
         if row >= len(rows["time_s"]):
@@ -75,3 +82,50 @@ class RunRecord:
         platform of the scenario.
         """
         return {name: rows[: self._count] for name, rows in self._rows.items()}
+
+
+class RunDigest:
+    """SHA-256 over every tick's sensors and the command it was stepped with.
+
+    Each tick adds, as little-endian float64: q, dq, effort, quat_xyzw,
+    angular_velocity, linear_acceleration, ft_left, ft_right, and the posture the
+    servos were given. Stamps and timings are left out.
+    """
+
+    def __init__(self, *, joints: int) -> None:
+        """Start with nothing.
+
+        Args:
+            joints: n_a.
+        """
+        self._sha = hashlib.sha256()
+        width = PER_JOINT * joints + READINGS_BESIDE_JOINTS
+        self._rows = np.empty((BLOCK_ROWS, width), dtype="<f8")
+        self._count = 0
+
+    def add(self, snapshot: Snapshot, q_command: Array) -> None:
+        """Take in one tick."""
+        np.concatenate(
+            (
+                snapshot.q,
+                snapshot.dq,
+                snapshot.effort,
+                snapshot.quat_xyzw,
+                snapshot.angular_velocity,
+                snapshot.linear_acceleration,
+                snapshot.ft_left,
+                snapshot.ft_right,
+                q_command,
+            ),
+            out=self._rows[self._count],
+        )
+        self._count += 1
+        if self._count == BLOCK_ROWS:
+            self._sha.update(self._rows.data)
+            self._count = 0
+
+    def hexdigest(self) -> str:
+        """Digest of all ticks so far."""
+        whole = self._sha.copy()
+        whole.update(self._rows[: self._count].data)
+        return whole.hexdigest()

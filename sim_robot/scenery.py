@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
-from sim_robot.platforms import PlatformPlan
+from surefoot.sim_robot.platforms import PlatformPlan
 
 FLOOR_Z_M = -0.42
 """The floor is scenery, well below where the ground of any scenario goes."""
@@ -14,7 +14,7 @@ _MAT_HALF_THICKNESS_M = 0.0005
 
 
 def add_scenery(spec: mujoco.MjSpec, platforms: tuple[PlatformPlan, ...]) -> None:
-    """Adds lights, a sky, a floor that nothing touches, and mats on the platforms.
+    """Add lights, a sky, a floor that nothing touches, and mats on the platforms.
 
     Args:
         spec: the world, before it is compiled.

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from robot_io.delivery import FIELDS
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.sensor_fault import SensorFault
+from surefoot.robot_io.snapshot import FIELDS, Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.scenario import SensorFault
 
 JUMPS = {
     "joints": ("q", slice(None)),
@@ -34,7 +33,7 @@ class SensorFaults:
     """
 
     def __init__(self, faults: Sequence[SensorFault], *, period_s: float) -> None:
-        """Reads the faults of a scenario.
+        """Read the faults of a scenario.
 
         Args:
             faults: in the order of the file; later ones act on what earlier ones left.

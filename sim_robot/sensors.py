@@ -2,27 +2,183 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from robot_io.snapshot import Snapshot
-from schemas.scenario import Sensors
-from sim_robot.accelerometer import Accelerometer
-from sim_robot.encoders import Encoders
-from sim_robot.noise import ACCEL, FT_LEFT, FT_RIGHT, GYRO, SensorNoise
-from sim_robot.quaternion import xyzw
-from sim_robot.robot_spec import (
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.scenario import Sensors
+from surefoot.sim_robot.motion import GRAVITY_M_S2
+from surefoot.sim_robot.quaternion import xyzw
+from surefoot.sim_robot.robot_spec import (
     SENSOR_FT,
     SENSOR_IMU_VELOCITY,
     SENSOR_NOISY,
     SENSOR_QUAT_WXYZ,
 )
-from sim_robot.world import World
+from surefoot.sim_robot.world import World
 
 NANOSECONDS = 1_000_000_000
+BLOCK_ROWS = 256
+"""Ticks drawn at a time; the streams do not depend on it."""
+GYRO, ACCEL = slice(0, 3), slice(3, 6)
+FT_LEFT, FT_RIGHT = slice(6, 12), slice(12, 18)
+"""Channels of the readings that :meth:`SensorNoise.add_to` disturbs."""
+CHANNELS = 18
+VELOCITY_FILTER_S = 0.005
+"""Time constant of the low-pass behind the difference of two positions [s]."""
+
+
+class Accelerometer:
+    """Mean specific force since the last reading, in the frame of this reading.
+
+    R a_k = (v_k - v_(k-1)) / period - g holds exactly: integrating the readings
+    gives the true velocity. (The simulator's own sensor reports the acceleration
+    before the implicit damping of the drives, some per cent off what happens.)
+    """
+
+    def __init__(self, *, period_s: float) -> None:
+        """Start at rest: the first reading is gravity alone.
+
+        Args:
+            period_s: time between readings.
+        """
+        self._rate = 1.0 / period_s
+        self._last: Vec3 = np.zeros(3)
+        self._started = False
+        self._force_in_world: Array = np.empty(3)
+
+    def read(self, velocity: Vec3, rotation: Mat) -> Vec3:
+        """Read the sensor once per tick.
+
+        Args:
+            velocity: (3,) of the sensor in the world [m/s].
+            rotation: (3, 3) world from sensor.
+
+        Returns:
+            (3,) specific force in the sensor's frame [m/s^2]; + g upwards at rest.
+        """
+        force = self._force_in_world
+        if not self._started:
+            self._last[:] = velocity
+            self._started = True
+        np.subtract(velocity, self._last, out=force)
+        force *= self._rate
+        force[2] += GRAVITY_M_S2
+        self._last[:] = velocity
+        specific_force: Vec3 = force @ rotation
+        return specific_force
+
+
+class Encoders:
+    """Rounds positions to the encoder's steps and differentiates what is left.
+
+    Velocity: first-order low-pass of (q_k - q_(k-1)) / period, discretised exactly.
+    """
+
+    def __init__(self, *, resolution_rad: float, period_s: float) -> None:
+        """Start without a past: the first velocity is zero.
+
+        Args:
+            resolution_rad: one encoder step; greater than zero.
+            period_s: time between readings.
+        """
+        self._resolution = resolution_rad
+        self._period = period_s
+        self._gain = -math.expm1(-period_s / VELOCITY_FILTER_S)
+        self._last: Array | None = None
+        self._velocity: Array | None = None
+
+    def read(self, q: Array) -> tuple[Array, Array]:
+        """Read the encoders once per tick.
+
+        Args:
+            q: (n_a,) true positions [rad].
+
+        Returns:
+            (n_a,) rounded positions [rad] and (n_a,) filtered velocities [rad/s],
+            both new arrays.
+        """
+        rounded = np.rint(q / self._resolution) * self._resolution
+        if self._last is None or self._velocity is None:
+            velocity = np.zeros_like(rounded)
+        else:
+            difference = (rounded - self._last) / self._period
+            velocity = self._velocity + self._gain * (difference - self._velocity)
+        self._last, self._velocity = rounded, velocity
+        return rounded, velocity
+
+
+class SensorNoise:
+    """Gaussian noise plus a constant bias, on every axis of every noisy sensor.
+
+    Each sensor's stream advances by one standard normal number per axis and tick,
+    whatever the settings, so that one setting never shifts another's numbers.
+    """
+
+    def __init__(self, settings: Sensors, *, seed: int) -> None:
+        """Start the streams.
+
+        Args:
+            settings: standard deviations and biases.
+            seed: of the run; each sensor gets a child of its own.
+        """
+        children = np.random.SeedSequence(seed).spawn(4)
+        self._streams = [
+            (np.random.default_rng(child), channels)
+            for child, channels in zip(
+                children, (FT_LEFT, FT_RIGHT, GYRO, ACCEL), strict=True
+            )
+        ]
+        self._deviation = _by_channel(
+            gyro=settings.gyro_noise_rad_s,
+            accel=settings.accel_noise_m_s2,
+            force=settings.force_noise_n,
+            moment=settings.moment_noise_nm,
+        )
+        self._bias = _by_channel(
+            gyro=settings.gyro_bias_rad_s,
+            accel=settings.accel_bias_m_s2,
+            force=settings.force_bias_n,
+            moment=settings.moment_bias_nm,
+        )
+        self._silent = not self._deviation.any() and not self._bias.any()
+        self._rows = np.empty((BLOCK_ROWS, CHANNELS))
+        self._next = BLOCK_ROWS
+
+    def add_to(self, readings: Array) -> None:
+        """Disturb the readings of one tick in place.
+
+        Args:
+            readings: (18,) gyroscope, accelerometer, left wrench, right wrench.
+        """
+        if self._silent:
+            return
+        if self._next == BLOCK_ROWS:
+            self._draw()
+        readings += self._rows[self._next]
+        self._next += 1
+
+    def _draw(self) -> None:
+        for generator, channels in self._streams:
+            block = self._rows[:, channels]
+            block[:] = generator.standard_normal(block.shape)
+        self._rows *= self._deviation
+        self._rows += self._bias
+        self._next = 0
+
+
+def _by_channel(*, gyro: float, accel: float, force: float, moment: float) -> Array:
+    """(18,) one value per kind of channel, spread over the channels."""
+    values = np.empty(CHANNELS)
+    values[GYRO], values[ACCEL] = gyro, accel
+    for wrench in (FT_LEFT, FT_RIGHT):
+        values[wrench] = np.repeat([force, moment], 3)
+    return values
 
 
 class SensorSuite:
@@ -44,7 +200,7 @@ class SensorSuite:
         delay_ticks: int,
         seed: int,
     ) -> None:
-        """Sets up the sensors.
+        """Set up the sensors.
 
         Args:
             world: where the readings are.
@@ -69,7 +225,7 @@ class SensorSuite:
         self._noise = SensorNoise(settings, seed=seed)
 
     def read(self, tick: int) -> Snapshot:
-        """Takes one reading; to be called once per tick, in order.
+        """Take one reading; to be called once per tick, in order.
 
         Args:
             tick: the robot's counter.

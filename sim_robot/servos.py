@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from schemas.arrays import Array
-from schemas.robot_file import ServoProfile
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.robot_file import ServoProfile
 
 
 class Servos:
@@ -22,7 +22,7 @@ class Servos:
     """
 
     def __init__(self, profile: ServoProfile, *, posture: Array, step_s: float) -> None:
-        """Starts at rest in a posture.
+        """Start at rest in a posture.
 
         Args:
             profile: velocity limit and lag.
@@ -37,12 +37,12 @@ class Servos:
         self.setpoint: Array = self._limited.copy() if self._lagging else self._limited
 
     def reset(self, posture: Array) -> None:
-        """Forgets the past: at rest in ``posture``, (n_a,) [rad]."""
+        """Forget the past: at rest in ``posture``, (n_a,) [rad]."""
         np.copyto(self._limited, posture)
         np.copyto(self.setpoint, posture)
 
     def step(self, q_command: Array) -> Array:
-        """Advances one simulation step towards a command.
+        """Advance one simulation step towards a command.
 
         Args:
             q_command: (n_a,) [rad].

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import math
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from robot_io.verdict import Answer
-from schemas.arrays import Array
-from schemas.messages import PushEvent, PushRequest
-from schemas.result import Distribution, PlantResult
-from schemas.scenario import Scenario
-from sim_robot.command_delay import CommandDelay
-from sim_robot.digest import RunDigest
-from sim_robot.errors import ScenarioError, SimulationError
-from sim_robot.metrics import PlantMetrics
-from sim_robot.plant import Plant
-from sim_robot.run_record import RunRecord
-from sim_robot.sensor_faults import SensorFaults
-from sim_robot.ticks import whole_ticks
-from sim_robot.truth import PlantTruth
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.mode_machine import Answer
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import PushEvent, PushRequest
+from surefoot.schemas.result import Distribution, PlantResult
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.command_delay import CommandDelay
+from surefoot.sim_robot.errors import ScenarioError, SimulationError
+from surefoot.sim_robot.metrics import PlantMetrics
+from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.run_record import RunDigest, RunRecord
+from surefoot.sim_robot.sensor_faults import SensorFaults
+from surefoot.sim_robot.ticks import whole_ticks
+from surefoot.sim_robot.truth import PlantTruth
 
 MM_PER_M = 1e3
 MS_PER_S = 1e3
@@ -46,7 +45,7 @@ class SimulatedRobot:
     def __init__(
         self, robot: Robot, scenario: Scenario, *, seed: int, record: bool = False
     ) -> None:
-        """Builds the plant; it stands at rest at tick 0.
+        """Build the plant; it stands at rest at tick 0.
 
         Args:
             robot: what its files say.
@@ -120,7 +119,7 @@ class SimulatedRobot:
         return self.fell or self.plant.tick >= self._last_tick
 
     def sense(self) -> Snapshot:
-        """Reads the sensors at the present tick; the same reading if asked again."""
+        """Read the sensors at the present tick; the same reading if asked again."""
         if self._sensed is None:
             self._sensed = self._faults.apply(self.plant.sense())
         return self._sensed
@@ -150,7 +149,7 @@ class SimulatedRobot:
         return self._delay.needed(tick)
 
     def apply(self, q_command: Array, *, tick: int) -> None:
-        """Takes in the answer to a tick; it acts once its delay is over.
+        """Take in the answer to a tick; it acts once its delay is over.
 
         Args:
             q_command: (n_a,) [rad], as the gate let it pass; copied.
@@ -162,11 +161,11 @@ class SimulatedRobot:
         self._delay.put(q_command, answers=tick, now=self.plant.tick)
 
     def step(self) -> None:
-        """Advances one tick with the command that is due, or the one before it."""
+        """Advance one tick with the command that is due, or the one before it."""
         self.advance(self._delay.take(self.plant.tick))
 
     def advance(self, q_command: Array) -> None:
-        """Advances one tick with a command that acts at once, as in real time.
+        """Advance one tick with a command that acts at once, as in real time.
 
         Args:
             q_command: (n_a,) [rad].
@@ -186,7 +185,7 @@ class SimulatedRobot:
             self._fell_at_s = self.time_s
 
     def push(self, request: PushRequest) -> Answer:
-        """Pushes the robot from the next tick on, or says why not; it is recorded."""
+        """Push the robot from the next tick on, or say why not; it is recorded."""
         try:
             tick = self.plant.push(request)
         except ScenarioError as error:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from sim_robot.errors import ScenarioError
+from surefoot.sim_robot.errors import ScenarioError
 
+SIM_STEP_S = 0.001
+"""Simulation step [s]; a control period is a whole multiple of it."""
 TOLERANCE_TICKS = 1e-6
 
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from schemas.arrays import Array, Vec3, Vec6
+from surefoot.schemas.arrays import Array, Vec3, Vec6
+from surefoot.schemas.messages import SCHEMA_VERSION, PlatformTruth, Truth
+
+NORMAL = 2
+"""Index of the force along the sole's normal in a wrench."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,3 +65,33 @@ class PlantTruth:
     def normal_forces(self) -> tuple[float, float]:
         """Of the ground on the left and right sole, along the sole's z axis [N]."""
         return float(self.F_left[2]), float(self.F_right[2])
+
+
+def truth_message(truth: PlantTruth, *, stamp_ns: int) -> Truth:
+    """Pack the true state at a tick.
+
+    Args:
+        truth: what the plant says.
+        stamp_ns: the robot's monotonic clock [ns].
+    """
+    return Truth(
+        schema=SCHEMA_VERSION,
+        tick=truth.tick,
+        stamp_ns=stamp_ns,
+        base_position=truth.base_position.tolist(),
+        base_quat_xyzw=truth.base_quat_xyzw.tolist(),
+        com=truth.com.tolist(),
+        com_velocity=truth.com_velocity.tolist(),
+        sole_left=truth.sole_left.tolist(),
+        sole_right=truth.sole_right.tolist(),
+        F_left=truth.F_left.tolist(),
+        F_right=truth.F_right.tolist(),
+        normal_force=[float(truth.F_left[NORMAL]), float(truth.F_right[NORMAL])],
+        platforms=[
+            PlatformTruth(
+                position=platform.position.tolist(),
+                quat_xyzw=platform.quat_xyzw.tolist(),
+            )
+            for platform in truth.platforms
+        ],
+    )

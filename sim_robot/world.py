@@ -8,15 +8,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_io.robot import Robot
-from schemas.arrays import Vec3
-from schemas.robot_file import Foot
-from schemas.scenario import Scenario
-from sim_robot.constants import GRAVITY_M_S2, SIM_STEP_S
-from sim_robot.ground_spec import add_platform
-from sim_robot.platforms import PlatformPlan, plan_platforms
-from sim_robot.robot_spec import IMU_SITE, robot_spec
-from sim_robot.scenery import add_scenery
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Vec3
+from surefoot.schemas.robot_file import Foot
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.motion import GRAVITY_M_S2
+from surefoot.sim_robot.platforms import PlatformPlan, add_platform, plan_platforms
+from surefoot.sim_robot.robot_spec import IMU_SITE, robot_spec
+from surefoot.sim_robot.scenery import add_scenery
+from surefoot.sim_robot.ticks import SIM_STEP_S
 
 TANGENTIAL_STIFFNESS_RATIO = 10.0
 """How much stiffer friction is than the normal contact: soles do not creep."""
@@ -58,7 +58,7 @@ class World:
 
 
 def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> World:
-    """Builds the world of one run.
+    """Build the world of one run.
 
     Args:
         robot: what its files say.
@@ -130,7 +130,7 @@ def _set_options(spec: mujoco.MjSpec) -> None:
 
 
 def _scale_masses(model: mujoco.MjModel, robot: Robot, *, scale: float) -> None:
-    """Makes every link of the robot heavier; rotor inertias stay."""
+    """Make every link of the robot heavier; rotor inertias stay."""
     if scale == 1.0:
         return
     links = model.body_rootid == _body_id(model, robot.file.base_link)
@@ -140,7 +140,7 @@ def _scale_masses(model: mujoco.MjModel, robot: Robot, *, scale: float) -> None:
 
 
 def _forget_platform_inertia(model: mujoco.MjModel, robot: Robot) -> None:
-    """Keeps the solver's tolerance, relative to mean inertia, that of the robot."""
+    """Keep the solver's tolerance, relative to mean inertia, that of the robot."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     inertia = np.zeros((model.nv, model.nv))

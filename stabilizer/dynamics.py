@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from schemas.arrays import Array, Mat
-from stabilizer.model import RobotModel
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.stabilizer.model import RobotModel
 
 SOLE_ROWS = (slice(0, 6), slice(6, 12))
 """Rows of left and right sole in every stacked contact quantity."""
@@ -38,7 +38,7 @@ class Dynamics:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        """Allocates every array once."""
+        """Allocate every array once."""
         self.model = model
         self._pin = model.pin_model
         self._data = self._pin.createData()
@@ -62,7 +62,7 @@ class Dynamics:
         self._below = np.tri(n_v, k=-1, dtype=bool)
 
     def update(self, q: Array, v: Array) -> None:
-        """Computes everything at a state.
+        """Compute everything at a state.
 
         Args:
             q: (7 + n_a,) configuration.

@@ -10,17 +10,17 @@ from typing import NamedTuple
 
 import msgspec
 
-from robot_io.assembler import SnapshotReading
-from robot_io.client import RobotClient
-from robot_io.errors import RobotIoError
-from robot_io.stop_request import StopRequest
-from schemas.arrays import Array
-from schemas.messages import RobotMode, RobotStatus
-from stabilizer.controller import ControllerOutput
-from stabilizer.desk import Desk
-from stabilizer.failure_dump import save_failure
-from stabilizer.safety import Safety
-from stabilizer.telemetry import GOOD, ControllerTelemetry
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.assembler import SnapshotReading
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.errors import RobotIoError
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.qp import save_failure
+from surefoot.stabilizer.requests import RequestHandler
+from surefoot.stabilizer.safety.safety import Safety
+from surefoot.stabilizer.telemetry import GOOD, ControllerTelemetry
 
 _LOG = logging.getLogger(__name__)
 
@@ -57,24 +57,24 @@ class Loop:
         safety: Safety,
         client: RobotClient,
         telemetry: ControllerTelemetry,
-        desk: Desk,
+        requests: RequestHandler,
         *,
         period_s: float,
         leave_s: float,
         failure_file: Path | None,
     ) -> None:
-        """Joins controller and bus.
+        """Join controller and bus.
 
         Args:
             safety: the watched controller, not started yet.
             client: in command of the robot.
             telemetry: counts and times the ticks.
-            desk: answers what the stabilizer is asked.
+            requests: answers what the stabilizer is asked.
             period_s: from tick to tick [s].
             leave_s: over which commands fade out when asked to stop [s].
             failure_file: where the first QP that cannot be solved is kept.
         """
-        self._desk = desk
+        self._desk = requests
         self._output: ControllerOutput | None = None
         self._safety, self._controller = safety, safety.controller
         self._client = client
@@ -90,7 +90,7 @@ class Loop:
         self._failure_file = failure_file
 
     def run(self, q_held: Array, stop: StopRequest) -> End:
-        """Answers until the end.
+        """Answer until the end.
 
         Args:
             q_held: (n_a,) posture the robot holds, to begin from [rad].
@@ -114,7 +114,7 @@ class Loop:
         return End(_stopped(stop))
 
     def _has_left(self, stop: StopRequest) -> bool:
-        """Fades the commands out; whether there is nothing more to wait for."""
+        """Fade the commands out; whether there is nothing more to wait for."""
         if stop.is_urgent or not self._is_started or self._desk.holding:
             return True
         now_s = time.monotonic()
@@ -131,13 +131,13 @@ class Loop:
 
     def _attend(self, reading: SnapshotReading, q_held: Array) -> bool:
         """Requests, then the answer; whether it is time to look after the robot."""
-        desk = self._desk
-        desk.serve(reading.snapshot.tick)
-        if desk.holding:
+        requests = self._desk
+        requests.serve(reading.snapshot.tick)
+        if requests.holding:
             return self._hold(reading)
-        if desk.q_held is not None:
+        if requests.q_held is not None:
             # What came before the hold's end is old: the next snapshot begins anew.
-            q_held[:], desk.q_held = desk.q_held, None
+            q_held[:], requests.q_held = requests.q_held, None
             self._is_started = False
             return True
         self._output = self._answer(reading, q_held)
@@ -147,7 +147,7 @@ class Loop:
         return True
 
     def _hold(self, reading: SnapshotReading) -> bool:
-        """Keeps command of a robot that keeps its posture."""
+        """Keep command of a robot that keeps its posture."""
         self._desk.keep_lease()
         self._answered += 1
         if self._answered % self._status_every != 0:
@@ -182,7 +182,7 @@ class Loop:
         return output
 
     def _keep_failure(self, path: Path) -> None:
-        """Writes the failed QP, once; the command has left already."""
+        """Write the failed QP, once; the command has left already."""
         self._failure_file = None
         if self._controller.failure is None:
             return
@@ -241,7 +241,7 @@ class Loop:
         return held_ns > RETAKE_AFTER_NS and self._leave_by_s is None
 
     def _start_anew(self, status: RobotStatus, q_held: Array) -> None:
-        """Has the robot follow again, the controller from what it holds."""
+        """Have the robot follow again, the controller from what it holds."""
         _LOG.warning(
             "tick %d: the robot holds (%s); starting again from its posture",
             status.tick,

@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from robot_io.robot import Robot
-from schemas.arrays import Array, Mat, Vec3
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat, Vec3
 
 GRAVITY = 9.81
 """Magnitude of gravity, as the simulator has it [m/s^2]."""
@@ -53,7 +53,7 @@ class RobotModel:
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Reads the URDF.
+        """Read the URDF.
 
         Args:
             robot: loaded and checked robot files.

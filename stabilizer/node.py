@@ -12,22 +12,21 @@ from pathlib import Path
 
 import msgspec
 
-from robot_io.client import RobotClient
-from robot_io.errors import RequestRefusedError, RobotUnreachableError
-from robot_io.pace import Pace
-from robot_io.quiet import quiet_interpreter
-from robot_io.robot import Robot
-from robot_io.stop_request import StopRequest
-from schemas.arrays import Array
-from schemas.endpoints import Endpoints
-from schemas.messages import SettingsChange
-from schemas.result import ControllerResult
-from schemas.settings import ControllerSettings, SafetySettings
-from stabilizer.controller import Controller
-from stabilizer.desk import Desk
-from stabilizer.loop import End, Loop
-from stabilizer.safety import Safety
-from stabilizer.telemetry import ControllerTelemetry
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.robot_io.realtime import Pace, quiet_interpreter
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import SettingsChange
+from surefoot.schemas.result import ControllerResult
+from surefoot.schemas.settings import ControllerSettings, SafetySettings
+from surefoot.stabilizer.control.controller import Controller
+from surefoot.stabilizer.loop import End, Loop
+from surefoot.stabilizer.requests import RequestHandler
+from surefoot.stabilizer.safety.safety import Safety
+from surefoot.stabilizer.telemetry import ControllerTelemetry
 
 _LOG = logging.getLogger(__name__)
 
@@ -52,7 +51,7 @@ def run_stabilizer(
     stop: StopRequest | None = None,
     safety: SafetySettings | None = None,
 ) -> ControllerResult:
-    """Waits for the robot, takes command of it and answers its ticks.
+    """Wait for the robot, takes command of it and answer its ticks.
 
     In lockstep every tick is answered exactly once, in order; in real time the newest
     one. It ends when the robot does, or takes command away, or on SIGINT or SIGTERM;
@@ -128,7 +127,7 @@ class _Node:
         self._failure_file, self._settings = failure_file, settings
         self._stop, self._safety = stop, safety
         self.telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
-        self._desk: Desk | None = None
+        self._desk: RequestHandler | None = None
         self._stays = 0
         self._refused_since_s = math.inf
         self._pause = threading.Event()
@@ -139,7 +138,7 @@ class _Node:
         return [] if self._desk is None else self._desk.changes
 
     def run(self, *, connect_timeout_s: float, reconnect: bool) -> End:
-        """Stays in command until there is no coming back; see run_stabilizer."""
+        """Stay in command until there is no coming back; see run_stabilizer."""
         with self._stop.on_signals():
             end = self._stay(connect_timeout_s)
             while reconnect and end.may_return and not self._stop.is_set:
@@ -148,7 +147,7 @@ class _Node:
         return end
 
     def _return(self) -> End:
-        """Takes command again, as soon as there is a robot that allows it."""
+        """Take command again, as soon as there is a robot that allows it."""
         self._refused_since_s = math.inf
         while True:
             try:
@@ -178,10 +177,10 @@ class _Node:
                 return End(f"stopped: {self._stop.cause}")
             # All that takes time comes before the robot waits for the first answer.
             with quiet_interpreter():
-                desk = self._desk_at(client)
-                loop = self._loop(client, desk)
+                requests = self._requests_at(client)
+                loop = self._loop(client, requests)
                 end = loop.run(self._take_command(client), self._stop)
-                if desk.holding:
+                if requests.holding:
                     return End(end.reason)
                 return end
 
@@ -200,9 +199,9 @@ class _Node:
             _LOG.warning("in command again, as %s", client.identity)
         return q_held
 
-    def _desk_at(self, client: RobotClient) -> Desk:
+    def _requests_at(self, client: RobotClient) -> RequestHandler:
         if self._desk is None:
-            self._desk = Desk(
+            self._desk = RequestHandler(
                 self._controller,
                 client,
                 self._settings,
@@ -212,12 +211,12 @@ class _Node:
             self._desk.move_to(client)
         return self._desk
 
-    def _loop(self, client: RobotClient, desk: Desk) -> Loop:
+    def _loop(self, client: RobotClient, requests: RequestHandler) -> Loop:
         return Loop(
             Safety(self._controller, self._robot, self._safety),
             client,
             self.telemetry,
-            desk,
+            requests,
             period_s=self._robot.period_s,
             leave_s=self._safety.leave_s,
             failure_file=self._failure_file,

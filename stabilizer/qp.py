@@ -11,13 +11,15 @@ conditions, and tests hold them together.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 import piqp
 from scipy.linalg import lapack
 
-from schemas.arrays import Array, Mat
+from surefoot.schemas.arrays import Array, Mat
 
 FEASIBILITY_TOLERANCE = 1e-9
 """Violation that the unconstrained minimum may have to be taken as feasible."""
@@ -69,7 +71,7 @@ class DenseQp:
     """
 
     def __init__(self, name: str, *, n: int, m: int) -> None:
-        """Allocates n variables and m general inequalities."""
+        """Allocate n variables and m general inequalities."""
         self.name = name
         self.P: Mat = np.eye(n)
         self.q_lin: Array = np.zeros(n)
@@ -89,7 +91,7 @@ class DenseQp:
         self._is_set_up = False
 
     def solve(self) -> QpSolution:
-        """Solves what the arrays hold now."""
+        """Solve what the arrays hold now."""
         # P is symmetric: its transpose is the column-major array LAPACK wants.
         _, x, info = lapack.dposv(self.P.T, self.q_lin, lower=1)
         if info == 0:
@@ -145,7 +147,7 @@ class DenseQp:
         return QpSolution(self._no_z_box, status, True, self._no_z, self._no_z_box)
 
     def data(self, status: str) -> QpData:
-        """Copies the present problem, to be saved and replayed."""
+        """Copy the present problem, to be saved and replayed."""
         return QpData(
             name=self.name,
             status=status,
@@ -156,3 +158,19 @@ class DenseQp:
             x_l=self.x_l.copy(),
             x_u=self.x_u.copy(),
         )
+
+
+def save_failure(data: QpData, path: Path) -> None:
+    """Write a problem as .npz, whole or not at all.
+
+    Args:
+        data: the problem; ``np.load(path)`` gives its matrices by the same names.
+        path: file to write; an older one is replaced.
+
+    Raises:
+        OSError: it cannot be written there.
+    """
+    unfinished = path.with_name(path.name + ".part")
+    with unfinished.open("wb") as file:
+        np.savez(file, **asdict(data))
+    os.replace(unfinished, path)

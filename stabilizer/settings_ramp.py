@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from schemas.errors import FileFormatError
-from schemas.live_settings import Values, between, live_values, with_values
-from schemas.messages import SCHEMA_VERSION, SettingsChange
-from schemas.settings import ControllerSettings
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.live_settings import Values, between, live_values, with_values
+from surefoot.schemas.messages import SCHEMA_VERSION, SettingsChange
+from surefoot.schemas.settings import ControllerSettings
 
 RAMP_S = 0.5
 """A gain that jumps would make the commanded acceleration jump."""
@@ -22,7 +22,7 @@ class SettingsRamp:
     """
 
     def __init__(self, settings: ControllerSettings, *, period_s: float) -> None:
-        """Begins with the settings the controller was made with.
+        """Begin with the settings the controller was made with.
 
         Args:
             settings: resolved.
@@ -48,10 +48,10 @@ class SettingsRamp:
     def begin(
         self, values: Values, *, source: str, tick: int, stamp_ns: int
     ) -> SettingsChange:
-        """Starts towards new values, from wherever the settings are now.
+        """Start towards new values, from wherever the settings are now.
 
         Args:
-            values: as in :func:`schemas.live_settings.with_values`.
+            values: as in :func:`surefoot.schemas.live_settings.with_values`.
             source: who asked.
             tick: the first tick with a changed setting.
             stamp_ns: monotonic clock [ns].
@@ -83,7 +83,7 @@ class SettingsRamp:
         return change
 
     def advance(self) -> ControllerSettings | None:
-        """Goes on by one tick.
+        """Go on by one tick.
 
         Returns:
             New settings for this tick; None when they stay as they are.

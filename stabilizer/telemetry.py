@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from robot_io.timing import TimingLog
-from schemas.messages import SCHEMA_VERSION, StabilizerStatus
-from schemas.result import ControllerResult, Distribution
-from stabilizer.controller import ControllerOutput
+from surefoot.robot_io.timing import TimingLog
+from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
+from surefoot.schemas.result import ControllerResult, Distribution
+from surefoot.stabilizer.control.controller import ControllerOutput
 
 NS_PER_S = 1e9
 TICKS_KEPT = 65536
@@ -29,7 +29,7 @@ class ControllerTelemetry:
     """
 
     def __init__(self, controller_name: str, *, period_s: float) -> None:
-        """Starts empty.
+        """Start empty.
 
         Args:
             controller_name: as told on status.
@@ -57,7 +57,7 @@ class ControllerTelemetry:
         is_stale: bool,
         skipped: int = 0,
     ) -> None:
-        """Adds a tick.
+        """Add a tick.
 
         Args:
             output: the controller's answer.
@@ -81,7 +81,7 @@ class ControllerTelemetry:
             self._settled += 1
 
     def note(self, state: str, why: str) -> None:
-        """Notes what the safety layer is doing, once per tick.
+        """Note what the safety layer is doing, once per tick.
 
         Args:
             state: what the safety layer calls it, such as ``active``.

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from schemas.endpoints import Endpoints
+from surefoot.schemas.endpoints import Endpoints
 from tests.support import free_port
 
 

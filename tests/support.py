@@ -16,7 +16,7 @@ _PAUSE_S = 0.002
 def wait_until(
     condition: Callable[[], _T], *, what: str, deadline_s: float = DEADLINE_S
 ) -> _T:
-    """Asks again and again until the answer is truthy.
+    """Ask again and again until the answer is truthy.
 
     Returns:
         That answer.

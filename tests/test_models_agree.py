@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from robot_io.robot import Robot, load_robot
-from schemas.arrays import Array, Mat
-from schemas.scenario import scenario_from_table
-from sim_robot.world import World, build_world
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.sim_robot.world import World, build_world
 
 STATES = 100
 RELATIVE = 1e-6

@@ -2,18 +2,100 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 from collections.abc import Iterable
 from typing import Any
 
 import msgspec
 
-from cli.bus.fields import pick
-from cli.bus.words import NS_PER_S, field_lines, message_lines
-from robot_io.listener import Heard
-from schemas.codec import decode
-from schemas.errors import MessageError
-from schemas.topics import Topic
+from surefoot.errors import UsageError
+from surefoot.robot_io.client_side.listener import RawMessage
+from surefoot.schemas.codec import decode
+from surefoot.schemas.errors import MessageError
+from surefoot.schemas.topics import Topic
+
+NS_PER_S = 1e9
+_DIGITS = ".6g"
+_HEADER = ("schema", "tick", "stamp_ns")
+
+
+def check_fields(paths: Iterable[str], kind: type[msgspec.Struct]) -> None:
+    """Refuse paths whose first part is no field of the message.
+
+    Raises:
+        UsageError: with the nearest valid name.
+    """
+    names = [field.encode_name for field in msgspec.structs.fields(kind)]
+    for path in paths:
+        name = path.split(".")[0]
+        if name not in names:
+            near = difflib.get_close_matches(name, names, n=1)
+            hint = f"did you mean {near[0]!r}? " if near else ""
+            raise UsageError(
+                f"--field {path}: {kind.__name__} has no {name!r}; {hint}"
+                f"fields are {', '.join(names)}"
+            )
+
+
+def pick(message: Any, path: str) -> Any:
+    """The value at a path of a message, as :func:`msgspec.to_builtins` gives it.
+
+    Raises:
+        UsageError: this message has nothing there.
+    """
+    value = message
+    for part in path.split("."):
+        try:
+            value = value[int(part)] if isinstance(value, list) else value[part]
+        except (KeyError, ValueError, IndexError, TypeError) as error:
+            raise UsageError(
+                f"--field {path}: nothing at {part!r}; {_there_is(value)}"
+            ) from error
+    return value
+
+
+def _there_is(value: Any) -> str:
+    if isinstance(value, list):
+        return f"there are {len(value)} entries, 0 to {len(value) - 1}"
+    if isinstance(value, dict):
+        return f"there are {', '.join(map(str, value)) or 'no entries'}"
+    return f"the value is {value!r} and has no parts"
+
+
+def message_lines(channel: str, message: dict[str, Any], *, size: int) -> list[str]:
+    """A message as lines of text.
+
+    Args:
+        channel: its name.
+        message: as :func:`msgspec.to_builtins` gives it.
+        size: on the bus [bytes].
+    """
+    fields = {name: value for name, value in message.items() if name not in _HEADER}
+    return [
+        f"{channel}  tick {message['tick']}, "
+        f"stamp {message['stamp_ns'] / NS_PER_S:.6f} s, {size} bytes",
+        *field_lines(fields),
+    ]
+
+
+def field_lines(fields: dict[str, Any]) -> list[str]:
+    """One indented line a field, the values under each other."""
+    width = max(map(len, fields), default=0)
+    return [f"  {name:<{width}}  {text_of(value)}" for name, value in fields.items()]
+
+
+def text_of(value: Any) -> str:
+    """A value in few digits."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return format(value, _DIGITS)
+    if isinstance(value, list):
+        return f"[{', '.join(map(text_of, value))}]"
+    if isinstance(value, dict):
+        return ", ".join(f"{k} {text_of(v)}" for k, v in value.items()) or "-"
+    return str(value) if value != "" else "-"
 
 
 class Echo:
@@ -32,7 +114,7 @@ class Echo:
         rate_hz: float | None,
         as_json: bool,
     ) -> None:
-        """Keeps what to show.
+        """Keep what to show.
 
         Args:
             topic: the channel.
@@ -48,7 +130,7 @@ class Echo:
         self._due_ns = 0
         self._as_json = as_json
 
-    def lines(self, heard: Heard) -> list[str]:
+    def lines(self, heard: RawMessage) -> list[str]:
         """Lines to print for a message; none when it is passed over.
 
         Raises:

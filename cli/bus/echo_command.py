@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
-from cli.completion import complete_channel
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.cli.completion import complete_channel
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from cli.bus.echo import Echo
-    from robot_io.listener import Listener
-    from schemas.topics import Topic
+    from surefoot.cli.bus.echo import Echo
+    from surefoot.robot_io.client_side.listener import Listener
+    from surefoot.schemas.topics import Topic
 
 SILENT_S = 3.0
 """A channel silent for so long is told to be [s]."""
@@ -54,12 +54,11 @@ def echo(
     Listens only. A malformed message is shown as such, with the reason. Exits with 4
     when there is no robot, or it leaves before --count messages.
     """
-    from cli.bus.channels import find_channel
-    from cli.bus.echo import Echo
-    from cli.bus.fields import check_fields
-    from cli.endpoints import choose_endpoints
-    from robot_io.listener import Listener
-    from robot_io.robot import load_robot
+    from surefoot.cli.bus.echo import Echo, check_fields
+    from surefoot.cli.bus.topics import find_channel
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.robot_io.client_side.listener import Listener
+    from surefoot.robot_io.robot import load_robot
 
     model = load_robot(robot)
     entry = find_channel(channel, model)
@@ -77,7 +76,7 @@ def echo(
         listener.connect(timeout_s=wait_s)
         _show(listener, shown, entry, count=count)
     if count is not None and shown.count < count:
-        from cli.console import print_note
+        from surefoot.cli.console import print_note
 
         print_note(f"the robot left after {shown.count} of {count} messages")
         raise typer.Exit(ExitCode.UNREACHABLE)
@@ -86,7 +85,7 @@ def echo(
 def _show(listener: Listener, shown: Echo, entry: Topic, *, count: int | None) -> None:
     import time
 
-    from cli.console import print_note, print_text
+    from surefoot.cli.console import print_note, print_text
 
     said_since = time.monotonic()
     is_told = False

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
-from cli.completion import complete_channel
-from cli.exit_codes import ExitCode
+from surefoot.cli import options
+from surefoot.cli.completion import complete_channel
+from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from cli.bus.timing import ChannelTiming, TimingMeter
-    from robot_io.listener import Listener
-    from robot_io.stop_request import StopRequest
+    from surefoot.cli.bus.timing import ChannelTiming, TimingMeter
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.client_side.listener import Listener
 
 PIPED_S = 5.0
 _REFRESH_S = 0.5
@@ -60,15 +60,14 @@ def hz(
     the robot leaves. Exits with 4 when there is no robot, with 130 after Ctrl-C, which
     leaves the last table.
     """
-    from cli.bus.channels import PUBLISHED, find_channel, same_clock
-    from cli.bus.hz_table import hz_table
-    from cli.bus.timing import TimingMeter
-    from cli.console import live_table, print_json, print_note, print_table
-    from cli.endpoints import choose_endpoints
-    from robot_io.listener import Listener
-    from robot_io.robot import load_robot
-    from robot_io.session import dialed
-    from robot_io.stop_request import StopRequest
+    from surefoot.cli.bus.timing import TimingMeter, hz_table
+    from surefoot.cli.bus.topics import PUBLISHED, find_channel, same_clock
+    from surefoot.cli.console import live_table, print_json, print_note, print_table
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.robot_io.bus.session import dialed
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.client_side.listener import Listener
+    from surefoot.robot_io.robot import load_robot
 
     model = load_robot(robot)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED
@@ -122,7 +121,7 @@ def _measure(
     for_s: float | None,
     show: Callable[[Iterable[ChannelTiming]], None] | None,
 ) -> list[ChannelTiming]:
-    """Listens until the time is over, somebody asks to stop or the robot leaves."""
+    """Listen until the time is over, somebody asks to stop or the robot leaves."""
     import time
 
     begin = time.monotonic()

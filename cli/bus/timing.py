@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from itertools import pairwise
 
 import msgspec
+from rich.table import Table
 
-from schemas.result import Distribution
+from surefoot.schemas.result import Distribution
 
 NS_PER_MS = 1e6
 NS_PER_S = 1e9
 RESTART_TICKS = 1000
 """A tick so far behind is another run of the robot, not a late message."""
+NONE = "-"
+_FINE_MS, _COARSE_MS = 10.0, 100.0
+_HEADINGS = (
+    "Hz",
+    *("jitter\nmedian", "(ms)\np99", "\nmax"),
+    *("delay\nmedian", "(ms)\np99", "\nmax"),
+    *("gaps", "double", "late", "bad"),
+)
 
 
 class ChannelTiming(msgspec.Struct, kw_only=True):
@@ -52,7 +62,7 @@ class TimingMeter:
     def __init__(
         self, channel: str, *, every_tick: bool, window_s: float, has_delay: bool
     ) -> None:
-        """Starts with nothing.
+        """Start with nothing.
 
         Args:
             channel: its name.
@@ -69,7 +79,7 @@ class TimingMeter:
         self._gaps = self._duplicates = self._late = self._restarts = 0
 
     def add(self, data: bytes, *, received_ns: int) -> None:
-        """Takes in a message, whole or not."""
+        """Take in a message, whole or not."""
         self._messages += 1
         try:
             head = _decoder.decode(data)
@@ -140,3 +150,40 @@ def distribution(values: list[float]) -> Distribution:
 def _quantile(ordered: list[float], share: float) -> float:
     """The value that so much of the values do not exceed."""
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+def hz_table(timings: Iterable[ChannelTiming]) -> Table:
+    """One line a channel."""
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("channel", no_wrap=True)
+    for heading in _HEADINGS:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for timing in timings:
+        table.add_row(
+            timing.channel,
+            NONE if timing.rate_hz is None else f"{timing.rate_hz:.1f}",
+            *_times(timing.jitter_ms),
+            *_times(timing.delay_ms),
+            _count(timing.gaps),
+            _count(timing.duplicates),
+            _count(timing.out_of_order),
+            str(timing.unreadable),
+        )
+    return table
+
+
+def _count(value: int | None) -> str:
+    return NONE if value is None else str(value)
+
+
+def _times(times: Distribution | None) -> tuple[str, str, str]:
+    if times is None:
+        return NONE, NONE, NONE
+    return _ms(times.median), _ms(times.p99), _ms(times.max)
+
+
+def _ms(value: float) -> str:
+    """As many digits as are of interest, in four or five characters."""
+    if abs(value) < _FINE_MS:
+        return f"{value:.2f}"
+    return f"{value:.1f}" if abs(value) < _COARSE_MS else f"{value:.0f}"

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import difflib
 from collections import defaultdict
 from collections.abc import Iterable
 
 import msgspec
+from rich.markup import escape
+from rich.table import Table
 
-from robot_io.census import Census, who
-from robot_io.listener import Heard
-from robot_io.robot import Robot
-from schemas.codec import decode
-from schemas.errors import MessageError
-from schemas.topics import TOPICS, Direction, Topic
+from surefoot.errors import UsageError
+from surefoot.robot_io.client_side.bus_graph import BusGraph, processes_of
+from surefoot.robot_io.client_side.listener import RawMessage
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.codec import decode
+from surefoot.schemas.errors import MessageError
+from surefoot.schemas.topics import TOPICS, Direction, Topic
 
 _SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
+NONE = "-"
+PUBLISHED = tuple(entry for entry in TOPICS if entry.direction not in _SERVICES)
+"""Channels that carry messages; services are asked instead."""
 
 
 class TopicRow(msgspec.Struct, kw_only=True):
@@ -26,7 +33,7 @@ class TopicRow(msgspec.Struct, kw_only=True):
     type: str
     direction: str
     publishers: list[str] | None
-    """Who may publish, or who answers a service; None where nobody tells."""
+    """Who may publish, or processes_of answers a service; None where nobody tells."""
     subscribers: list[str] | None
     messages: int
     rate_hz: float
@@ -60,14 +67,14 @@ class Topics(msgspec.Struct, kw_only=True):
 
 
 def list_topics(
-    robot: Robot, heard: Iterable[Heard], census: Census, *, listened_s: float
+    robot: Robot, heard: Iterable[RawMessage], graph: BusGraph, *, listened_s: float
 ) -> Topics:
-    """Sorts what was heard by channel.
+    """Sort what was heard by channel.
 
     Args:
         robot: names the keys.
         heard: everything on the bus.
-        census: who declared what.
+        graph: who declared what.
         listened_s: over what time it was heard [s].
     """
     messages: dict[str, list[bytes]] = defaultdict(list)
@@ -78,7 +85,7 @@ def list_topics(
         _row(
             entry,
             messages[f"{prefix}{robot.keys[entry.name]}"],
-            census,
+            graph,
             robot=robot,
             listened_s=listened_s,
         )
@@ -87,14 +94,14 @@ def list_topics(
     known = {row.key for row in rows}
     declared = {
         entry.key
-        for entry in (*census.publishers, *census.subscribers, *census.services)
+        for entry in (*graph.publishers, *graph.subscribers, *graph.services)
         if "*" not in entry.key
     }
     unknown = [
         UnknownKey(
             key=key,
-            publishers=_who(census, key, is_service=False),
-            subscribers=_subscribers(census, key),
+            publishers=_who(graph, key, is_service=False),
+            subscribers=_subscribers(graph, key),
             messages=len(messages[key]),
             rate_hz=len(messages[key]) / listened_s,
             bytes=_mean_size(messages[key]),
@@ -104,7 +111,7 @@ def list_topics(
     return Topics(
         robot=robot.file.name,
         listened_s=listened_s,
-        processes=list(census.processes),
+        processes=list(graph.processes),
         channels=rows,
         unknown=unknown,
     )
@@ -113,7 +120,7 @@ def list_topics(
 def _row(
     entry: Topic,
     payloads: list[bytes],
-    census: Census,
+    graph: BusGraph,
     *,
     robot: Robot,
     listened_s: float,
@@ -126,8 +133,8 @@ def _row(
         key=key,
         type=entry.message.__name__,
         direction=entry.direction.value,
-        publishers=_who(census, key, is_service=is_service),
-        subscribers=_subscribers(census, key) if not is_service else [],
+        publishers=_who(graph, key, is_service=is_service),
+        subscribers=_subscribers(graph, key) if not is_service else [],
         messages=len(payloads),
         rate_hz=len(payloads) / listened_s,
         bytes=_mean_size(payloads),
@@ -148,15 +155,113 @@ def _malformed(
     return count, reason
 
 
-def _who(census: Census, key: str, *, is_service: bool) -> list[str] | None:
-    if not census.is_told:
+def _who(graph: BusGraph, key: str, *, is_service: bool) -> list[str] | None:
+    if not graph.is_told:
         return None
-    return who(census.services if is_service else census.publishers, key)
+    return processes_of(graph.services if is_service else graph.publishers, key)
 
 
-def _subscribers(census: Census, key: str) -> list[str] | None:
-    return who(census.subscribers, key) if census.is_told else None
+def _subscribers(graph: BusGraph, key: str) -> list[str] | None:
+    return processes_of(graph.subscribers, key) if graph.is_told else None
 
 
 def _mean_size(payloads: list[bytes]) -> float | None:
     return sum(map(len, payloads)) / len(payloads) if payloads else None
+
+
+def topics_table(told: Topics) -> Table:
+    """One line a channel."""
+    namespace = told.channels[0].key.split("/")[0]
+    table = _table(
+        f"{told.robot}: keys under {namespace}/, heard for {told.listened_s:.1f} s",
+        ("channel", "key", "type"),
+    )
+    for row in told.channels:
+        table.add_row(
+            row.channel,
+            escape(row.key.removeprefix(f"{namespace}/")),
+            row.type,
+            _names(row.publishers),
+            _names(row.subscribers),
+            _rate(row.rate_hz),
+            _size(row.bytes),
+        )
+    return table
+
+
+def unknown_table(told: Topics) -> Table:
+    """One line a key that is no channel."""
+    table = _table(f"keys that are no channel of {told.robot}", ("key",))
+    for row in told.unknown:
+        table.add_row(
+            escape(row.key),
+            _names(row.publishers),
+            _names(row.subscribers),
+            _rate(row.rate_hz),
+            _size(row.bytes),
+        )
+    return table
+
+
+def _table(title: str, first: tuple[str, ...]) -> Table:
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
+    for heading in first:
+        table.add_column(heading, no_wrap=heading == "channel", overflow="fold")
+    table.add_column("from", overflow="fold")
+    table.add_column("heard by", overflow="fold")
+    table.add_column("Hz", justify="right")
+    table.add_column("bytes", justify="right")
+    return table
+
+
+def _names(names: list[str] | None) -> str:
+    """What they are; processes_of exactly is told under the table."""
+    if names is None:
+        return "?"
+    kinds = dict.fromkeys(name.split()[0] for name in names)
+    return escape(", ".join(kinds)) or NONE
+
+
+def _rate(rate_hz: float) -> str:
+    return f"{rate_hz:.0f}" if rate_hz else NONE
+
+
+def _size(size: float | None) -> str:
+    return NONE if size is None else f"{size:.0f}"
+
+
+def find_channel(text: str, robot: Robot) -> Topic:
+    """A channel that carries messages.
+
+    Args:
+        text: name of the topic table, or key with or without the namespace.
+        robot: names the keys.
+
+    Raises:
+        UsageError: no such channel, with the nearest name; or it is a service.
+    """
+    wanted = text.strip("/").removeprefix(f"{robot.file.namespace}/")
+    for entry in TOPICS:
+        if wanted in (entry.name, robot.keys[entry.name]):
+            if entry.direction in _SERVICES:
+                raise UsageError(
+                    f"{entry.name} is a {entry.direction}: it is asked and answers, "
+                    f"there is nothing to listen to; channels are {_channel_names()}"
+                )
+            return entry
+    known = [entry.name for entry in PUBLISHED]
+    keys = {robot.keys[entry.name]: entry.name for entry in PUBLISHED}
+    near = difflib.get_close_matches(wanted, [*known, *keys], n=1)
+    hint = f"did you mean {keys.get(near[0], near[0])!r}? " if near else ""
+    raise UsageError(f"no channel {text!r}; {hint}channels are {_channel_names()}")
+
+
+def same_clock(locators: list[str]) -> bool:
+    """Whether processes_of is dialed there reads the same monotonic clock as we do."""
+    from surefoot.robot_io.security.locators import is_local
+
+    return all(is_local(locator) for locator in locators)
+
+
+def _channel_names() -> str:
+    return ", ".join(entry.name for entry in PUBLISHED)

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from cli import options
+from surefoot.cli import options
 
 if TYPE_CHECKING:
-    from robot_io.listener import Heard, Listener
+    from surefoot.robot_io.client_side.listener import Listener, RawMessage
 
 
 def topics(
@@ -30,12 +30,11 @@ def topics(
     Keys that are no channel of this robot are listed too. Listens only. Exits with 4
     when there is no robot.
     """
-    from cli.bus.topics import list_topics
-    from cli.bus.topics_table import topics_table, unknown_table
-    from cli.console import print_json, print_note, print_table, print_text
-    from cli.endpoints import choose_endpoints
-    from robot_io.listener import Listener
-    from robot_io.robot import load_robot
+    from surefoot.cli.bus.topics import list_topics, topics_table, unknown_table
+    from surefoot.cli.console import print_json, print_note, print_table, print_text
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.robot_io.client_side.listener import Listener
+    from surefoot.robot_io.robot import load_robot
 
     model = load_robot(robot)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
@@ -44,8 +43,8 @@ def topics(
     ) as listener:
         listener.connect(timeout_s=wait_s)
         heard, listened_s = _hear(listener, for_s)
-        census = listener.census()
-    told = list_topics(model, heard, census, listened_s=listened_s)
+        graph = listener.bus_graph()
+    told = list_topics(model, heard, graph, listened_s=listened_s)
     if as_json:
         print_json(told)
     else:
@@ -59,14 +58,14 @@ def topics(
                 f"{row.channel}: {row.malformed} of {row.messages} malformed; the "
                 f"last: {row.malformed_reason}"
             )
-    if not census.is_told:
+    if not graph.is_told:
         print_note(
             "who publishes and subscribes is not told here: the access control of "
             "the bus keeps it"
         )
 
 
-def _hear(listener: Listener, for_s: float) -> tuple[list[Heard], float]:
+def _hear(listener: Listener, for_s: float) -> tuple[list[RawMessage], float]:
     """All that is heard from the first message on, at most ``for_s`` long."""
     import time
 

@@ -7,7 +7,7 @@ import resource
 import time
 from importlib.util import find_spec
 
-from cli.doctor.finding import Finding, Verdict, finding
+from surefoot.cli.doctor.diagnosis import Diagnosis, Severity, finding
 
 ENOUGH_CPUS = 2
 JITTER_TICKS = 500
@@ -18,7 +18,7 @@ GOOD_JITTER_S = 0.5e-3
 RT_PRIORITY = 50
 
 
-def check_blas() -> Finding:
+def check_blas() -> Diagnosis:
     """Whether linear algebra works in one thread."""
     import numpy as np
     from threadpoolctl import threadpool_info
@@ -34,25 +34,25 @@ def check_blas() -> Finding:
         f"{kinds}, {threads} thread{'s' if threads != 1 else ''}"
         if pools
         else "a library that does not tell its threads",
-        bad=Verdict.WARN if threads > 1 else None,
+        bad=Severity.WARN if threads > 1 else None,
         advice="export OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 (or unset them); more "
         "threads only make a tick of small matrices slower",
     )
 
 
-def check_msgpack() -> Finding:
+def check_msgpack() -> Diagnosis:
     """Whether MessagePack has its compiled part."""
     is_compiled = find_spec("msgpack._cmsgpack") is not None
     return finding(
         "MessagePack",
         "compiled" if is_compiled else "pure Python",
-        bad=None if is_compiled else Verdict.WARN,
+        bad=None if is_compiled else Severity.WARN,
         advice="pip install --force-reinstall --only-binary :all: msgpack; pure Python "
         "takes ten times as long to say what is wrong with a message",
     )
 
 
-def check_processors() -> Finding:
+def check_processors() -> Diagnosis:
     """Processors this process may use, and how busy they are."""
     count = _usable_cpus()
     load = os.getloadavg()[0]
@@ -61,7 +61,7 @@ def check_processors() -> Finding:
     return finding(
         "processors",
         words,
-        bad=Verdict.WARN if few or load > count else None,
+        bad=Severity.WARN if few or load > count else None,
         advice=(
             "robot and stabilizer share one: lockstep is slower, real time misses ticks"
             if few
@@ -71,7 +71,7 @@ def check_processors() -> Finding:
     )
 
 
-def check_clock() -> Finding:
+def check_clock() -> Diagnosis:
     """How late a sleeping process is woken."""
     late = []
     due = time.monotonic()
@@ -86,19 +86,19 @@ def check_clock() -> Finding:
         "clock",
         f"1 ms sleeps end late by {median * MS_PER_S:.2f} ms (median), "
         f"{p99 * MS_PER_S:.2f} (p99), {most * MS_PER_S:.2f} (max)",
-        bad=Verdict.WARN if p99 > GOOD_JITTER_S else None,
+        bad=Severity.WARN if p99 > GOOD_JITTER_S else None,
         advice="of consequence with --realtime only: stop what else runs, use bare "
         "metal rather than a virtual machine, and give real-time priority",
     )
 
 
-def check_priority() -> Finding:
+def check_priority() -> Diagnosis:
     """Whether processes may have real-time priority."""
     limit = getattr(resource, "RLIMIT_RTPRIO", None)
     if limit is None or not hasattr(os, "sched_setscheduler"):
-        return Finding(
+        return Diagnosis(
             name="real-time priority",
-            verdict=Verdict.WARN,
+            verdict=Severity.WARN,
             got="this system has none to give",
             advice="simulate here; drive a robot from Linux",
         )
@@ -107,7 +107,7 @@ def check_priority() -> Finding:
     return finding(
         "real-time priority",
         f"{'allowed' if may else 'not allowed'} (rtprio limit {soft})",
-        bad=None if may else Verdict.WARN,
+        bad=None if may else Severity.WARN,
         advice="for hardware only: add '@YOURGROUP - rtprio 99' to "
         "/etc/security/limits.conf and log in again",
     )
@@ -120,7 +120,7 @@ def _usable_cpus() -> int:
 
 
 def _may_be_real_time() -> bool:
-    """Tries it for a moment; the limit alone does not tell, for root has none."""
+    """Try it for a moment; the limit alone does not tell, for root has none."""
     policy, before = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(RT_PRIORITY))

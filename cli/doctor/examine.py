@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from cli.doctor.finding import Finding, Verdict
+from surefoot.cli.doctor.diagnosis import Diagnosis, Severity
 
 
-def examine() -> Iterator[Finding]:
-    """Looks at everything; a check that cannot be done is a finding of its own."""
+def examine() -> Iterator[Diagnosis]:
+    """Look at everything; a check that cannot be done is a finding of its own."""
     yield from _try("packages", _packages)
     # What follows needs packages; without one of them it says so.
     for name, check in (
@@ -18,16 +18,16 @@ def examine() -> Iterator[Finding]:
         yield from _try(name, check)
 
 
-def _packages() -> Iterator[Finding]:
-    from cli.doctor.packages import check_extras, check_packages, check_python
+def _packages() -> Iterator[Diagnosis]:
+    from surefoot.cli.doctor.packages import check_extras, check_packages, check_python
 
     yield check_python()
     yield from check_packages()
     yield from check_extras()
 
 
-def _computing() -> Iterator[Finding]:
-    from cli.doctor import computing
+def _computing() -> Iterator[Diagnosis]:
+    from surefoot.cli.doctor import computing
 
     yield computing.check_msgpack()
     yield computing.check_processors()
@@ -36,8 +36,8 @@ def _computing() -> Iterator[Finding]:
     yield computing.check_blas()
 
 
-def _surroundings() -> Iterator[Finding]:
-    from cli.doctor import surroundings
+def _surroundings() -> Iterator[Diagnosis]:
+    from surefoot.cli.doctor import surroundings
 
     yield surroundings.check_bus()
     yield surroundings.check_port()
@@ -46,15 +46,15 @@ def _surroundings() -> Iterator[Finding]:
     yield surroundings.check_browser()
 
 
-def _try(name: str, check: Callable[[], Iterator[Finding]]) -> Iterator[Finding]:
-    from cli.console import import_advice
+def _try(name: str, check: Callable[[], Iterator[Diagnosis]]) -> Iterator[Diagnosis]:
+    from surefoot.cli.console import import_advice
 
     try:
         yield from check()
     except ImportError as error:
-        yield Finding(
+        yield Diagnosis(
             name=name,
-            verdict=Verdict.FAIL,
+            verdict=Severity.FAIL,
             got=str(error),
             advice=import_advice(error),
         )

@@ -8,10 +8,10 @@ import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
-from cli.doctor.finding import Finding, Verdict, finding
+from surefoot.cli.doctor.diagnosis import Diagnosis, Severity, finding
 
 LEAST_PYTHON = (3, 11)
-PINS = Path(__file__).parents[2] / "constraints.txt"
+PINS = Path(__file__).resolve().parents[2] / "constraints.txt"
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _EXTRA = re.compile(r"extra\s*==")
 _EXTRAS = {
@@ -21,19 +21,19 @@ _EXTRAS = {
 """Packages of each optional part."""
 
 
-def check_python() -> Finding:
+def check_python() -> Diagnosis:
     """Whether Python is new enough."""
     wanted = ".".join(map(str, LEAST_PYTHON))
     is_old = sys.version_info < LEAST_PYTHON
     return finding(
         "Python",
         f"{platform.python_version()} on {platform.platform(terse=True)}",
-        bad=Verdict.FAIL if is_old else None,
+        bad=Severity.FAIL if is_old else None,
         advice=f"install Python {wanted} or newer",
     )
 
 
-def check_packages() -> list[Finding]:
+def check_packages() -> list[Diagnosis]:
     """A line for all that is well, and one for each package that is not."""
     names = required_packages()
     pins = read_pins(PINS)
@@ -43,18 +43,18 @@ def check_packages() -> list[Finding]:
         pin = pins.get(_normal(name))
         if got is None:
             others.append(
-                Finding(
+                Diagnosis(
                     name=f"package {name}",
-                    verdict=Verdict.FAIL,
+                    verdict=Severity.FAIL,
                     got="not installed",
                     advice="pip install . (in a checkout: make install)",
                 )
             )
         elif pin is not None and got != pin:
             others.append(
-                Finding(
+                Diagnosis(
                     name=f"package {name}",
-                    verdict=Verdict.WARN,
+                    verdict=Severity.WARN,
                     got=f"{got}, tested with {pin}",
                     advice=f"pip install {name}=={pin}",
                 )
@@ -62,15 +62,15 @@ def check_packages() -> list[Finding]:
         else:
             found.append(f"{name} {got}")
     against = "as tested" if pins else "no constraints.txt to compare with"
-    ok = Finding(
+    ok = Diagnosis(
         name="packages",
-        verdict=Verdict.OK,
+        verdict=Severity.OK,
         got=f"surefoot {_installed('surefoot')}, {', '.join(found)}; {against}",
     )
     return [ok, *others]
 
 
-def check_extras() -> list[Finding]:
+def check_extras() -> list[Diagnosis]:
     """Optional parts, each with how to get it."""
     findings = []
     for extra, packages in _EXTRAS.items():
@@ -80,7 +80,7 @@ def check_extras() -> list[Finding]:
             finding(
                 f"extra {extra}",
                 f"no {', '.join(missing)}" if missing else ", ".join(there),
-                bad=Verdict.WARN if missing else None,
+                bad=Severity.WARN if missing else None,
                 advice=f"only if you want it: pip install 'surefoot[{extra}]'",
             )
         )

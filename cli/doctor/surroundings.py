@@ -10,12 +10,12 @@ import sys
 import tempfile
 from pathlib import Path
 
-from cli.child import child_environment
-from cli.doctor.finding import Finding, Verdict, finding
-from cli.endpoints import private_endpoints
-from cli.recording.mcap_file import KEPT_FREE_BYTES
-from robot_io.errors import RobotIoError
-from schemas.endpoints import DEFAULT_LOCATOR
+from surefoot.cli.doctor.diagnosis import Diagnosis, Severity, finding
+from surefoot.endpoints import loopback_endpoints
+from surefoot.processes.child import child_environment
+from surefoot.recording.write import KEPT_FREE_BYTES
+from surefoot.robot_io.errors import RobotIoError
+from surefoot.schemas.endpoints import DEFAULT_LOCATOR
 
 RECORD_BYTES_PER_S = 1.8e6
 """What a record of a run takes, measured on shipped scenarios."""
@@ -26,17 +26,17 @@ _GL_BACKENDS = ("egl", "osmesa")
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
 
 
-def check_bus() -> Finding:
+def check_bus() -> Diagnosis:
     """Whether Zenoh works on loopback, and how quickly."""
-    from robot_io.loopback import measure_loopback
+    from surefoot.robot_io.bus.loopback import measure_loopback
 
     name = "Zenoh on loopback"
     try:
-        median, p99 = measure_loopback(private_endpoints())
+        median, p99 = measure_loopback(loopback_endpoints())
     except (RobotIoError, OSError) as error:
-        return Finding(
+        return Diagnosis(
             name=name,
-            verdict=Verdict.FAIL,
+            verdict=Severity.FAIL,
             got=str(error),
             advice="loopback must be up (ip addr show lo), and no firewall may drop "
             "TCP on 127.0.0.1",
@@ -44,34 +44,34 @@ def check_bus() -> Finding:
     return finding(
         name,
         f"round trip median {median:.2f} ms, p99 {p99:.2f} ms",
-        bad=Verdict.WARN if median > SLOW_ROUND_TRIP_MS else None,
+        bad=Severity.WARN if median > SLOW_ROUND_TRIP_MS else None,
         advice="this machine is busy; lockstep runs will be slow, real-time ones late",
     )
 
 
-def check_port() -> Finding:
+def check_port() -> Diagnosis:
     """Whether the port where the robot listens by default is free."""
     host, port = DEFAULT_LOCATOR.removeprefix("tcp/").split(":")
     try:
         socket.create_server((host, int(port))).close()
     except OSError as error:
-        return Finding(
+        return Diagnosis(
             name="port",
-            verdict=Verdict.WARN,
+            verdict=Severity.WARN,
             got=f"{host}:{port}: {error.strerror or error}",
             advice="well if that is your robot (surefoot topics tells); otherwise stop "
             "who listens there, or use --listen and --connect with another port. "
             "surefoot run takes a free one by itself",
         )
-    return Finding(name="port", verdict=Verdict.OK, got=f"{host}:{port} is free")
+    return Diagnosis(name="port", verdict=Severity.OK, got=f"{host}:{port} is free")
 
 
-def check_disk() -> list[Finding]:
+def check_disk() -> list[Diagnosis]:
     """Room for records in this folder, and for the files of a run underway."""
     return [_room(Path.cwd()), _temporary_folder()]
 
 
-def check_pictures() -> Finding:
+def check_pictures() -> Diagnosis:
     """Whether MuJoCo draws without a window."""
     asked = os.environ.get("MUJOCO_GL")
     works = [name for name in ((asked,) if asked else _GL_BACKENDS) if _draws(name)]
@@ -80,13 +80,13 @@ def check_pictures() -> Finding:
         f"works with MUJOCO_GL={works[0]}"
         if works
         else f"nothing draws ({asked or ', '.join(_GL_BACKENDS)} tried)",
-        bad=None if works else Verdict.WARN,
+        bad=None if works else Severity.WARN,
         advice="only for pictures and video: on Debian and Ubuntu apt-get install "
         "libegl1 libgl1-mesa-dri (or libosmesa6), and leave MUJOCO_GL unset or egl",
     )
 
 
-def check_browser() -> Finding:
+def check_browser() -> Diagnosis:
     """Whether there is a browser for the live page and reports."""
     found = [path for path in map(shutil.which, _BROWSERS) if path]
     if not found and sys.platform == "darwin":
@@ -94,46 +94,46 @@ def check_browser() -> Finding:
     return finding(
         "browser",
         found[0] if found else "none found",
-        bad=None if found else Verdict.WARN,
+        bad=None if found else Severity.WARN,
         advice="only for looking at pages on this machine; reports can be copied, the "
         "live page reached through ssh -L 8080:127.0.0.1:8080",
     )
 
 
-def _room(folder: Path) -> Finding:
+def _room(folder: Path) -> Diagnosis:
     free = shutil.disk_usage(folder).free
     recordable_s = max(0.0, free - KEPT_FREE_BYTES) / RECORD_BYTES_PER_S
     return finding(
         "disk",
         f"{free / 2**30:.1f} GiB free in {folder}: records of "
         f"{recordable_s / 60.0:.0f} min",
-        bad=Verdict.WARN if recordable_s < WANTED_S else None,
+        bad=Severity.WARN if recordable_s < WANTED_S else None,
         advice="make room, or give --out a folder on another disk",
     )
 
 
-def _temporary_folder() -> Finding:
+def _temporary_folder() -> Diagnosis:
     try:
         with tempfile.TemporaryFile() as file:
             file.write(b"surefoot")
             file.flush()
     except OSError as error:
-        return Finding(
+        return Diagnosis(
             name="temporary files",
-            verdict=Verdict.FAIL,
+            verdict=Severity.FAIL,
             got=str(error),
             advice="set TMPDIR to a folder that can be written to and has room",
         )
-    return Finding(
-        name="temporary files", verdict=Verdict.OK, got=f"in {tempfile.gettempdir()}"
+    return Diagnosis(
+        name="temporary files", verdict=Severity.OK, got=f"in {tempfile.gettempdir()}"
     )
 
 
 def _draws(backend: str) -> bool:
-    """Draws in a process of its own: OpenGL may end the process it fails in."""
+    """Draw in a process of its own: OpenGL may end the process it fails in."""
     try:
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "sim_robot.gl_probe"],
+            [sys.executable, "-P", "-m", "surefoot.sim_robot.render"],
             env={**child_environment(), "MUJOCO_GL": backend},
             capture_output=True,
             timeout=GL_TIMEOUT_S,

@@ -14,11 +14,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from acme_sdk import AcmeRobot
 
-from robot_io.driver import run_driver
-from robot_io.robot import Robot, load_robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.endpoints import load_endpoints
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot_side.driver import run_driver
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.endpoints import load_endpoints
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 # The vendor counts legs first, then arms, then the head; we: head, left, right.
@@ -30,7 +30,7 @@ class AcmeAdapter:
     """Turns the vendor's order, degrees, signs and g into ours, and back."""
 
     def __init__(self, robot: Robot) -> None:
-        """Connects to the vendor's robot."""
+        """Connect to the vendor's robot."""
         self._ours = np.array(LEGS_ARMS_HEAD)  # ours[i] is our index of their motor i
         names = [robot.joint_names[i] for i in self._ours]
         # Their right side counts the other way round.
@@ -74,7 +74,7 @@ class AcmeAdapter:
 
 
 def main() -> None:
-    """Serves the robot until Ctrl-C."""
+    """Serve the robot until Ctrl-C."""
     robot = load_robot("walker")
     adapter = AcmeAdapter(robot)
     run_driver(adapter, robot, endpoints=load_endpoints(Path(sys.argv[1])))

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import msgspec
 
-from robot_io.robot import load_robot
-from robot_io.session import CONNECT_TIMEOUT_S, Role, session_config
-from schemas.endpoints import Endpoints, Tls
-from schemas.toml_file import load
+from surefoot.robot_io.bus.session import CONNECT_TIMEOUT_S, Role, session_config
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints, Tls
+from surefoot.schemas.toml_file import load
 
 HERE = Path(__file__).parent
 CERTIFICATES = "/etc/surefoot/certs"

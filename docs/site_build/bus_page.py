@@ -14,9 +14,14 @@ from docs.site_build.struct_table import (
     table,
 )
 from docs.site_build.structs import structs_within
-from schemas import messages
-from schemas.messages import SCHEMA_VERSION, Message
-from schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER, TOPICS
+from surefoot.schemas import messages
+from surefoot.schemas.messages import SCHEMA_VERSION, Message
+from surefoot.schemas.topics import (
+    ALIVE_OBSERVER,
+    ALIVE_ROBOT,
+    ALIVE_STABILIZER,
+    TOPICS,
+)
 
 _HEAD = f"""# Bus
 

@@ -8,8 +8,8 @@ import typer
 from typer.cli import get_docs_for_click
 from typer.main import get_command
 
-from cli.app import app
-from cli.exit_codes import ExitCode
+from surefoot.cli.app import app
+from surefoot.exit_codes import ExitCode
 
 _NAME = "surefoot"
 _CODES = {

@@ -9,13 +9,15 @@ import msgspec
 
 from docs.site_build.struct_table import field_rows, literals, table
 from docs.site_build.structs import structs_within
-from schemas.endpoints import DEFAULT_LOCATOR, Endpoints
-from schemas.result import RunResult
-from schemas.robot_file import RobotFile
-from schemas.scenario import Scenario
-from schemas.scenario_paths import scenario_paths
-from schemas.toml_file import load
-from sim_robot.catalogue import SCENARIOS_DIR, list_scenarios
+from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Endpoints
+from surefoot.schemas.result import RunResult
+from surefoot.schemas.robot_file import RobotFile
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.scenario_paths import scenario_paths
+from surefoot.schemas.toml_file import load
+from surefoot.sim_robot.catalogue import SCENARIOS_DIR, list_scenarios
+
+ROOT = Path(__file__).resolve().parents[2]
 
 _COLUMNS = ("name", "type", "default", "unit", "range", "text")
 
@@ -56,7 +58,7 @@ real bus:
 
 """
     folder = "walker-real"
-    path = SCENARIOS_DIR.parents[1] / "robot_io/robots" / folder / f"{folder}.toml"
+    path = ROOT / "robot_io/robots" / folder / f"{folder}.toml"
     return head + _example(path) + _tables(RobotFile)
 
 
@@ -70,7 +72,7 @@ is told in [Security](../security.md); ready files are in
 [`deploy/hardware`](../../deploy/hardware).
 
 """
-    path = SCENARIOS_DIR.parents[1] / "deploy/hardware/stabilizer.toml"
+    path = ROOT / "deploy/hardware/stabilizer.toml"
     return head + _example(path) + _tables(Endpoints)
 
 

@@ -26,14 +26,14 @@ FONT = "STIXTwoMath-Regular.ttf"
 
 
 def on_config(config: Any) -> Any:
-    """Leaves out menu entries whose page is neither written nor generated."""
+    """Leave out menu entries whose page is neither written nor generated."""
     there = {path.name for path in Path(config.docs_dir).glob("*.md")}
     config.nav = _existing(config.nav, there | set(generated_pages.PAGES))
     return config
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Adds generated pages, a page for each source file linked to, and the font."""
+    """Add generated pages, a page for each source file linked to, and the font."""
     texts = {
         file.src_uri: file.content_string
         for file in files
@@ -54,14 +54,14 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Turns links to files of the repository into links to their pages here."""
+    """Turn links to files of the repository into links to their pages here."""
     if page.file.src_uri.startswith(source_links.FOLDER):
         return markdown
     return source_links.rewrite(markdown, page.file.src_uri)
 
 
 def on_page_content(text: str, page: Any, config: Any, files: Files) -> str:
-    """Sets mathematics as MathML, and points links to source at their lines."""
+    """Set mathematics as MathML, and point links to source at their lines."""
     return source_links.point_at_lines(_MATH.sub(_to_mathml, text))
 
 

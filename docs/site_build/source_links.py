@@ -1,7 +1,8 @@
 """Links from pages to files of the repository, and a page for each such file.
 
-On GitHub such a link, ``../stabilizer/tsid.py#Tsid.solve``, opens the file. In the
-site it opens a page that shows the file, at the line of what is named behind ``#``.
+On GitHub such a link, ``../stabilizer/control/tsid.py#Tsid.solve``, opens the file.
+In the site it opens a page that shows the file, at the line of what is named behind
+``#``.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ def source_page(path: str) -> str:
 
 
 def rewrite(markdown: str, page: str) -> str:
-    """Turns links that leave docs into links to pages of the site.
+    """Turn links that leave docs into links to pages of the site.
 
     Raises:
         LookupError: a file has no such function or class.
@@ -108,7 +109,7 @@ def rewrite(markdown: str, page: str) -> str:
 
 
 def point_at_lines(content: str) -> str:
-    """Puts the anchors of lines into links, after mkdocs has checked their pages."""
+    """Put the anchors of lines into links, after mkdocs has checked their pages."""
     return _LINE.sub(r"#__codelineno-0-\1", content)
 
 

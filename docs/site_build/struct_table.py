@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import msgspec.inspect as inspect
 
-from schemas.field_docs import field_docs
+from surefoot.schemas.field_docs import field_docs
 
 _UNIT = re.compile(r"\s*\[([^\]]+)\]")
 _SUFFIXES = {
@@ -64,7 +64,7 @@ class FieldRow:
 
 
 def field_rows(kind: type[msgspec.Struct]) -> list[FieldRow]:
-    """Describes every field of a struct."""
+    """Describe every field of a struct."""
     docs = field_docs(kind)
     info = inspect.type_info(kind)
     assert isinstance(info, inspect.StructType)

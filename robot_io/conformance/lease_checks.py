@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from robot_io.conformance.finding import Findings
-from robot_io.conformance.probe import Probe
-from schemas.messages import RobotMode
+from surefoot.robot_io.conformance.check_result import Findings
+from surefoot.robot_io.conformance.probe import Probe
+from surefoot.schemas.messages import RobotMode
 
 INTRUDER = "someone-else"
 STATUS_RATE_HZ = 50.0
@@ -43,7 +43,7 @@ def check_status(probe: Probe, findings: Findings) -> None:
 
 
 def check_lease(probe: Probe, findings: Findings) -> None:
-    """Takes the lease, and tries to get past it as someone else.
+    """Take the lease, and try to get past it as someone else.
 
     Raises:
         RunBrokenOffError: the lease cannot be had.
@@ -89,7 +89,7 @@ def check_lease(probe: Probe, findings: Findings) -> None:
 
 
 def check_enabling(probe: Probe, findings: Findings) -> None:
-    """Enables the robot.
+    """Enable the robot.
 
     Raises:
         RunBrokenOffError: it does not follow.
@@ -106,7 +106,7 @@ def check_enabling(probe: Probe, findings: Findings) -> None:
 
 
 def check_left(probe: Probe, findings: Findings) -> None:
-    """Leaves the robot as it was found: in HOLD, free, without a fault."""
+    """Leave the robot as it was found: in HOLD, free, without a fault."""
     probe.ask("mode", "hold")
     probe.ask("lease", "release")
     is_left = probe.wait_status(

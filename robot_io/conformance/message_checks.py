@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_io.conformance.finding import Findings
-from robot_io.conformance.recording import Recording
-from robot_io.robot import Robot
-from schemas.arrays import Array
-from schemas.topics import TICK_SENSORS
+from surefoot.robot_io.conformance.check_result import Findings
+from surefoot.robot_io.conformance.probe import Recording
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.topics import TICK_SENSORS
 
 RATE_TOLERANCE = 0.1
 LOST_SHARE = 0.05
@@ -26,7 +26,7 @@ VALUES = {
 
 
 def check_messages(robot: Robot, recording: Recording, findings: Findings) -> None:
-    """Checks each channel by itself; needs a second of messages.
+    """Check each channel by itself; needs a second of messages.
 
     Raises:
         RunBrokenOffError: a channel is silent, so nothing can be said of its values.

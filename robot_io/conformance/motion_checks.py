@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_io.conformance.finding import Findings
-from robot_io.conformance.probe import Offset, Probe
-from robot_io.conformance.recording import Recording
-from robot_io.conformance.skeleton import Skeleton
-from schemas.arrays import Array
+from surefoot.robot_io.conformance.check_result import Findings
+from surefoot.robot_io.conformance.probe import Offset, Probe, Recording
+from surefoot.robot_io.conformance.skeleton import Skeleton
+from surefoot.schemas.arrays import Array
 
 MOST_RAD = 1e-3
 NUDGE_RAD = 0.7e-3
@@ -23,7 +22,7 @@ LEAST_SHIFT_N = 2.0
 
 
 def check_joint_order(probe: Probe, findings: Findings) -> None:
-    """Nudges one joint after the other and looks which one moves."""
+    """Nudge one joint after the other and look which one moves."""
     names = probe.robot.joint_names
     wrong = []
     for index in range(probe.robot.n_a):
@@ -45,7 +44,7 @@ def check_joint_order(probe: Probe, findings: Findings) -> None:
 
 
 def check_foot_order(probe: Probe, findings: Findings) -> None:
-    """Makes the left leg longer by a hair and looks which foot takes the load."""
+    """Make the left leg longer by a hair and look which foot takes the load."""
     robot = probe.robot
     skeleton = Skeleton(robot)
     push = {
@@ -76,7 +75,7 @@ def check_motion(probe: Probe, findings: Findings) -> None:
 
 
 def _of_size(rates: Array) -> Array:
-    """Leaves joints alone that hardly lift the sole: they would only twist it."""
+    """Leave joints alone that hardly lift the sole: they would only twist it."""
     return np.where(np.abs(rates) > 0.3 * np.abs(rates).max(), rates, 0.0)
 
 

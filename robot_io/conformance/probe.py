@@ -5,24 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from robot_io.bus import Bus
-from robot_io.conformance.recording import Recording
-from robot_io.dial import dialed_bus
-from robot_io.errors import RequestRefusedError, RobotUnreachableError
-from robot_io.robot import Robot
-from robot_io.service_caller import ServiceCaller
-from robot_io.session import unreachable
-from robot_io.verdict import Answer
-from schemas.arrays import Array
-from schemas.codec import decode, encode
-from schemas.endpoints import Endpoints
-from schemas.errors import MessageError
-from schemas.messages import (
+from surefoot.robot_io.bus.bus import Bus, dialed_bus
+from surefoot.robot_io.bus.session import unreachable
+from surefoot.robot_io.client_side.requests import ServiceCaller
+from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.mode_machine import Answer
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.errors import MessageError
+from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     EstopRequest,
     JointCommand,
@@ -32,7 +31,7 @@ from schemas.messages import (
     RobotStatus,
     ServiceReply,
 )
-from schemas.topics import ALIVE_STABILIZER, TICK_SENSORS, topic
+from surefoot.schemas.topics import ALIVE_STABILIZER, TICK_SENSORS, topic
 
 KEPT = 512
 ANSWER_S = 2.0
@@ -41,6 +40,36 @@ GAP_S = 0.2
 """A tick may be so late before the stream is given up for this time."""
 Offset = Callable[[float], Array]
 """Of the time since the stream began [s] to (n_a,) beside the held posture [rad]."""
+
+
+@dataclass
+class Recording:
+    """Sensor messages by channel, in the order they came.
+
+    Attributes:
+        messages: those that could be read.
+        malformed: how many could not.
+        error: what was wrong with the last of these.
+    """
+
+    messages: dict[str, list[Any]] = field(
+        default_factory=lambda: {name: [] for name in TICK_SENSORS}
+    )
+    malformed: dict[str, int] = field(
+        default_factory=lambda: dict.fromkeys(TICK_SENSORS, 0)
+    )
+    error: dict[str, str] = field(
+        default_factory=lambda: dict.fromkeys(TICK_SENSORS, "")
+    )
+
+    def column(self, channel: str, name: str) -> Array:
+        """One field of all messages of a channel: (messages,) or (messages, size)."""
+        return np.array([getattr(m, name) for m in self.messages[channel]])
+
+    def mean(self, channel: str, name: str) -> Array:
+        """Mean of one field over the recording."""
+        mean: Array = self.column(channel, name).mean(axis=0)
+        return mean
 
 
 class Probe:
@@ -59,7 +88,7 @@ class Probe:
     """
 
     def __init__(self, robot: Robot, bus: Bus, *, identity: str) -> None:
-        """Declares everything; :func:`probing` opens the bus."""
+        """Declare everything; :func:`probing` opens the bus."""
         self.identity, self.robot = identity, robot
         self.q_held: Array = robot.nominal
         self.q_first: Array | None = None
@@ -84,7 +113,7 @@ class Probe:
         bus.announce(f"{ALIVE_STABILIZER}/{identity}")
 
     def ask(self, service: str, action: str, *, who: str | None = None) -> Answer:
-        """Asks for a lease or a mode, or stops the robot.
+        """Ask for a lease or a mode, or stop the robot.
 
         Args:
             service: ``lease``, ``mode`` or ``estop``.
@@ -106,7 +135,7 @@ class Probe:
         return Answer(accepted=True)
 
     def start(self) -> Answer:
-        """Has the robot follow; from then on it must be streamed to."""
+        """Have the robot follow; from then on it must be streamed to."""
         answer = self.ask("mode", "enable")
         for channel in self._sensors.values():
             channel.discard()
@@ -127,7 +156,7 @@ class Probe:
         return encode(JointCommand(**fields))
 
     def put(self, data: bytes) -> None:
-        """Sends bytes where commands belong."""
+        """Send bytes where commands belong."""
         self._command.put(data)
 
     def stream(
@@ -137,7 +166,7 @@ class Probe:
         offset: Offset | None = None,
         extra: Callable[[int], bytes | None] = lambda count: None,
     ) -> Recording:
-        """Answers the newest tick with the held posture, again and again, and listens.
+        """Answer the newest tick with the held posture, again and again, and listen.
 
         Args:
             duration_s: how long [s].
@@ -163,7 +192,7 @@ class Probe:
         return recording
 
     def stream_until_active(self, *, timeout_s: float = ANSWER_S) -> bool:
-        """Answers until the robot says that it follows.
+        """Answer until the robot says that it follows.
 
         On a busy machine it may hold for a moment, for silence, and go on by itself.
         """
@@ -177,7 +206,7 @@ class Probe:
     def wait_status(
         self, condition: Callable[[RobotStatus], bool], *, timeout_s: float
     ) -> float | None:
-        """Waits for a status without commanding.
+        """Wait for a status without commanding.
 
         Returns:
             How long it took [s]; None when it did not come.
@@ -207,18 +236,18 @@ class Probe:
         )
 
     def listen(self) -> Recording:
-        """Takes what has come meanwhile, without commanding."""
+        """Take what has come meanwhile, without commanding."""
         recording = Recording()
         while self._hear(recording, deadline=0.0):
             pass
         return recording
 
     def wait_for_robot(self, *, timeout_s: float) -> bool:
-        """Waits for the robot's first status."""
+        """Wait for the robot's first status."""
         return self.wait_status(lambda s: True, timeout_s=timeout_s) is not None
 
     def _hear(self, recording: Recording, *, deadline: float) -> bool:
-        """Takes all ticks that have come, and waits for one when there is none."""
+        """Take all ticks that have come, and wait for one when there is none."""
         data = self._sensors["joints"].wait(deadline)
         if data is None:
             self._hear_others(recording)
@@ -273,7 +302,7 @@ class Probe:
 def probing(
     robot: Robot, *, endpoints: Endpoints, identity: str, timeout_s: float
 ) -> Iterator[Probe]:
-    """Dials a robot and waits until it says something.
+    """Dial a robot and wait until it says something.
 
     Raises:
         EndpointError: a locator is malformed.

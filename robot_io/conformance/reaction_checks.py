@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import time
 
-from robot_io.conformance.finding import Findings
-from robot_io.conformance.probe import Probe
-from schemas.messages import RobotMode
+from surefoot.robot_io.conformance.check_result import Findings
+from surefoot.robot_io.conformance.probe import Probe
+from surefoot.schemas.messages import RobotMode
 
 TOLERANCE_S = 0.15
 """For the way of a status, and for ticks of a busy machine."""
@@ -55,7 +55,7 @@ def check_watchdog(probe: Probe, findings: Findings) -> None:
 
 
 def check_estop(probe: Probe, findings: Findings) -> None:
-    """Stops the robot without a lease in the asker's name; leaves it in HOLD.
+    """Stop the robot without a lease in the asker's name; leaves it in HOLD.
 
     Raises:
         RunBrokenOffError: the robot cannot be brought back.
@@ -96,7 +96,7 @@ def _enable(probe: Probe, findings: Findings, name: str) -> None:
 
 
 def _recover(probe: Probe, findings: Findings, name: str) -> None:
-    """Takes the lease, if it was lost, and resets the fault that was provoked."""
+    """Take the lease, if it was lost, and reset the fault that was provoked."""
     taken = probe.ask("lease", "take")
     status = probe.status
     if status is not None and status.mode is RobotMode.FAULT:

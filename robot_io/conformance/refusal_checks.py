@@ -8,11 +8,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robot_io.conformance.finding import Findings
-from robot_io.conformance.lease_checks import INTRUDER
-from robot_io.conformance.probe import Probe
-from robot_io.verdict import Refusal
-from schemas.messages import SCHEMA_VERSION, RobotMode
+from surefoot.robot_io.conformance.check_result import Findings
+from surefoot.robot_io.conformance.lease_checks import INTRUDER
+from surefoot.robot_io.conformance.probe import Probe
+from surefoot.robot_io.robot_side.mode_machine import Refusal
+from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode
 
 FAR_TICKS = 1000
 TRIES = 20

@@ -5,29 +5,29 @@ from __future__ import annotations
 import os
 from collections.abc import Collection
 
-from robot_io.conformance.finding import (
+from surefoot.robot_io.conformance.check_result import (
     ConformanceReport,
     Findings,
     RunBrokenOffError,
 )
-from robot_io.conformance.lease_checks import (
+from surefoot.robot_io.conformance.lease_checks import (
     check_enabling,
     check_lease,
     check_left,
     check_status,
 )
-from robot_io.conformance.message_checks import check_messages
-from robot_io.conformance.motion_checks import (
+from surefoot.robot_io.conformance.message_checks import check_messages
+from surefoot.robot_io.conformance.motion_checks import (
     check_foot_order,
     check_joint_order,
     check_motion,
 )
-from robot_io.conformance.probe import Probe, probing
-from robot_io.conformance.reaction_checks import check_estop, check_watchdog
-from robot_io.conformance.refusal_checks import check_refusals
-from robot_io.conformance.value_checks import check_values
-from robot_io.robot import Robot
-from schemas.endpoints import Endpoints
+from surefoot.robot_io.conformance.probe import Probe, probing
+from surefoot.robot_io.conformance.reaction_checks import check_estop, check_watchdog
+from surefoot.robot_io.conformance.refusal_checks import check_refusals
+from surefoot.robot_io.conformance.value_checks import check_values
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.endpoints import Endpoints
 
 SECTIONS = ("sensors", "wiring", "refusals", "reactions")
 LOOK_S = 1.0
@@ -40,7 +40,7 @@ def check_conformance(
     sections: Collection[str] = SECTIONS,
     timeout_s: float = 10.0,
 ) -> ConformanceReport:
-    """Tries a live robot that stands on both feet, in HOLD, commanded by nobody.
+    """Try a live robot that stands on both feet, in HOLD, commanded by nobody.
 
     It takes the lease, enables the robot, has it hold its posture and gives it back as
     it was. No joint is asked to move by more than 0.7 mrad, and only in ``wiring``.

@@ -6,9 +6,9 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from robot_io.robot import Robot
-from schemas.arrays import Array, Mat, Vec3
-from schemas.robot_file import Foot
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.robot_file import Foot
 
 GRAVITY_M_S2 = 9.81
 
@@ -21,7 +21,7 @@ class Skeleton:
     """
 
     def __init__(self, robot: Robot) -> None:
-        """Reads the URDF, which the loader has checked."""
+        """Read the URDF, which the loader has checked."""
         root = ElementTree.parse(robot.urdf_path).getroot()
         self._robot = robot
         self._joints = {_child(joint): joint for joint in root.findall("joint")}

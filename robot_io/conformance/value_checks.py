@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_io.conformance.finding import Findings
-from robot_io.conformance.recording import Recording
-from robot_io.conformance.skeleton import GRAVITY_M_S2, Skeleton
-from robot_io.robot import Robot
-from schemas.arrays import Array, Vec3
+from surefoot.robot_io.conformance.check_result import Findings
+from surefoot.robot_io.conformance.probe import Recording
+from surefoot.robot_io.conformance.skeleton import GRAVITY_M_S2, Skeleton
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Vec3
 
 ACCELERATION_TOLERANCE_M_S2 = 0.5
 TILT_TOLERANCE_RAD = 0.2
@@ -23,7 +23,7 @@ QUATERNION_TOLERANCE = 0.01
 def check_values(
     robot: Robot, recording: Recording, q_held: Array, findings: Findings
 ) -> None:
-    """Checks a recording of a robot that stands still on both feet, upright.
+    """Check a recording of a robot that stands still on both feet, upright.
 
     Args:
         robot: what the files say.

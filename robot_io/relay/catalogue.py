@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from pathlib import Path
 
-from schemas.errors import FileFormatError
+from surefoot.schemas.errors import FileFormatError
 
 PLANS_DIR = Path(__file__).parent / "plans"
 

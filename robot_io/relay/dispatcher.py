@@ -2,16 +2,49 @@
 
 from __future__ import annotations
 
+import heapq
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-
-from robot_io.relay.schedule import Schedule
+from typing import Generic, TypeVar
 
 Deed = Callable[[], None]
 _LOG = logging.getLogger(__name__)
+T = TypeVar("T")
+
+
+class Schedule(Generic[T]):
+    """A queue by time; what is due at the same time comes in the order it was put."""
+
+    def __init__(self) -> None:
+        """Nothing is to be done."""
+        self._heap: list[tuple[float, int, T]] = []
+        self._count = 0
+        self._latest_s = -math.inf
+
+    def put(self, item: T, *, at_s: float) -> None:
+        """Add something to be done at a time [s]."""
+        heapq.heappush(self._heap, (at_s, self._count, item))
+        self._count += 1
+        self._latest_s = max(self._latest_s, at_s)
+
+    def put_last(self, item: T, *, now_s: float) -> None:
+        """Add something to be done now, but after all that is to be done already."""
+        self.put(item, at_s=max(now_s, self._latest_s))
+
+    def take_due(self, now_s: float) -> T | None:
+        """Take out the next thing that is due; None when nothing is."""
+        if not self._heap or self._heap[0][0] > now_s:
+            return None
+        return heapq.heappop(self._heap)[2]
+
+    @property
+    def next_s(self) -> float | None:
+        """When the next thing is due [s]; None when there is none."""
+        return self._heap[0][0] if self._heap else None
 
 
 class Dispatcher:
@@ -30,7 +63,7 @@ class Dispatcher:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Runs the thread; what is not yet due at the end is left undone."""
+        """Run the thread; what is not yet due at the end is left undone."""
         thread = threading.Thread(target=self._run, name="relay", daemon=True)
         thread.start()
         try:
@@ -42,13 +75,13 @@ class Dispatcher:
             thread.join()
 
     def do(self, deed: Deed, *, at_s: float) -> None:
-        """Has something done, at a time on ``time.monotonic`` [s]."""
+        """Have something done, at a time on ``time.monotonic`` [s]."""
         with self._changed:
             self._schedule.put(deed, at_s=at_s)
             self._changed.notify()
 
     def do_last(self, deed: Deed) -> None:
-        """Has something done after all that is to be done already."""
+        """Have something done after all that is to be done already."""
         with self._changed:
             self._schedule.put_last(deed, now_s=time.monotonic())
             self._changed.notify()
@@ -62,7 +95,7 @@ class Dispatcher:
             _LOG.error("the relay cannot go on: %s", error)
 
     def _next(self) -> Deed | None:
-        """Waits for the next thing that is due; None at the end."""
+        """Wait for the next thing that is due; None at the end."""
         with self._changed:
             while not self._is_over:
                 now_s = time.monotonic()

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import singledispatch
 from random import Random
+from typing import NamedTuple
 
 import msgspec
 
-from robot_io.relay.parcel import Parcel
-from schemas.relay_plan import (
+from surefoot.schemas.relay_plan import (
     MS_PER_S,
     ClockJumpFault,
     CorruptFault,
@@ -23,6 +23,23 @@ from schemas.relay_plan import (
 )
 
 NS_PER_S = 1_000_000_000
+
+
+class Parcel(NamedTuple):
+    """Bytes and when they go on.
+
+    Attributes:
+        at_s: when, on the clock they arrived by [s].
+        data: the message, encoded.
+        in_order: whether it waits for those before it; False for one that was kept
+            back while others overtook it.
+    """
+
+    at_s: float
+    data: bytes
+    in_order: bool = True
+
+
 Parcels = tuple[Parcel, ...]
 Act = Callable[[Parcel], Parcels]
 """Turns a message into those that go on instead. The same one says that nothing was

@@ -6,9 +6,8 @@ import math
 from collections import Counter
 from random import Random
 
-from robot_io.relay.faults import act_of
-from robot_io.relay.parcel import Parcel
-from schemas.relay_plan import RelayPlan
+from surefoot.robot_io.relay.faults import Parcel, act_of
+from surefoot.schemas.relay_plan import RelayPlan
 
 
 class Lane:
@@ -24,7 +23,7 @@ class Lane:
     """
 
     def __init__(self, plan: RelayPlan, channel: str, *, seed: int) -> None:
-        """Takes a channel's faults from the plan.
+        """Take a channel's faults from the plan.
 
         Args:
             plan: of the relay.
@@ -48,7 +47,7 @@ class Lane:
     def pass_on(
         self, data: bytes, *, now_s: float, elapsed_s: float | None
     ) -> list[Parcel]:
-        """Says when a message goes on, and as what.
+        """Say when a message goes on, and as what.
 
         Args:
             data: the message as it came.
@@ -75,3 +74,20 @@ class Lane:
             return parcel
         self._newest_s = max(self._newest_s, parcel.at_s)
         return parcel._replace(at_s=self._newest_s)
+
+
+class PlanClock:
+    """Counts from the first joint command; before it the plan is not in force."""
+
+    def __init__(self) -> None:
+        """Have not begun."""
+        self._began_s: float | None = None
+
+    def begin(self, now_s: float) -> None:
+        """Begins; later calls change nothing."""
+        if self._began_s is None:
+            self._began_s = now_s
+
+    def elapsed_s(self, now_s: float) -> float | None:
+        """Time since it began [s]; None before."""
+        return None if self._began_s is None else now_s - self._began_s

@@ -7,22 +7,23 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from robot_io.bus import Bus
-from robot_io.errors import RobotIoError, RobotUnreachableError
-from robot_io.quiet import quiet_interpreter
-from robot_io.relay.dispatcher import Dispatcher
-from robot_io.relay.forwarder import Forwarder
-from robot_io.relay.lane import Lane
-from robot_io.relay.plan_clock import PlanClock
-from robot_io.relay.presence import PresenceMirror
-from robot_io.relay.service_forwarder import ServiceForwarder
-from robot_io.robot import Robot
-from robot_io.session import Role, unreachable
-from robot_io.stop_request import StopRequest
-from schemas.endpoints import Endpoints
-from schemas.relay_plan import RelayPlan
-from schemas.result import RelayResult
-from schemas.topics import (
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role, unreachable
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
+from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.relay.dispatcher import Dispatcher
+from surefoot.robot_io.relay.forwarder import (
+    Forwarder,
+    PresenceMirror,
+    ServiceForwarder,
+)
+from surefoot.robot_io.relay.lane import Lane, PlanClock
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.relay_plan import RelayPlan
+from surefoot.schemas.result import RelayResult
+from surefoot.schemas.topics import (
     ALIVE_OBSERVER,
     ALIVE_ROBOT,
     ALIVE_STABILIZER,
@@ -74,7 +75,7 @@ class Relay:
         listening: Endpoints | None = None,
         on_ready: Callable[[], None] | None = None,
     ) -> RelayResult:
-        """Carries until asked to stop.
+        """Carry until asked to stop.
 
         The robot may come and go meanwhile; at the start it must be there.
 
@@ -123,7 +124,7 @@ class Relay:
         wait_s: float,
         stack: ExitStack,
     ) -> Bus | None:
-        """Opens the robot's side; None when asked to stop meanwhile."""
+        """Open the robot's side; None when asked to stop meanwhile."""
         end_s = time.monotonic() + wait_s
         while not stop.is_set:
             timeout_s = min(DIAL_S, wait_s)
@@ -152,7 +153,7 @@ class Relay:
     def _connect(
         self, robots_side: Bus, other_side: Bus, dispatcher: Dispatcher
     ) -> None:
-        """Joins the two sides; the tokens last, as each of them would do."""
+        """Join the two sides; the tokens last, as each of them would do."""
         clock = PlanClock()
         for entry in TOPICS:
             ends = {"source": other_side, "target": robots_side}
@@ -182,7 +183,7 @@ class Relay:
             PresenceMirror(pattern, source=source, target=target, dispatcher=dispatcher)
 
     def _disconnect(self) -> None:
-        """Hears nothing more, so that nothing is sent on a side that is closed."""
+        """Hear nothing more, so that nothing is sent on a side that is closed."""
         for forwarder in self._forwarders:
             forwarder.close()
 

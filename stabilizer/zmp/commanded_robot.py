@@ -21,12 +21,12 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from schemas.arrays import Array, Mat, Vec3
-from schemas.settings import DikSettings
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.model import N_BASE_V, RobotModel
-from stabilizer.qp import DenseQp, QpSolution
-from stabilizer.zmp.kinematics import Kinematics
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.settings import DikSettings
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.qp import DenseQp, QpSolution
+from surefoot.stabilizer.zmp.kinematics import Kinematics
 
 CONTACT_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 200.0, 10.0
 COM_STIFFNESS = np.array([1000.0, 1000.0, 100.0])
@@ -64,7 +64,7 @@ class CommandedRobot:
         *,
         period_s: float,
     ) -> None:
-        """Begins in the nominal stance."""
+        """Begin in the nominal stance."""
         self._model = model
         self._limits = limits
         self._dt = period_s
@@ -90,7 +90,7 @@ class CommandedRobot:
         self.take_stance()
 
     def start(self, q_joint: Array) -> None:
-        """Begins at rest in a posture, its soles where they stand.
+        """Begin at rest in a posture, its soles where they stand.
 
         Args:
             q_joint: (n_a,) joints, model order [rad].
@@ -102,7 +102,7 @@ class CommandedRobot:
         self.take_stance()
 
     def take_stance(self) -> None:
-        """Makes the present soles the ones to return to."""
+        """Make the present soles the ones to return to."""
         self._R_stance = [R.copy() for R in self.kinematics.R_world_sole]
         self.p_stance = [p.copy() for p in self.kinematics.p_sole]
 
@@ -115,7 +115,7 @@ class CommandedRobot:
         R_base: Mat,
         posture: Array,
     ) -> QpSolution:
-        """Computes the velocity after this tick.
+        """Compute the velocity after this tick.
 
         Args:
             twist: (12,) wanted sole twists, commanded sole frames.
@@ -162,7 +162,7 @@ class CommandedRobot:
         return wanted
 
     def integrate(self, velocity: Array, q_measured: Array, *, fade: float) -> None:
-        """Takes up a velocity, never far from the robot.
+        """Take up a velocity, never far from the robot.
 
         Args:
             velocity: (n_v,) of base and joints.

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from schemas.arrays import Mat, Vec3
-from schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.arrays import Mat, Vec3
+from surefoot.schemas.zmp_settings import ZmpSettings
 
 ORIGINAL_PERIOD_S = 0.005
 """Period that the published standard deviations are meant for [s]."""
@@ -37,7 +37,7 @@ class DcmBiasEstimator:
     """
 
     def __init__(self, settings: ZmpSettings, *, period_s: float) -> None:
-        """Begins when first fed.
+        """Begin when first fed.
 
         Args:
             settings: standard deviations and limit.
@@ -59,12 +59,12 @@ class DcmBiasEstimator:
         self.covariance: Mat = np.zeros((2, 2))
 
     def reset(self) -> None:
-        """Forgets everything; the next update begins anew."""
+        """Forget everything; the next update begins anew."""
         self._is_running = False
         self.bias[:] = 0.0
 
     def update(self, measured: Vec3, zmp: Vec3, *, omega: float, yaw: float) -> None:
-        """Takes one more measurement.
+        """Take one more measurement.
 
         Args:
             measured: (3,) DCM error, wanted less measured, horizontal [m].
@@ -103,7 +103,7 @@ class DcmBiasEstimator:
         P -= np.outer(seen, seen) / scale
 
     def _limit_bias(self, yaw: float) -> None:
-        """Keeps the bias within its limit along the base's axes; the rest is error."""
+        """Keep the bias within its limit along the base's axes; the rest is error."""
         own = _turned(self.bias, -yaw)
         limited = _turned(np.clip(own, -self._limit, self._limit), yaw)
         self.error += self.bias - limited

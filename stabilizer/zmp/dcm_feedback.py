@@ -2,15 +2,139 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from schemas.arrays import Vec3
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.zmp.averages import ExponentialAverage
-from stabilizer.zmp.dcm_bias import DcmBiasEstimator
-from stabilizer.zmp.pendulum import StandingPendulum
+from surefoot.schemas.arrays import Vec3
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.model import GRAVITY
+from surefoot.stabilizer.zmp.dcm_bias import DcmBiasEstimator
 
 NOTHING = np.zeros(3)
+SHORTEST_PERIODS = 2.0
+"""A time constant is never taken shorter than so many periods."""
+STIFFNESS = 5.0
+"""Pull of the pendulum to its target [1/s^2]."""
+DAMPING = 2.0 * math.sqrt(STIFFNESS)
+UP = np.array([0.0, 0.0, 1.0])
+GRAVITY_VECTOR = -GRAVITY * UP
+FARTHEST_M = 1.0
+"""A target farther away pulls no harder [m]."""
+LEAST_STIFFNESS = 1.0
+"""Floor of the pendulum's omega^2 [1/s^2]; a falling reference has none."""
+
+
+class StandingPendulum:
+    """CoM reference that settles over a target.
+
+    Attributes:
+        com: (3,) reference of the centre of mass [m].
+        velocity: (3,) [m/s].
+        acceleration: (3,) [m/s^2].
+        zmp: (3,) its zero-moment point [m].
+        omega: natural frequency of the pendulum [rad/s].
+    """
+
+    def __init__(self, com: Vec3, *, period_s: float) -> None:
+        """Begin at rest.
+
+        Args:
+            com: (3,) over the ground at z = 0 [m].
+            period_s: time between two updates [s].
+        """
+        self._dt = period_s
+        self.com: Vec3 = com.copy()
+        self.velocity: Vec3 = np.zeros(3)
+        self.acceleration: Vec3 = np.zeros(3)
+        self.zmp: Vec3 = com * (1.0, 1.0, 0.0)
+        self.omega = math.sqrt(GRAVITY / com.item(2))
+
+    def update(self, target: Vec3) -> None:
+        """Advance by one period.
+
+        Args:
+            target: (3,) where the centre of mass should come to rest; the centre of
+                pressure belongs right under it, at z = 0 [m].
+        """
+        dt = self._dt
+        step = np.clip(target - self.com, -FARTHEST_M, FARTHEST_M)
+        self.acceleration = STIFFNESS * step - DAMPING * self.velocity
+        # n . (cdd - g) / n . (c - cop), with n straight up.
+        stiffness = (self.acceleration.item(2) + GRAVITY) / self.com.item(2)
+        stiffness = max(stiffness, LEAST_STIFFNESS)
+        self.omega = math.sqrt(stiffness)
+        self.zmp = self.com + (GRAVITY_VECTOR - self.acceleration) / stiffness
+        self.com += dt * self.velocity + (0.5 * dt * dt) * self.acceleration
+        self.velocity += dt * self.acceleration
+
+
+class ExponentialAverage:
+    """Exponential moving average, clamped: the baseline's "integrator".
+
+    It forgets with its time constant, so it never holds more than the error itself:
+    a constant error gives that error, not a ramp.
+
+    Attributes:
+        value: (3,) the average.
+    """
+
+    def __init__(
+        self, *, time_constant_s: float, period_s: float, limit: float = math.inf
+    ) -> None:
+        """Begin at zero.
+
+        Args:
+            time_constant_s: of the forgetting [s].
+            period_s: time between two updates [s].
+            limit: largest magnitude per axis.
+        """
+        time_constant_s = max(time_constant_s, SHORTEST_PERIODS * period_s)
+        self._blend = -math.expm1(-period_s / time_constant_s)
+        self._limit = limit
+        self.value: Vec3 = np.zeros(3)
+
+    def update(self, x: Vec3) -> Vec3:
+        """Take one more value.
+
+        Returns:
+            (3,) the average, reused by the next call.
+        """
+        self.value += self._blend * (x - self.value)
+        np.clip(self.value, -self._limit, self._limit, out=self.value)
+        return self.value
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.value[:] = 0.0
+
+
+class LeakyIntegrator:
+    """Clamped integral that returns to zero by itself.
+
+    Attributes:
+        value: (3,) the integral.
+    """
+
+    def __init__(self, *, leak: float, limit: float, period_s: float) -> None:
+        """Begin at zero.
+
+        Args:
+            leak: rate of the return [1/s].
+            limit: largest magnitude per axis.
+            period_s: time between two updates [s].
+        """
+        self._keep = 1.0 - leak * period_s
+        self._dt = period_s
+        self._limit = limit
+        self.value: Vec3 = np.zeros(3)
+
+    def update(self, rate: Vec3) -> Vec3:
+        """Advance by one period; returns (3,) the integral, reused."""
+        self.value *= self._keep
+        self.value += self._dt * rate
+        np.clip(self.value, -self._limit, self._limit, out=self.value)
+        return self.value
 
 
 class DcmFeedback:
@@ -27,7 +151,7 @@ class DcmFeedback:
     """
 
     def __init__(self, settings: ZmpSettings, *, period_s: float) -> None:
-        """Begins without memory."""
+        """Begin without memory."""
         self._kp, self._ki, self._kd = (
             settings.dcm_kp,
             settings.dcm_ki,
@@ -55,7 +179,7 @@ class DcmFeedback:
         in_air: bool,
         yaw: float = 0.0,
     ) -> Vec3:
-        """Computes the acceleration that should act.
+        """Compute the acceleration that should act.
 
         Args:
             pendulum: reference.

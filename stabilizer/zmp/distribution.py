@@ -13,20 +13,135 @@ The unknowns are in the sole frames, where the cones are constant.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from schemas.arrays import Array, Mat, Vec3
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.model import RobotModel, skew
-from stabilizer.qp import DenseQp, QpSolution
-from stabilizer.zmp.contact_cone import contact_cone
-from stabilizer.zmp.net_wrench import sole_to_world
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.model import RobotModel, skew
+from surefoot.stabilizer.qp import DenseQp, QpSolution
 
 ANKLE_SCALE = np.array([1e-3, 1e-3, 1e-4, 1.0, 1.0, 1e-4])
 """D: residual scale of force [1/N] and moment [1/(N m)] at the ankle."""
 CONE_ROWS = 16
 ROWS_PER_FOOT = CONE_ROWS + 1
 NORMAL = 2
+LEAST_FOOT_FORCE_N = 1.0
+"""A foot that feels less does not count [N]."""
+LEAST_NET_FORCE_N = 1.0
+"""With less there is no zero-moment point [N]."""
+
+
+def contact_cone(*, friction: float, half_length: float, half_width: float) -> Mat:
+    """(16, 6) rows C with C F <= 0, F = [force; moment] in the sole frame.
+
+    Friction pyramid, centre of pressure inside the rectangle, and the yaw moment
+    that friction over the whole rectangle can hold besides the other components.
+
+    Args:
+        friction: coefficient mu.
+        half_length: of the sole along x [m].
+        half_width: of the sole along y [m].
+    """
+    mu, x, y = friction, half_length, half_width
+    yaw = mu * (x + y)
+    rows = [
+        #  f_x   f_y   f_z  m_x   m_y   m_z
+        [1.0, 0.0, -mu, 0.0, 0.0, 0.0],
+        [-1.0, 0.0, -mu, 0.0, 0.0, 0.0],
+        [0.0, 1.0, -mu, 0.0, 0.0, 0.0],
+        [0.0, -1.0, -mu, 0.0, 0.0, 0.0],
+        [0.0, 0.0, -y, 1.0, 0.0, 0.0],
+        [0.0, 0.0, -y, -1.0, 0.0, 0.0],
+        [0.0, 0.0, -x, 0.0, 1.0, 0.0],
+        [0.0, 0.0, -x, 0.0, -1.0, 0.0],
+    ]
+    # -yaw f_z + |y f_x - mu m_x| + |x f_y - mu m_y| <= m_z, and its mirror image.
+    for a in (1.0, -1.0):
+        for b in (1.0, -1.0):
+            rows.append([a * y, b * x, -yaw, -a * mu, -b * mu, -1.0])
+            rows.append([a * y, b * x, -yaw, a * mu, b * mu, 1.0])
+    return np.array(rows)
+
+
+class Plane(NamedTuple):
+    """Plane of the zero-moment point: origin (3,) [m] and unit normal (3,)."""
+
+    origin: Vec3
+    normal: Vec3
+
+
+def contact_plane(
+    R_world_sole: list[Mat], p_sole: list[Vec3], in_contact: list[bool]
+) -> Plane:
+    """Between two standing feet, or of the one that stands.
+
+    Args:
+        R_world_sole: rotations of left and right sole.
+        p_sole: (3,) positions in the world [m].
+        in_contact: which feet stand.
+    """
+    if in_contact[0] != in_contact[1]:
+        foot = 0 if in_contact[0] else 1
+        return Plane(p_sole[foot], R_world_sole[foot][:, 2])
+    normal = R_world_sole[0][:, 2] + R_world_sole[1][:, 2]
+    normal /= np.linalg.norm(normal)
+    return Plane(0.5 * (p_sole[0] + p_sole[1]), normal)
+
+
+def sole_to_world(R_world_sole: Mat, p_sole: Vec3, point: Vec3) -> Mat:
+    """(6, 6) map of a sole-frame wrench to world axes, about a point.
+
+    The moment is taken about ``point``, never about the world's origin: far from
+    there, rounding and the lever of small force errors would swamp it.
+
+    Args:
+        R_world_sole: rotation of the sole.
+        p_sole: (3,) its position [m].
+        point: (3,) what moments are about [m].
+    """
+    X = np.zeros((6, 6))
+    X[:3, :3] = R_world_sole
+    X[3:, 3:] = R_world_sole
+    X[3:, :3] = skew(p_sole - point) @ R_world_sole
+    return X
+
+
+def net_wrench(
+    F: Array, R_world_sole: list[Mat], p_sole: list[Vec3], point: Vec3
+) -> Array:
+    """(6,) sum of both feet's wrenches, world axes, about a point.
+
+    Args:
+        F: (12,) wrenches of the ground on the soles, sole frames.
+        R_world_sole: rotations of the soles.
+        p_sole: (3,) their positions [m].
+        point: (3,) what moments are about [m].
+    """
+    total = np.zeros(6)
+    for side in (0, 1):
+        foot = F[6 * side : 6 * side + 6]
+        if foot[2] <= LEAST_FOOT_FORCE_N:
+            continue
+        total += sole_to_world(R_world_sole[side], p_sole[side], point) @ foot
+    return total
+
+
+def zero_moment_point(wrench: Array, plane: Plane, *, otherwise: Vec3) -> Vec3:
+    """(3,) the point of the plane about which the wrench has no tangential moment.
+
+    Args:
+        wrench: (6,) world axes, about the plane's origin.
+        plane: where the point lies.
+        otherwise: (3,) the answer without any force.
+    """
+    force, moment = wrench[:3], wrench[3:]
+    normal_force = float(plane.normal @ force)
+    if normal_force < LEAST_NET_FORCE_N:
+        return otherwise
+    point: Vec3 = plane.origin + np.cross(plane.normal, moment) / normal_force
+    return point
 
 
 class WrenchDistribution:
@@ -37,7 +152,7 @@ class WrenchDistribution:
     """
 
     def __init__(self, model: RobotModel, settings: ZmpSettings) -> None:
-        """Allocates a problem for two feet and one for each foot alone."""
+        """Allocate a problem for two feet and one for each foot alone."""
         # Costs relative to the net wrench's, which keeps the numbers small.
         self._ankle = settings.ankle_weight / settings.net_weight
         self._share = settings.share_weight / settings.net_weight
@@ -76,7 +191,7 @@ class WrenchDistribution:
         in_contact: list[bool],
         left_share: float = 0.5,
     ) -> QpSolution | None:
-        """Distributes a net wrench.
+        """Distribute a net wrench.
 
         Args:
             wrench: (6,) wanted, world axes, moment about ``point``.
@@ -143,7 +258,7 @@ def _to_ankle(T_ankle_sole: object) -> Mat:
 
 
 def _limit(qp: DenseQp, block: int, cone: Mat, least: float) -> None:
-    """Writes one foot's cone and least normal force into a QP."""
+    """Write one foot's cone and least normal force into a QP."""
     start, columns = ROWS_PER_FOOT * block, slice(6 * block, 6 * block + 6)
     qp.G[start : start + CONE_ROWS, columns] = cone
     qp.h_u[start : start + CONE_ROWS] = 0.0

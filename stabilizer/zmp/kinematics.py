@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from schemas.arrays import Array, Mat, Vec3
-from stabilizer.model import RobotModel
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.stabilizer.model import RobotModel
 
 
 class Kinematics:
@@ -24,7 +24,7 @@ class Kinematics:
     """
 
     def __init__(self, model: RobotModel) -> None:
-        """Allocates every array once."""
+        """Allocate every array once."""
         self._pin = model.pin_model
         self._data = self._pin.createData()
         self._soles = model.sole_ids

@@ -17,13 +17,13 @@ from typing import Any
 import msgspec
 import pytest
 
-from robot_io.bus import Bus
-from robot_io.latest import Latest
-from robot_io.session import Role
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode, RobotStatus
-from schemas.result import ControllerResult, PlantResult
-from schemas.topics import topic
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.session import Role
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.schemas.result import ControllerResult, PlantResult
+from surefoot.schemas.topics import topic
 from tests.browser.pictures import coloured_pixels, pixels_changed
 from tests.cli.conftest import TIMEOUT_S, environment
 from tests.support import free_port, wait_until
@@ -81,7 +81,7 @@ class Visit:
     def _start(self, name: str, *words: object) -> subprocess.Popen[bytes]:
         with (self.folder / f"{name}.log").open("w") as log:
             return subprocess.Popen(
-                [sys.executable, "-m", "cli", name, *map(str, words)],
+                [sys.executable, "-m", "surefoot.cli", name, *map(str, words)],
                 env=environment(),
                 stdout=subprocess.PIPE,
                 stderr=log,

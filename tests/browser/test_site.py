@@ -56,7 +56,12 @@ def test_search_finds_a_setting_without_a_server(page: Any, site: Path) -> None:
 def test_the_pages_ask_nobody_for_anything(page: Any, site: Path) -> None:
     errors: list[str] = []
     page.on("pageerror", lambda error: errors.append(str(error)))
-    for name in ("index", "tutorial", "reference/settings", "source/stabilizer/dik.py"):
+    for name in (
+        "index",
+        "tutorial",
+        "reference/settings",
+        "source/stabilizer/control/dik.py",
+    ):
         page.goto((site / f"{name}.html").as_uri())
         page.wait_for_load_state("networkidle")
     assert page.strangers == []

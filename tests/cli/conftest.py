@@ -25,13 +25,13 @@ def environment() -> dict[str, str]:
 
 @pytest.fixture
 def surefoot(tmp_path: Path) -> Surefoot:
-    """Runs a command of ``surefoot`` in an empty folder."""
+    """Run a command of ``surefoot`` in an empty folder."""
     work = tmp_path / "work"
     work.mkdir()
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            [sys.executable, "-m", "cli", *map(str, arguments)],
+            [sys.executable, "-m", "surefoot.cli", *map(str, arguments)],
             cwd=work,
             env=environment(),
             capture_output=True,

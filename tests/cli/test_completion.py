@@ -21,7 +21,7 @@ def offered(folder: Path, line: str) -> list[str]:
         "COMP_CWORD": str(len(words) - 1),
     }
     done = subprocess.run(
-        [sys.executable, "-m", "cli"],
+        [sys.executable, "-m", "surefoot.cli"],
         cwd=folder,
         env=env,
         capture_output=True,

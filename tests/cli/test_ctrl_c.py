@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from robot_io.bus import Bus
-from robot_io.session import Role
-from schemas.endpoints import Endpoints
-from schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
 from tests.cli.conftest import environment
 from tests.support import DEADLINE_S, free_port, wait_until
 
@@ -48,7 +48,7 @@ def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     """A command in a process group of its own, as a shell gives it."""
     (folder / "hour.toml").write_text('name = "hour"\nduration_s = 3600.0\n')
     with subprocess.Popen(
-        [sys.executable, "-m", "cli", *words],
+        [sys.executable, "-m", "surefoot.cli", *words],
         cwd=folder,
         env=environment(),
         text=True,
@@ -63,7 +63,7 @@ def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def ends_clean(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """Sends what Ctrl-C sends, to the whole group; returns what the command said."""
+    """Send what Ctrl-C sends, to the whole group; returns what the command said."""
     os.killpg(process.pid, signal.SIGINT)
     stdout, stderr = process.communicate(timeout=END_S)
     assert process.returncode == 130, stderr

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from cli.doctor.finding import Verdict
-from cli.doctor.packages import PINS, read_pins, required_packages
-from cli.doctor.surroundings import check_port
-from schemas.endpoints import DEFAULT_LOCATOR
+from surefoot.cli.doctor.diagnosis import Severity
+from surefoot.cli.doctor.packages import PINS, read_pins, required_packages
+from surefoot.cli.doctor.surroundings import check_port
+from surefoot.schemas.endpoints import DEFAULT_LOCATOR
 from tests.cli.conftest import Surefoot
 
 LOOKED_AT = {
@@ -99,6 +99,6 @@ def test_a_port_in_use_is_a_warning() -> None:
         pytest.skip(f"{host}:{port} is taken by something else already")
     with server:
         found = check_port()
-    assert found.verdict is Verdict.WARN
+    assert found.verdict is Severity.WARN
     assert "in use" in found.got
-    assert check_port().verdict is Verdict.OK
+    assert check_port().verdict is Severity.OK

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cli.endpoints_file import write_endpoints
-from schemas.endpoints import Endpoints, Tls, load_endpoints
+from surefoot.endpoints import write_endpoints
+from surefoot.schemas.endpoints import Endpoints, Tls, load_endpoints
 
 
 def test_endpoints_read_back_as_they_were(tmp_path: Path) -> None:

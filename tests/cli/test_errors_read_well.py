@@ -188,7 +188,7 @@ Mount = Callable[[str], Path]
 
 @pytest.fixture
 def mount(tmp_path: Path) -> Iterator[Mount]:
-    """Mounts a small file system of its own; only root can."""
+    """Mount a small file system of its own; only root can."""
     mounted: list[Path] = []
 
     def mount_one(options: str) -> Path:

@@ -29,7 +29,7 @@ def test_a_minute_is_on_the_record_tick_by_tick(tmp_path: Path, pace: str) -> No
         *("--robot", patient_robot(tmp_path)),
     )
     done = subprocess.run(
-        [sys.executable, "-m", "cli", *map(str, words)],
+        [sys.executable, "-m", "surefoot.cli", *map(str, words)],
         env=environment(),
         capture_output=True,
         text=True,

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_io.certificates import make_certificates
+from surefoot.robot_io.security.certificates import make_certificates
 from tests.cli.conftest import TIMEOUT_S, environment
 from tests.support import free_port
 
@@ -39,13 +39,13 @@ def scenario(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Starts commands; what they say goes to a file each."""
+    """Start commands; what they say goes to a file each."""
     processes: list[subprocess.Popen[str]] = []
 
     def start_one(*arguments: object) -> subprocess.Popen[str]:
         with (tmp_path / f"{len(processes)}-{arguments[0]}.log").open("w") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "cli", *map(str, arguments)],
+                [sys.executable, "-m", "surefoot.cli", *map(str, arguments)],
                 env=environment(),
                 text=True,
                 stdout=subprocess.PIPE,
@@ -82,10 +82,10 @@ def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:
     return endpoint_file
 
 
-def run_both(start: Start, robot_words: list, stabilizer_words: list) -> dict:
+def run_both(start: Start, robot_argv: list, stabilizer_argv: list) -> dict:
     """Plant result of a run of both; both must end well."""
-    robot = start("robot", "--json", *robot_words)
-    stabilizer = start("stabilizer", "--wait", 60, *stabilizer_words)
+    robot = start("robot", "--json", *robot_argv)
+    stabilizer = start("stabilizer", "--wait", 60, *stabilizer_argv)
     out, _ = robot.communicate(timeout=TIMEOUT_S)
     stabilizer.communicate(timeout=TIMEOUT_S)
     assert (robot.returncode, stabilizer.returncode) == (0, 0)

@@ -33,7 +33,7 @@ COMMANDS = (
 )
 SHOW_MODULES = """
 import sys
-from cli.__main__ import main
+from surefoot.cli.__main__ import main
 try:
     main()
 finally:

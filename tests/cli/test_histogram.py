@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rich.console import Console
 
-from cli.histogram import BAR_WIDTH, histogram_table
-from schemas.result import Histogram
+from surefoot.cli.summary import BAR_WIDTH, histogram_table
+from surefoot.schemas.result import Histogram
 from tests.cli.conftest import Surefoot
 
 TICKS = 300

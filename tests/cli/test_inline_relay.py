@@ -6,13 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from cli.inline import run_inline
-from cli.inline_relay import RelayedLoop, run_inline_relayed
-from cli.processes import Sides
-from cli.run_plan import RunPlan, make_plan
-from robot_io.relay.catalogue import find_plan
-from schemas.messages import RobotMode
-from schemas.relay_plan import RelayPlan, load_relay_plan, relay_plan_from_table
+from surefoot.relayed_simulation import RelayedLoop, run_inline_relayed
+from surefoot.robot_io.relay.catalogue import find_plan
+from surefoot.run_plan import RunPlan, make_plan
+from surefoot.run_result import Sides
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.relay_plan import (
+    RelayPlan,
+    load_relay_plan,
+    relay_plan_from_table,
+)
+from surefoot.simulation import run_inline
 from tests.cli.conftest import Surefoot
 
 TICKS = 300

@@ -38,7 +38,7 @@ def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
     folder = tmp_path / "out"
     watched = subprocess.Popen(
         [
-            *(sys.executable, "-m", "cli", *map(str, words), "--view"),
+            *(sys.executable, "-m", "surefoot.cli", *map(str, words), "--view"),
             *("--view-port", str(free_port()), "--out", str(folder / "run")),
         ],
         env=environment(),

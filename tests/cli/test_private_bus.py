@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from cli.endpoints import LONGEST_SOCKET_PATH, private_bus
-from robot_io.bus import Bus
-from robot_io.session import Role
-from schemas.topics import ALIVE_ROBOT
+from surefoot.endpoints import LONGEST_SOCKET_PATH, private_bus
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.schemas.topics import ALIVE_ROBOT
 from tests.support import wait_until
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from schemas.json_schema import json_schema
-from schemas.messages import JointState
-from schemas.topics import TICK_SENSORS
+from surefoot.schemas.json_schema import json_schema
+from surefoot.schemas.messages import JointState
+from surefoot.schemas.topics import TICK_SENSORS
 from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
 from tests.cli.mcap_reading import (
     attached,
@@ -40,7 +40,7 @@ def scenario(folder: Path, duration_s: float) -> Path:
 
 
 def command(*words: object) -> list[str]:
-    return [sys.executable, "-m", "cli", *map(str, words)]
+    return [sys.executable, "-m", "surefoot.cli", *map(str, words)]
 
 
 def recorder_of(folder: Path) -> int:

@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from robot_io.certificates import make_certificates
-from schemas.relay_plan import load_relay_plan
-from schemas.result import RunResult
+from surefoot.robot_io.security.certificates import make_certificates
+from surefoot.schemas.relay_plan import load_relay_plan
+from surefoot.schemas.result import RunResult
 from tests.cli.conftest import REPOSITORY, Surefoot, environment
 from tests.support import free_port, wait_until
 
@@ -108,7 +108,16 @@ def test_a_relay_that_dies_is_named_as_the_one_who_failed(
     scenario.write_text('name = "long"\nduration_s = 600.0\n')
     words = ["run", str(scenario), "--realtime", "--controller", "hold"]
     run = subprocess.Popen(
-        [sys.executable, "-m", "cli", *words, "--relay", "clear", "--out", str(out)],
+        [
+            sys.executable,
+            "-m",
+            "surefoot.cli",
+            *words,
+            "--relay",
+            "clear",
+            "--out",
+            str(out),
+        ],
         env=environment(),
         cwd=REPOSITORY,
         stderr=subprocess.PIPE,

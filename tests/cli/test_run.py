@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from cli.run_directory import MARKER
-from schemas.result import RunResult
+from surefoot.run_folder import MARKER
+from surefoot.schemas.result import RunResult
 from tests.cli.conftest import Surefoot
 from tests.support import free_port
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from cli.errors import UsageError
-from cli.run_directory import MARKER, RunDirectory
+from surefoot.errors import UsageError
+from surefoot.run_folder import MARKER, RunDirectory
 
 
 def finished_run(out: Path, text: str) -> None:

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import json
 
-from schemas.scenario import load_scenario
-from sim_robot.catalogue import find_scenario, list_scenarios
+from surefoot.schemas.scenario import load_scenario
+from surefoot.sim_robot.catalogue import find_scenario, list_scenarios
 from tests.cli.conftest import Surefoot
 
 

@@ -26,7 +26,7 @@ def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
     folder = tmp_path / "out"
     with subprocess.Popen(
         [
-            *(sys.executable, "-m", "cli", "run", str(scenario)),
+            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
             *("--controller", "hold", "--out", str(folder / "run")),
         ],
         env=environment(),

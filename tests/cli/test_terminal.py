@@ -29,7 +29,7 @@ def on_a_terminal(folder: Path, env: dict[str, str], *words: str) -> bytes:
     """All that a command shows on a terminal of its own."""
     here, there = pty.openpty()
     with subprocess.Popen(
-        [sys.executable, "-m", "cli", *words],
+        [sys.executable, "-m", "surefoot.cli", *words],
         cwd=folder,
         env=env,
         stdin=there,
@@ -76,7 +76,7 @@ def test_a_pipe_gets_plain_text(
 ) -> None:
     words = [str(short_scenario) if word == "SHORT" else word for word in words]
     done = subprocess.run(
-        [sys.executable, "-m", "cli", *words],
+        [sys.executable, "-m", "surefoot.cli", *words],
         cwd=tmp_path,
         env=plain(),
         capture_output=True,
@@ -92,7 +92,7 @@ def test_a_closed_pipe_ends_a_command_quietly(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.close(reader)
     done = subprocess.run(
-        [sys.executable, "-m", "cli", "scenarios"],
+        [sys.executable, "-m", "surefoot.cli", "scenarios"],
         cwd=tmp_path,
         env=plain(),
         stdout=writer,

@@ -5,9 +5,9 @@ import tomllib
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cli.run_plan import settings_text
-from cli.toml_text import toml_text
-from schemas.settings import ControllerSettings, build_settings
+from surefoot.run_plan import settings_text
+from surefoot.schemas.settings import ControllerSettings, build_settings
+from surefoot.schemas.toml_file import toml_text
 
 _SCALARS = (
     st.booleans()

@@ -11,9 +11,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode
-from schemas.result import ControllerResult, PlantResult
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.result import ControllerResult, PlantResult
 from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
 from tests.nodes.test_nodes import is_running, observer
 from tests.support import free_port, wait_until
@@ -24,13 +24,13 @@ Start = Callable[..., Started]
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Start]:
-    """Starts commands that talk to each other; their stderr goes to a file."""
+    """Start commands that talk to each other; their stderr goes to a file."""
     processes: list[Started] = []
 
     def start_one(name: str, *arguments: object) -> Started:
         with (tmp_path / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "cli", name, *map(str, arguments)],
+                [sys.executable, "-m", "surefoot.cli", name, *map(str, arguments)],
                 env=environment(),
                 text=True,
                 stdout=subprocess.PIPE,

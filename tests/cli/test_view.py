@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from schemas.result import RunResult
+from surefoot.schemas.result import RunResult
 from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
 from tests.support import free_port, wait_until
 
@@ -74,7 +74,15 @@ def test_killing_the_page_changes_nothing(
     quiet = surefoot("run", scenario, "--json")
     watched = subprocess.Popen(
         [
-            *(sys.executable, "-m", "cli", "run", str(scenario), "--json", "--view"),
+            *(
+                sys.executable,
+                "-m",
+                "surefoot.cli",
+                "run",
+                str(scenario),
+                "--json",
+                "--view",
+            ),
             *("--view-port", str(free_port()), "--out", str(tmp_path / "run")),
         ],
         env=environment(),
@@ -98,7 +106,7 @@ def test_ctrl_c_ends_a_page_that_waits_for_a_robot(tmp_path: Path) -> None:
     with log.open("w") as stderr:
         page = subprocess.Popen(
             [
-                *(sys.executable, "-m", "cli", "view", "--port", "0"),
+                *(sys.executable, "-m", "surefoot.cli", "view", "--port", "0"),
                 *("--connect", f"tcp/127.0.0.1:{free_port()}"),
             ],
             env=environment(),

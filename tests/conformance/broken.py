@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 
 from deploy.driver.acme_driver import AcmeAdapter
-from robot_io.driver import run_driver
-from robot_io.gate import CommandGate
-from robot_io.robot import load_robot
-from robot_io.snapshot import Snapshot
-from robot_io.stop_request import StopRequest
-from robot_io.verdict import Answer, Verdict
-from schemas.endpoints import Endpoints
-from schemas.messages import JointCommand
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot_side.driver import run_driver
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import JointCommand
 
 Twist = Callable[[Snapshot, int], Snapshot]
 GRAVITY_M_S2 = 9.80665
@@ -97,23 +97,23 @@ class NoLease(CommandGate):
     """Does what anyone asks."""
 
     def request(self, action: str, who: str, *, now_s: float) -> Answer:
-        self.authority.lease.holder = who
+        self.modes.lease.holder = who
         return super().request(action, who, now_s=now_s)
 
 
 class AcceptsNan(CommandGate):
     """Does not look at the numbers; its inbox lets NaN through, too."""
 
-    def refuse(self, refusal: Any, detail: str) -> Verdict:
+    def refuse(self, refusal: Any, detail: str) -> CommandResult:
         if "finite" in detail:
-            return Verdict(accepted=True)
+            return CommandResult(accepted=True)
         return super().refuse(refusal, detail)
 
 
 class AcceptsReplays(CommandGate):
     """Takes the same command again and again."""
 
-    def check(self, command: JointCommand, *, tick: int, now_s: float) -> Verdict:
+    def check(self, command: JointCommand, *, tick: int, now_s: float) -> CommandResult:
         self._sequence = -1
         return super().check(command, tick=tick, now_s=now_s)
 
@@ -123,7 +123,7 @@ class IgnoresEstop(CommandGate):
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self.authority.stop = lambda source: Answer(  # type: ignore[method-assign]
+        self.modes.stop = lambda source: Answer(  # type: ignore[method-assign]
             accepted=True
         )
 
@@ -131,7 +131,7 @@ class IgnoresEstop(CommandGate):
 def broken_robot(
     endpoints: Endpoints, twist: Twist, gate: type[CommandGate], period_factor: int
 ) -> str:
-    """Serves such a robot until it is killed."""
+    """Serve such a robot until it is killed."""
     robot = load_robot("walker")
     inner = AcmeAdapter(robot)
 

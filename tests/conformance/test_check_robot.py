@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from robot_io.conformance.run import check_conformance
-from robot_io.gate import CommandGate
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from schemas.endpoints import Endpoints
+from surefoot.robot_io.conformance.run import check_conformance
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.schemas.endpoints import Endpoints
 from tests.cli.conftest import Surefoot
 from tests.cli.conftest import surefoot as surefoot
 from tests.conformance import broken

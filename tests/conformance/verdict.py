@@ -10,7 +10,7 @@ OF_THE_MACHINE = (".rate", ".jitter")
 
 
 def check_passes_but_for_time(done: subprocess.CompletedProcess[str]) -> None:
-    """Asserts that all passed, and that verdict and exit code say what was found."""
+    """Assert that all passed, and that verdict and exit code say what was found."""
     report = json.loads(done.stdout)
     failed = [finding for finding in report["findings"] if not finding["passed"]]
     assert [f for f in failed if not f["name"].endswith(OF_THE_MACHINE)] == []

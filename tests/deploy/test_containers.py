@@ -11,9 +11,9 @@ import pytest
 import typer
 import yaml
 
-from cli.app import app
-from schemas.endpoints import Endpoints
-from schemas.toml_file import load
+from surefoot.cli.app import app
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.toml_file import load
 from tests.cli.conftest import REPOSITORY
 
 DOCKER = REPOSITORY / "deploy" / "docker"
@@ -119,6 +119,8 @@ def test_the_image_gets_every_package_and_little_else() -> None:
     project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
     include = project["tool"]["setuptools"]["packages"]["find"]["include"]
     needed = {name.removesuffix("*") for name in include}
+    links = (REPOSITORY / "surefoot").iterdir()  # the packages it is made of
+    needed |= {path.name for path in links if path.is_symlink()}
     needed |= {"pyproject.toml", "constraints.txt", project["project"]["readme"]}
     needed |= set(project["project"]["license-files"])
     lines = (DOCKER / "Dockerfile").read_text(encoding="utf-8").splitlines()
@@ -141,7 +143,7 @@ def test_containers_can_write_where_they_are_told_to() -> None:
 
 @pytest.mark.parametrize("files", [DIRECT, ROUTED], ids=lambda files: files[-1])
 def test_docker_compose_takes_the_files(files: tuple[str, ...]) -> None:
-    """Needs the client with its compose plugin, no engine."""
+    """Need the client with its compose plugin, no engine."""
     docker = shutil.which("docker")
     if docker is None or not _has_compose(docker):
         pytest.skip("no docker compose here (the plugin docker-compose-v2)")

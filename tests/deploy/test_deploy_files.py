@@ -10,11 +10,15 @@ import pytest
 import zenoh
 
 from deploy.zenoh.write import FILES, text
-from robot_io.access import access_control
-from robot_io.exposure import check_encryption, check_exposure, check_locators
-from robot_io.robot import load_robot
-from schemas.endpoints import Endpoints
-from schemas.toml_file import load
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.security.access import access_control
+from surefoot.robot_io.security.locators import (
+    check_encryption,
+    check_exposure,
+    check_locators,
+)
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.toml_file import load
 from tests.cli.conftest import REPOSITORY
 
 DEPLOY = REPOSITORY / "deploy"

@@ -10,13 +10,13 @@ from docs.site_build.commands_page import commands_page
 from docs.site_build.settings_page import settings_page
 from docs.site_build.struct_table import FieldRow, field_rows
 from docs.site_build.structs import structs_within
-from schemas.endpoints import Endpoints
-from schemas.messages import ServiceReply, StabilizerReply
-from schemas.result import RunResult
-from schemas.robot_file import RobotFile
-from schemas.scenario import Scenario
-from schemas.settings import ControllerSettings, setting_names
-from schemas.topics import TOPICS
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import ServiceReply, StabilizerReply
+from surefoot.schemas.result import RunResult
+from surefoot.schemas.robot_file import RobotFile
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.settings import ControllerSettings, setting_names
+from surefoot.schemas.topics import TOPICS
 
 FILES = (Scenario, RobotFile, Endpoints, RunResult)
 SECTIONS = msgspec.structs.fields(ControllerSettings)

@@ -18,7 +18,7 @@ FETCHED = re.compile(r"url\((?!data:)[\"']?(https?:)?//")
 
 
 def build(site: Path, *, docs: Path | None = None) -> subprocess.CompletedProcess[str]:
-    """Builds the site as ``make docs`` does."""
+    """Build the site as ``make docs`` does."""
     script = (
         "import logging, sys; logging.basicConfig();"
         "from mkdocs.config import load_config;"
@@ -101,7 +101,7 @@ def test_a_broken_link_ends_the_build(tmp_path: Path, line: str) -> None:
 
 
 def test_names_behind_source_links_must_exist() -> None:
-    path = "stabilizer/tsid.py"
+    path = "stabilizer/control/tsid.py"
     line = source_links.line_of(path, "Tsid.solve")
     text = (ROOT / path).read_text(encoding="utf-8").splitlines()[line - 1]
     assert text == "    def solve("

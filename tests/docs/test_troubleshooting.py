@@ -6,11 +6,11 @@ import ast
 import re
 from pathlib import Path
 
-from cli.exit_codes import ExitCode
+from surefoot.exit_codes import ExitCode
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/troubleshooting.md").read_text(encoding="utf-8")
-PACKAGES = ("schemas", "robot_io", "stabilizer", "sim_robot", "cli")
+PACKAGES = ("schemas", "robot_io", "stabilizer", "sim_robot", "cli", "surefoot")
 QUOTED = [
     message
     for line in PAGE.splitlines()

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from cli.app import app
-from sim_robot.catalogue import find_scenario
+from surefoot.cli.app import app
+from surefoot.sim_robot.catalogue import find_scenario
 from tests.cli.conftest import environment
 
 ROOT = Path(__file__).parents[2]
@@ -55,7 +55,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
     assert words[0] == "surefoot"
     return subprocess.run(
-        [sys.executable, "-m", "cli", *words[1:]],
+        [sys.executable, "-m", "surefoot.cli", *words[1:]],
         cwd=folder,
         env=environment(),
         capture_output=True,

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from typing import Any
 
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from schemas.endpoints import Endpoints
-from schemas.scenario import scenario_from_table
-from sim_robot.node import RobotRun, run_robot
-from stabilizer.hold import HoldController
-from stabilizer.node import run_stabilizer
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.sim_robot.node import RobotRun, run_robot
+from surefoot.stabilizer.control.controller import HoldController
+from surefoot.stabilizer.node import run_stabilizer
 from tests.support import DEADLINE_S
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -47,7 +47,7 @@ class Running:
         self.process._popen._send_signal(number)
 
     def kill(self) -> None:
-        """Ends it without a chance to say goodbye."""
+        """End it without a chance to say goodbye."""
         self.process.kill()
         self.process.join(DEADLINE_S)
 
@@ -58,7 +58,7 @@ class Running:
 
 @contextmanager
 def running(target: Any, *args: Any) -> Iterator[Running]:
-    """Starts a process and makes sure that it is gone afterwards."""
+    """Start a process and make sure that it is gone afterwards."""
     started = Running(target, *args)
     try:
         yield started

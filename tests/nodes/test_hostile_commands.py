@@ -7,16 +7,16 @@ from itertools import cycle
 
 import numpy as np
 
-from robot_io.bus import Bus
-from robot_io.latest import Latest
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from robot_io.session import Role
-from schemas.codec import decode, encode
-from schemas.endpoints import Endpoints
-from schemas.errors import MessageError, SchemaVersionError
-from schemas.messages import SCHEMA_VERSION, JointCommand, RobotStatus
-from schemas.topics import topic
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.errors import MessageError, SchemaVersionError
+from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, RobotStatus
+from surefoot.schemas.topics import topic
 from tests.nodes.processes import robot, running, stabilizer
 from tests.nodes.test_nodes import NOISE, in_one_process, is_running
 from tests.support import wait_until

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode
-from schemas.scenario import scenario_from_table
-from schemas.settings import ControllerSettings
-from sim_robot.node import RobotRun, run_robot
-from stabilizer.node import run_stabilizer
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.node import RobotRun, run_robot
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, robot, running
 from tests.nodes.test_nodes import LONG, NOISE, is_running, observer
 from tests.support import DEADLINE_S

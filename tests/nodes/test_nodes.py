@@ -8,15 +8,15 @@ from contextlib import contextmanager
 
 import pytest
 
-from robot_io.bus import Bus
-from robot_io.errors import RobotUnreachableError
-from robot_io.gate import CommandGate
-from robot_io.latest import Latest
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from robot_io.session import Role
-from schemas.endpoints import Endpoints
-from schemas.messages import (
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     JointCommand,
     RobotMode,
@@ -24,12 +24,12 @@ from schemas.messages import (
     StabilizerStatus,
     Truth,
 )
-from schemas.result import Distribution
-from schemas.scenario import scenario_from_table
-from schemas.topics import topic
-from sim_robot.simulated_robot import SimulatedRobot
-from stabilizer.hold import HoldController
-from stabilizer.node import run_stabilizer
+from surefoot.schemas.result import Distribution
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.topics import topic
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.stabilizer.control.controller import HoldController
+from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, ProcessError, robot, running, stabilizer
 from tests.support import wait_until
 
@@ -40,7 +40,7 @@ LONG = {"duration_s": 600.0}
 
 @contextmanager
 def observer(endpoints: Endpoints) -> Iterator[Callable[..., RobotStatus]]:
-    """Waits for a status that fulfils a condition."""
+    """Wait for a status that fulfils a condition."""
     with Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus:
         latest = Latest(bus.channel(topic("status").key, depth=1), RobotStatus)
 

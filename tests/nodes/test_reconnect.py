@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from robot_io.snapshot import Snapshot
-from schemas.endpoints import Endpoints
-from schemas.messages import Reference, RobotMode, RobotStatus
-from schemas.settings import SafetySettings
-from stabilizer.controller import ControllerOutput
-from stabilizer.hold import HoldController
-from stabilizer.node import run_stabilizer
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import Reference, RobotMode, RobotStatus
+from surefoot.schemas.settings import SafetySettings
+from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
+from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_requests import looking
@@ -202,7 +201,7 @@ def test_a_second_signal_ends_it_at_once(endpoints: Endpoints) -> None:
         controller.signal(signal.SIGINT)
 
         def is_leaving() -> bool:
-            told = eve.look().stabilizer
+            told = eve.latest_messages().stabilizer
             return told is not None and told.state == "leaving"
 
         wait_until(is_leaving, what="the stabilizer to leave")

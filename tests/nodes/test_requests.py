@@ -8,16 +8,19 @@ from typing import Any
 
 import pytest
 
-from robot_io.errors import RequestRefusedError
-from robot_io.observer import Observer
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from robot_io.sight import SEEN_CHANNELS, Sight
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode
-from schemas.settings import ControllerSettings
-from stabilizer.factory import make_controller
-from stabilizer.node import run_stabilizer
+from surefoot.robot_io.client_side.observer import (
+    VIEWER_CHANNELS,
+    LatestMessages,
+    Observer,
+)
+from surefoot.robot_io.errors import RequestRefusedError
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
 from tests.support import DEADLINE_S, wait_until
 
@@ -48,9 +51,11 @@ class Run:
     def __init__(self, plant: Running, control: Running, observer: Observer) -> None:
         self.plant, self.control, self.observer = plant, control, observer
 
-    def when(self, condition: Callable[[Sight], object], *, what: str) -> Sight:
-        def look() -> Sight | None:
-            sight = self.observer.look()
+    def when(
+        self, condition: Callable[[LatestMessages], object], *, what: str
+    ) -> LatestMessages:
+        def look() -> LatestMessages | None:
+            sight = self.observer.latest_messages()
             complete = sight.status and sight.stabilizer and sight.joints
             return sight if complete and condition(sight) else None
 
@@ -63,7 +68,7 @@ class Run:
         assert joints is not None
         return joints.tick
 
-    def has_gone_on(self) -> Sight:
+    def has_gone_on(self) -> LatestMessages:
         start = self.tick()
         return self.when(
             lambda sight: sight.joints and sight.joints.tick > start + LATER_TICKS,
@@ -76,7 +81,7 @@ def looking(endpoints: Endpoints) -> Iterator[Observer]:
     with Observer(
         load_robot("walker"),
         endpoints=endpoints,
-        channels=SEEN_CHANNELS,
+        channels=VIEWER_CHANNELS,
         identity="eve",
     ) as observer:
         observer.connect(timeout_s=DEADLINE_S)
@@ -180,7 +185,8 @@ def test_who_looks_on_changes_nothing(endpoints: Endpoints) -> None:
             if look:
                 with looking(endpoints) as observer:
                     wait_until(
-                        lambda seen=observer: seen.look().truth, what="the truth"
+                        lambda seen=observer: seen.latest_messages().truth,
+                        what="the truth",
                     )
             digests.append(plant.result().result.log_sha256)
     assert digests[0] == digests[1]
@@ -194,7 +200,7 @@ def test_a_controller_without_gains_says_so(endpoints: Endpoints) -> None:
         running(stabilizer, endpoints, Pace.REALTIME),
         looking(endpoints) as observer,
     ):
-        wait_until(lambda: observer.look().stabilizer, what="the stabilizer")
+        wait_until(lambda: observer.latest_messages().stabilizer, what="the stabilizer")
         assert observer.requests.change_settings({}).settings == {}
         with pytest.raises(RequestRefusedError, match="takes no settings"):
             observer.requests.change_settings({"tsid.com_kp": [NEW_GAIN]})

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robot_io.robot import load_robot
-from schemas.codec import decode, encode
-from schemas.messages import StabilizerStatus
-from stabilizer.controller import ControllerOutput
-from stabilizer.hold import HoldController
-from stabilizer.telemetry import SETTLED_S, ControllerTelemetry
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.messages import StabilizerStatus
+from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
+from surefoot.stabilizer.telemetry import SETTLED_S, ControllerTelemetry
 from tests.robot_io.sensor_messages import snapshot_at
 
 PERIOD_S = 0.01

@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from robot_io.client import RobotClient
-from robot_io.robot import load_robot
-from robot_io.stop_request import StopRequest
-from schemas.endpoints import Endpoints
-from schemas.messages import (
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import (
     RobotMode,
     RobotStatus,
 )

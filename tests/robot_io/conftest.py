@@ -7,8 +7,8 @@ from contextlib import ExitStack
 
 import pytest
 
-from robot_io.client import RobotClient
-from schemas.endpoints import Endpoints
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.client_at_work import WALKER, MakeClient, new_client
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import DEADLINE_S

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from robot_io.gate import CommandGate
-from robot_io.robot import Robot, load_robot
-from robot_io.verdict import Verdict
-from schemas.arrays import Array
-from schemas.messages import SCHEMA_VERSION, JointCommand
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.mode_machine import CommandResult
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand
 
 WALKER = load_robot("walker")
 GATE = WALKER.file.gate
@@ -43,8 +43,8 @@ def active_gate(robot: Robot = WALKER) -> CommandGate:
 
 def at_tick(
     gate: CommandGate, tick: int, q: Array | None = None, **changes: Any
-) -> Verdict:
-    """Begins a tick and commands a posture, the present one if none is given."""
+) -> CommandResult:
+    """Begin a tick and commands a posture, the present one if none is given."""
     gate.begin_tick(now_s=tick * PERIOD_S)
     wanted = gate.posture if q is None else q
     return gate.check(

@@ -7,12 +7,18 @@ from pathlib import Path
 
 import msgspec
 
-from robot_io.certificates import AUTHORITY, _read, _write, issue, make_certificates
-from schemas.endpoints import Endpoints, Tls
+from surefoot.robot_io.security.certificates import (
+    AUTHORITY,
+    _read,
+    _write,
+    issue,
+    make_certificates,
+)
+from surefoot.schemas.endpoints import Endpoints, Tls
 from tests.support import free_port
 
 
-class Authority:
+class ModeMachine:
     """An authority's folder, and endpoints as any of its identities."""
 
     def __init__(self, folder: Path) -> None:
@@ -31,7 +37,7 @@ class Authority:
         return msgspec.structs.replace(self._open, tls=tls)
 
     def issue(self, identity: str, *, days: float, now: datetime | None = None) -> None:
-        """Adds an identity, also one that is over already."""
+        """Add an identity, also one that is over already."""
         issued = issue(
             identity,
             _read(self.folder, AUTHORITY),

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from robot_io.snapshot import Snapshot
-from schemas.messages import SCHEMA_VERSION, ForceTorque, ImuState, JointState, Message
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    ForceTorque,
+    ImuState,
+    JointState,
+    Message,
+)
 
 JOINTS = 28
 

@@ -8,11 +8,11 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import TypeVar
 
-from robot_io.gate import CommandGate
-from robot_io.robot import Robot
-from robot_io.server import RobotServer
-from robot_io.stop_request import StopRequest
-from schemas.endpoints import Endpoints
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.sensor_messages import snapshot_at
 
 T = TypeVar("T")
@@ -29,13 +29,13 @@ class ServedRobot:
         self.tick = 0
 
     def do(self, order: Callable[[RobotServer, CommandGate], T]) -> T:
-        """Has the robot's own thread do something; returns what came of it."""
+        """Have the robot's own thread do something; returns what came of it."""
         done: Future = Future()
         self._orders.append((lambda: order(self.server, self._gate), done))
         return done.result(timeout=20.0)
 
     def loop(self, stop: StopRequest) -> None:
-        """Serves requests and orders; takes commands between orders."""
+        """Serve requests and orders; takes commands between orders."""
         pause = threading.Event()
         while not stop.is_set:
             now_s = self.tick * 1e-3
@@ -51,7 +51,7 @@ class ServedRobot:
             pause.wait(POLL_S)
 
     def publish_tick(self) -> int:
-        """Sends the sensors of the next tick; returns the tick."""
+        """Send the sensors of the next tick; returns the tick."""
         tick = self.tick
 
         def order(server: RobotServer, gate: CommandGate) -> None:
@@ -65,7 +65,7 @@ class ServedRobot:
 
 @contextmanager
 def serving(robot: Robot, endpoints: Endpoints) -> Iterator[ServedRobot]:
-    """Runs a robot until the context is left."""
+    """Run a robot until the context is left."""
     gate = CommandGate(robot, robot.nominal)
     stop = StopRequest()
     up: Future[ServedRobot] = Future()

@@ -10,16 +10,19 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from robot_io.assembler import SnapshotAssembler, SnapshotReading
-from robot_io.bus import Bus
-from robot_io.inbox import Inbox
-from robot_io.sensor import Sensor
-from robot_io.session import Role
-from robot_io.snapshot import Snapshot
-from schemas.codec import encode
-from schemas.endpoints import Endpoints
-from schemas.messages import ForceTorque, ImuState, JointState
-from schemas.topics import TICK_SENSORS, topic
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.inbox import Inbox
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.client_side.assembler import (
+    Sensor,
+    SnapshotAssembler,
+    SnapshotReading,
+)
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import ForceTorque, ImuState, JointState
+from surefoot.schemas.topics import TICK_SENSORS, topic
 from tests.robot_io.sensor_messages import JOINTS, message, snapshot_at
 from tests.support import DEADLINE_S, wait_until
 
@@ -66,7 +69,7 @@ class Wire:
         self._publishers[name].put(data)
 
     def all_arrived(self) -> None:
-        """Waits until everything sent so far is at the other end."""
+        """Wait until everything sent so far is at the other end."""
         self._fence.put(b"fence")
         assert self._fenced.wait(time.monotonic() + DEADLINE_S) == b"fence"
 
@@ -267,7 +270,7 @@ def test_nothing_is_assembled_before_every_sensor_has_spoken(ordered: Wire) -> N
 
 
 def test_a_nudge_ends_the_wait(ordered: Wire) -> None:
-    ordered.peer.waker.nudge()
+    ordered.peer.waker.interrupt()
     begin = time.monotonic()
     assert ordered.assembler.wait(begin + DEADLINE_S) is None
     assert time.monotonic() < begin + DEADLINE_S

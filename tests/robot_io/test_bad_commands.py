@@ -8,12 +8,12 @@ import msgspec
 import numpy as np
 import pytest
 
-from robot_io.bus import Bus
-from robot_io.client import RobotClient
-from robot_io.session import Role
-from schemas.codec import encode
-from schemas.endpoints import Endpoints
-from schemas.messages import (
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     JointCommand,
     RobotMode,
@@ -30,7 +30,7 @@ from tests.support import wait_until
 
 @pytest.fixture
 def raw_command(served: ServedRobot, endpoints: Endpoints) -> Iterator[Callable]:
-    """Puts any bytes on the command key."""
+    """Put any bytes on the command key."""
     with Bus(endpoints, Role.CLIENT, namespace="walker") as peer:
         publisher = peer.publisher("cmd/joints", urgent=True)
         wait_until(lambda: publisher.matching_status.matching, what="the robot")

@@ -9,14 +9,14 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from robot_io.certificates import (
+from surefoot.robot_io.errors import CertificateError
+from surefoot.robot_io.security.certificates import (
     AUTHORITY,
     IDENTITIES,
     LISTENERS,
     make_certificates,
     renew_certificates,
 )
-from robot_io.errors import CertificateError
 
 NOW = datetime(2030, 1, 1, tzinfo=UTC)
 

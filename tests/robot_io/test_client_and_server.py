@@ -8,24 +8,24 @@ import msgspec
 import numpy as np
 import pytest
 
-from robot_io.bus import Bus
-from robot_io.client import RobotClient
-from robot_io.errors import RequestRefusedError
-from robot_io.gate import CommandGate
-from robot_io.server import RobotServer
-from robot_io.service_caller import ServiceCaller
-from robot_io.session import Role
-from robot_io.stop_request import StopRequest
-from schemas.codec import encode
-from schemas.endpoints import Endpoints
-from schemas.messages import (
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.client_side.requests import ServiceCaller
+from surefoot.robot_io.errors import RequestRefusedError
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     LeaseRequest,
     ModeRequest,
     Reference,
     RobotMode,
 )
-from schemas.topics import ALIVE_STABILIZER
+from surefoot.schemas.topics import ALIVE_STABILIZER
 from tests.robot_io.client_at_work import (
     WALKER,
     MakeClient,
@@ -80,7 +80,7 @@ def test_the_answer_to_a_tick_ends_the_wait_for_it(
             assert answer is not None
             assert answer.command.tick == tick
             assert answer.verdict.accepted
-        gate.authority.finish("over")
+        gate.modes.finish("over")
         server.publish_status(now_s=0.1, at_once=True)
     assert client.answered == 100
 
@@ -153,7 +153,7 @@ def test_a_commander_that_leaves_without_a_word_loses_the_lease(
         services.ask("srv/lease", take)
         assert services.ask("srv/mode", enable).mode is RobotMode.ACTIVE
     wait_until(lambda: mode_of(served) is RobotMode.HOLD, what="HOLD")
-    assert served.do(lambda _, gate: gate.authority.reason) == "ann is gone"
+    assert served.do(lambda _, gate: gate.modes.reason) == "ann is gone"
     make_client("bob").take_lease()
 
 

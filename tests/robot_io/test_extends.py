@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from robot_io.robot import find_robot, load_robot
-from schemas.errors import FileFormatError
+from surefoot.robot_io.robot import find_robot, load_robot
+from surefoot.schemas.errors import FileFormatError
 
 
 def test_the_walker_on_its_own_bus_is_the_walker() -> None:

@@ -11,10 +11,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_io.verdict import Limit, Refusal, Verdict
-from schemas.arrays import Array
-from schemas.codec import decode, encode
-from schemas.messages import SCHEMA_VERSION, JointCommand, RobotMode, RobotStatus
+from surefoot.robot_io.robot_side.mode_machine import CommandResult, Limit, Refusal
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    JointCommand,
+    RobotMode,
+    RobotStatus,
+)
 from tests.robot_io.gate_at_work import (
     GATE,
     NOT_A_POSTURE,
@@ -101,7 +106,7 @@ def test_commands_inside_the_limits_pass_unchanged(direction: list[float]) -> No
         WALKER.nominal + reach * np.array(direction), WALKER.lower, WALKER.upper
     )
     gate.begin_tick(now_s=0.0)
-    assert gate.check(command(q), tick=0, now_s=0.0) == Verdict(accepted=True)
+    assert gate.check(command(q), tick=0, now_s=0.0) == CommandResult(accepted=True)
     assert np.array_equal(gate.posture, q)
     assert not gate.clipped
     assert not gate.refused
@@ -124,18 +129,18 @@ def test_wrong_number_of_joints_is_refused() -> None:
     gate = active_gate()
     verdict = at_tick(gate, 0, q=WALKER.nominal[:-1])
     assert verdict.refusal is Refusal.SIZE
-    assert "got 27 numbers, expected 28" in gate.authority.reason
+    assert "got 27 numbers, expected 28" in gate.modes.reason
 
 
 def test_too_fast_is_clipped_to_the_velocity_limit_and_counted() -> None:
     gate = active_gate()
     verdict = at_tick(gate, 0, q=offset("left_knee", 0.01))
-    assert verdict == Verdict(accepted=True, clipped=(Limit.VELOCITY,))
+    assert verdict == CommandResult(accepted=True, clipped=(Limit.VELOCITY,))
     moved = gate.posture - WALKER.nominal
     knee = WALKER.joint_names.index("left_knee")
     assert moved[knee] == pytest.approx(WALKER.velocity_limit[knee] * PERIOD_S)
     assert gate.clipped == {"velocity": 1}
-    assert "left_knee by 0.0020 rad" in gate.authority.reason
+    assert "left_knee by 0.0020 rad" in gate.modes.reason
 
 
 def test_a_jump_is_clipped_to_the_step_limit() -> None:
@@ -173,7 +178,7 @@ def test_first_command_far_from_the_held_posture_is_refused() -> None:
     gate = active_gate()
     q = offset("left_knee", GATE.first_command_tolerance_rad + 1e-3)
     assert at_tick(gate, 0, q=q).refusal is Refusal.FIRST_COMMAND
-    assert "left_knee is 0.0510 rad from the held posture" in gate.authority.reason
+    assert "left_knee is 0.0510 rad from the held posture" in gate.modes.reason
     assert at_tick(gate, 1).accepted
     assert at_tick(gate, 2, q=q).accepted, "later ones are clipped instead"
 
@@ -226,7 +231,7 @@ def test_status_tells_what_the_gate_does() -> None:
     assert status().command_age_s == -1.0, "before the first command"
     at_tick(gate, 0)
     at_tick(gate, 0)
-    gate.authority.stop("a bystander")
+    gate.modes.stop("a bystander")
     told = status()
     assert (told.tick, told.stamp_ns, told.deadline_misses) == (7, 8, 2)
     assert told.mode is RobotMode.FAULT

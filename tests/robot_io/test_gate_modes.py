@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from robot_io.gate import CommandGate
-from robot_io.verdict import Refusal
-from schemas.messages import RobotMode
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.mode_machine import Refusal
+from surefoot.schemas.messages import RobotMode
 from tests.robot_io.gate_at_work import (
     GATE,
     NOT_A_POSTURE,
@@ -65,9 +65,9 @@ def test_a_silent_commander_loses_the_lease() -> None:
     gate = CommandGate(WALKER, WALKER.nominal)
     gate.request("take", "ann", now_s=0.0)
     gate.begin_tick(now_s=GATE.lease_s)
-    assert gate.authority.lease.holder == "ann"
+    assert gate.modes.lease.holder == "ann"
     gate.begin_tick(now_s=GATE.lease_s + PERIOD_S)
-    assert gate.authority.lease.holder == ""
+    assert gate.modes.lease.holder == ""
     assert gate.request("take", "bob", now_s=GATE.lease_s).accepted
 
 
@@ -75,14 +75,14 @@ def test_commanding_renews_the_lease() -> None:
     gate = active_gate()
     for tick in range(0, 3 * round(GATE.lease_s / PERIOD_S), 10):
         assert at_tick(gate, tick).accepted
-    assert gate.authority.lease.holder == "ann"
+    assert gate.modes.lease.holder == "ann"
 
 
 def test_a_commander_that_is_gone_leaves_the_robot_holding() -> None:
     gate = active_gate()
-    gate.authority.lose("ann is gone")
+    gate.modes.lose("ann is gone")
     assert gate.mode is RobotMode.HOLD
-    assert gate.authority.lease.holder == ""
+    assert gate.modes.lease.holder == ""
 
 
 # Modes ----------------------------------------------------------------------------
@@ -113,23 +113,23 @@ def test_off_is_left_through_hold_only() -> None:
 
 def test_e_stop_is_open_to_everyone_and_latches_until_reset() -> None:
     gate = active_gate()
-    assert gate.authority.stop("a bystander").accepted
+    assert gate.modes.stop("a bystander").accepted
     for tick in range(3):
         assert at_tick(gate, tick).refusal is Refusal.MODE
     for action in ("enable", "hold", "disable"):
         assert not gate.request(action, "ann", now_s=0.0).accepted
         assert gate.mode is RobotMode.FAULT
-    assert gate.authority.fault == "e-stop by a bystander"
+    assert gate.modes.fault == "e-stop by a bystander"
     assert gate.request("reset", "ann", now_s=0.0).accepted
     assert gate.mode is RobotMode.HOLD
-    assert gate.authority.fault == ""
+    assert gate.modes.fault == ""
 
 
 def test_e_stop_while_held_for_silence_cannot_be_commanded_away() -> None:
     gate = active_gate()
     at_tick(gate, 0)
     gate.begin_tick(now_s=2 * GATE.hold_after_s)
-    gate.authority.stop("a bystander")
+    gate.modes.stop("a bystander")
     assert at_tick(gate, 41).refusal is Refusal.MODE
     assert gate.mode is RobotMode.FAULT
 
@@ -157,12 +157,12 @@ def test_silence_leads_to_hold_then_to_fault() -> None:
     assert gate.mode is RobotMode.ACTIVE
     gate.begin_tick(now_s=GATE.hold_after_s + PERIOD_S)
     assert gate.mode is RobotMode.HOLD
-    assert "no command for 0.021 s" in gate.authority.reason
+    assert "no command for 0.021 s" in gate.modes.reason
     gate.begin_tick(now_s=GATE.fault_after_s)
     assert gate.mode is RobotMode.HOLD
     gate.begin_tick(now_s=GATE.fault_after_s + PERIOD_S)
     assert gate.mode is RobotMode.FAULT
-    assert "no command for 1.001 s" in gate.authority.fault
+    assert "no command for 1.001 s" in gate.modes.fault
 
 
 def test_refused_commands_do_not_feed_the_watchdog() -> None:
@@ -189,4 +189,4 @@ def test_the_first_command_may_take_its_time_but_not_for_ever() -> None:
     assert gate.mode is RobotMode.ACTIVE
     gate.begin_tick(now_s=GATE.fault_after_s + PERIOD_S)
     assert gate.mode is RobotMode.HOLD
-    assert gate.authority.fault == ""
+    assert gate.modes.fault == ""

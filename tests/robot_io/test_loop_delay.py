@@ -7,10 +7,9 @@ import math
 import msgspec
 import pytest
 
-from robot_io.gate import CommandGate
-from robot_io.loop_delay import AVERAGED_OVER_S, LoopDelay
-from schemas.messages import RobotMode
-from schemas.robot_file import Gate
+from surefoot.robot_io.robot_side.gate import AVERAGED_OVER_S, CommandGate, LoopDelay
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.robot_file import Gate
 from tests.robot_io.gate_at_work import GATE, PERIOD_S, active_gate, command
 
 SECONDS = 3.0
@@ -28,7 +27,7 @@ def ticks_until_fault(gate: CommandGate, *, age: int, every: int = 1) -> int | N
             verdict = gate.check(
                 command(gate.posture, tick - age), tick=tick, now_s=now_s
             )
-            assert verdict.accepted, gate.authority.reason
+            assert verdict.accepted, gate.modes.reason
     return None
 
 
@@ -51,7 +50,7 @@ def test_a_loop_too_slow_is_a_fault_when_its_average_says_so(age: int) -> None:
     tick = ticks_until_fault(gate, age=age)
     assert tick is not None
     assert tick * PERIOD_S == pytest.approx(expected_s, rel=0.05)
-    assert gate.authority.fault == (
+    assert gate.modes.fault == (
         "commands answered sensors over 4.5 ms old on average: the loop is too slow"
     )
 

@@ -13,10 +13,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_io.pacer import MAX_LAG_PERIODS, Pacer
-from robot_io.quiet import SWITCH_INTERVAL_S, quiet_interpreter
-from robot_io.stop_request import StopRequest
-from robot_io.timing import MS_PER_NS, TimingLog
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import (
+    MAX_LAG_PERIODS,
+    SWITCH_INTERVAL_S,
+    Pacer,
+    quiet_interpreter,
+)
+from surefoot.robot_io.timing import MS_PER_NS, TimingLog
 from tests.support import wait_until
 
 PERIOD_S = 0.001

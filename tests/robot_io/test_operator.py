@@ -10,20 +10,20 @@ import msgspec
 import pytest
 import zenoh
 
-from robot_io.client import RobotClient
-from robot_io.robot import Robot, load_robot
-from robot_io.session import Role, open_session
-from robot_io.stop_request import StopRequest
-from schemas.codec import decode, encode
-from schemas.endpoints import Endpoints
-from schemas.messages import (
+from surefoot.robot_io.bus.session import Role, open_session
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     ControlRequest,
     LeaseRequest,
     SettingsRequest,
     StabilizerReply,
 )
-from tests.robot_io.secured import Authority
+from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import serving
 from tests.support import wait_until
 
@@ -42,9 +42,9 @@ class Meeting:
     """A stabilizer in command of a robot, and whoever wants something of it."""
 
     def __init__(
-        self, robot: Robot, authority: Authority, ann: RobotClient, *, routed: bool
+        self, robot: Robot, modes: ModeMachine, ann: RobotClient, *, routed: bool
     ) -> None:
-        self.robot, self._authority, self._ann = robot, authority, ann
+        self.robot, self._authority, self._ann = robot, modes, ann
         self._routed = routed
         self.asked = 0
 
@@ -67,7 +67,7 @@ class Meeting:
         return None
 
     def _serve(self, replies: zenoh.Handler) -> bytes | None:
-        """Answers as the stabilizer; then the answer, once there is one or none."""
+        """Answer as the stabilizer; then the answer, once there is one or none."""
         while (asked := self._ann.next_request()) is not None:
             self.asked += 1
             asked.reply(tick=TICK, settings={})
@@ -78,8 +78,8 @@ class Meeting:
         return reply.ok.payload.to_bytes() if reply and reply.ok else None
 
 
-def as_who(authority: Authority, identity: str, *, routed: bool) -> Endpoints:
-    endpoints = authority.endpoints(identity)
+def as_who(modes: ModeMachine, identity: str, *, routed: bool) -> Endpoints:
+    endpoints = modes.endpoints(identity)
     router = endpoints.listen if routed else []
     return msgspec.structs.replace(endpoints, router=router)
 
@@ -90,20 +90,20 @@ def meeting(
 ) -> Iterator[Meeting]:
     robot, routed = load_robot("walker-real"), request.param
     folder: Path = tmp_path_factory.mktemp("authority") / "certs"
-    authority = Authority(folder)
+    modes = ModeMachine(folder)
     with ExitStack() as stack:
         if routed:
-            endpoints = as_who(authority, "router", routed=True)
+            endpoints = as_who(modes, "router", routed=True)
             stack.enter_context(
                 open_session(
                     endpoints, Role.ROUTER, namespace="walker", keys=robot.keys
                 )
             )
-        stack.enter_context(serving(robot, as_who(authority, "robot", routed=routed)))
+        stack.enter_context(serving(robot, as_who(modes, "robot", routed=routed)))
         ann = stack.enter_context(
             RobotClient(
                 robot,
-                endpoints=as_who(authority, "stabilizer", routed=routed),
+                endpoints=as_who(modes, "stabilizer", routed=routed),
                 identity="ann",
                 in_order=True,
                 stop=StopRequest(),
@@ -111,7 +111,7 @@ def meeting(
         )
         assert ann.connect(timeout_s=10.0)
         ann.take_lease()
-        yield Meeting(robot, authority, ann, routed=routed)
+        yield Meeting(robot, modes, ann, routed=routed)
 
 
 @pytest.mark.parametrize("request_", [SETTINGS, CONTROL], ids=["settings", "control"])

@@ -7,13 +7,13 @@ import time
 
 import pytest
 
-from robot_io.bus import Bus
-from robot_io.errors import RobotUnreachableError
-from robot_io.gate import CommandGate
-from robot_io.server import RobotServer
-from robot_io.session import Role
-from robot_io.stop_request import StopRequest
-from schemas.endpoints import Endpoints
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.client_at_work import (
     WALKER,
     new_client,

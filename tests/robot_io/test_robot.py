@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_io.errors import RobotFileError
-from robot_io.robot import ROBOTS_DIR, find_robot, load_robot
-from schemas.errors import FileFormatError
-from schemas.topics import resolve_keys
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.robot import ROBOTS_DIR, find_robot, load_robot
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.topics import resolve_keys
 
 WALKER = ROBOTS_DIR / "walker"
 COLUMNS = (

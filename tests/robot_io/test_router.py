@@ -6,14 +6,14 @@ from pathlib import Path
 
 import msgspec
 
-from robot_io.client import RobotClient
-from robot_io.robot import load_robot
-from robot_io.session import Role, open_session
-from robot_io.stop_request import StopRequest
-from schemas.codec import encode
-from schemas.endpoints import Endpoints
-from schemas.messages import SCHEMA_VERSION, LeaseRequest, RobotMode
-from tests.robot_io.secured import Authority
+from surefoot.robot_io.bus.session import Role, open_session
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import SCHEMA_VERSION, LeaseRequest, RobotMode
+from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import serving
 from tests.support import wait_until
 
@@ -22,10 +22,10 @@ ATTEMPTS = 5
 
 def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
     robot = load_robot("walker-real")
-    authority = Authority(tmp_path / "certs")
+    modes = ModeMachine(tmp_path / "certs")
 
     def as_who(identity: str) -> Endpoints:
-        endpoints = authority.endpoints(identity)
+        endpoints = modes.endpoints(identity)
         return msgspec.structs.replace(endpoints, router=endpoints.listen)
 
     lease = encode(LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="eve"))
@@ -50,10 +50,10 @@ def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
 
         for _ in range(ATTEMPTS):
             assert not answers(robot.keys["lease"], lease)
-        assert served.do(lambda server, gate: gate.authority.lease.holder) == ""
+        assert served.do(lambda server, gate: gate.modes.lease.holder) == ""
         ann.take_lease()
         ann.enable()
         assert served.do(lambda server, gate: gate.mode) is RobotMode.ACTIVE
         wait_until(lambda: answers(robot.keys["estop"], b"stop"), what="the e-stop")
         assert served.do(lambda server, gate: gate.mode) is RobotMode.FAULT
-        assert served.do(lambda server, gate: gate.authority.lease.holder) == "ann"
+        assert served.do(lambda server, gate: gate.modes.lease.holder) == "ann"

@@ -8,12 +8,12 @@ import sys
 
 import pytest
 
-from robot_io.scheduling import pin_to_cpu
+from surefoot.robot_io.realtime import pin_to_cpu
 
 NOBODY = 65534
 UNPRIVILEGED = f"""
 import os, resource
-from robot_io.scheduling import take_priority
+from surefoot.robot_io.realtime import take_priority
 resource.setrlimit(resource.RLIMIT_RTPRIO, (0, 0))
 if os.geteuid() == 0:
     os.setuid({NOBODY})
@@ -22,13 +22,13 @@ print(os.sched_getscheduler(0) == os.SCHED_OTHER)
 """
 PINNED = """
 import os, sys
-from robot_io.scheduling import pin_to_cpu
+from surefoot.robot_io.realtime import pin_to_cpu
 cpu = max(os.sched_getaffinity(0))
 print(pin_to_cpu(cpu) == "" and os.sched_getaffinity(0) == {cpu})
 """
 PERMITTED = """
 import os
-from robot_io.scheduling import take_priority
+from surefoot.robot_io.realtime import take_priority
 refusal = take_priority(1)
 print(bool(refusal) != (os.sched_getscheduler(0) == os.SCHED_FIFO))
 """

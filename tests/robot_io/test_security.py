@@ -13,15 +13,20 @@ import pytest
 import zenoh
 from zenoh.handlers import RingChannel
 
-from robot_io.client import RobotClient
-from robot_io.errors import LocatorError, RobotUnreachableError
-from robot_io.robot import Robot, load_robot
-from robot_io.session import Role, open_session
-from robot_io.stop_request import StopRequest
-from schemas.codec import encode
-from schemas.endpoints import Endpoints
-from schemas.messages import SCHEMA_VERSION, JointCommand, LeaseRequest, RobotMode
-from tests.robot_io.secured import Authority
+from surefoot.robot_io.bus.session import Role, open_session
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.errors import LocatorError, RobotUnreachableError
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    JointCommand,
+    LeaseRequest,
+    RobotMode,
+)
+from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import free_port, wait_until
 
@@ -31,8 +36,8 @@ ATTEMPTS = 5
 
 
 @pytest.fixture(scope="module")
-def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
-    return Authority(tmp_path_factory.mktemp("authority") / "certs")
+def authority(tmp_path_factory: pytest.TempPathFactory) -> ModeMachine:
+    return ModeMachine(tmp_path_factory.mktemp("authority") / "certs")
 
 
 @pytest.fixture(scope="module", params=["walker", "walker-real"])
@@ -41,7 +46,7 @@ def robot(request: pytest.FixtureRequest) -> Robot:
 
 
 @pytest.fixture(scope="module")
-def served(authority: Authority, robot: Robot) -> Iterator[ServedRobot]:
+def served(authority: ModeMachine, robot: Robot) -> Iterator[ServedRobot]:
     with serving(robot, authority.endpoints("robot")) as served:
         yield served
 
@@ -99,7 +104,7 @@ def ask(session: zenoh.Session, key: str, data: bytes) -> bool:
 
 
 def test_the_stabilizer_reads_commands_and_asks(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     with client(robot, authority.endpoints("stabilizer")) as ann:
         assert ann.connect(timeout_s=10.0)
@@ -120,7 +125,7 @@ def test_the_stabilizer_reads_commands_and_asks(
 
 
 def test_an_observer_reads_but_does_not_command(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     before = refusals(served)
     with open_session(
@@ -137,11 +142,11 @@ def test_an_observer_reads_but_does_not_command(
         assert not ask(session, robot.keys["lease"], encode(lease))
         assert not ask(session, robot.keys["mode"], encode(lease))
     assert refusals(served) == before  # they never even reached the gate
-    assert served.do(lambda server, gate: gate.authority.lease.holder) == ""
+    assert served.do(lambda server, gate: gate.modes.lease.holder) == ""
 
 
 def test_the_stabilizer_commands_reach_the_gate(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     """What makes the observer's silence above mean something."""
     before = refusals(served)
@@ -155,7 +160,7 @@ def test_the_stabilizer_commands_reach_the_gate(
 
 
 def test_messages_that_are_too_long_are_dropped_unread(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     limit = authority.endpoints("robot").max_bytes
     before = refusals(served)
@@ -177,7 +182,7 @@ def test_messages_that_are_too_long_are_dropped_unread(
 
 
 def test_a_planner_is_heard_by_the_stabilizer_and_does_not_command(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     before = refusals(served)
     with (
@@ -206,7 +211,7 @@ def test_a_planner_is_heard_by_the_stabilizer_and_does_not_command(
 
 @pytest.mark.parametrize("identity", ["observer", "planner", "guest"])
 def test_everyone_with_a_certificate_can_stop_the_robot(
-    authority: Authority, robot: Robot, served: ServedRobot, identity: str
+    authority: ModeMachine, robot: Robot, served: ServedRobot, identity: str
 ) -> None:
     authority.issue("guest", days=1)
     with open_session(
@@ -221,7 +226,7 @@ def test_everyone_with_a_certificate_can_stop_the_robot(
 
 
 def test_an_identity_that_is_not_listed_reads_nothing(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     authority.issue("guest", days=1)
     with open_session(
@@ -231,7 +236,7 @@ def test_an_identity_that_is_not_listed_reads_nothing(
 
 
 def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     with client(robot, authority.endpoints("stabilizer")) as ann:
         assert ann.connect(timeout_s=10.0)
@@ -243,22 +248,22 @@ def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
             assert can_read(session, robot, served)
             token.undeclare()
             assert can_read(session, robot, served)
-        assert served.do(lambda server, gate: gate.authority.lease.holder) == "ann"
+        assert served.do(lambda server, gate: gate.modes.lease.holder) == "ann"
 
 
-def no_certificate(authority: Authority, tmp_path: Path) -> dict:
+def no_certificate(authority: ModeMachine, tmp_path: Path) -> dict:
     del tmp_path
     return {"root_ca_certificate": str(authority.folder / "ca.pem")}
 
 
-def expired(authority: Authority, tmp_path: Path) -> dict:
+def expired(authority: ModeMachine, tmp_path: Path) -> dict:
     del tmp_path
     authority.issue("late", days=1, now=datetime.now(UTC) - timedelta(days=2))
     return _as_zenoh(authority.endpoints("late"))
 
 
-def foreign(authority: Authority, tmp_path: Path) -> dict:
-    other = Authority(tmp_path / "other").endpoints("stabilizer")
+def foreign(authority: ModeMachine, tmp_path: Path) -> dict:
+    other = ModeMachine(tmp_path / "other").endpoints("stabilizer")
     # Trusts the robot's authority, but is signed by another.
     return {**_as_zenoh(other), "root_ca_certificate": str(authority.folder / "ca.pem")}
 
@@ -276,7 +281,7 @@ def _as_zenoh(endpoints: Endpoints) -> dict:
 @pytest.mark.parametrize("make", [no_certificate, expired, foreign])
 def test_without_a_valid_certificate_nothing_is_read_or_commanded(
     make: object,
-    authority: Authority,
+    authority: ModeMachine,
     robot: Robot,
     served: ServedRobot,
     tmp_path: Path,
@@ -309,7 +314,7 @@ def test_without_a_valid_certificate_nothing_is_read_or_commanded(
 
 
 def test_a_client_is_told_what_may_be_wrong_with_its_certificate(
-    authority: Authority, robot: Robot, served: ServedRobot
+    authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     authority.issue("late", days=1, now=datetime.now(UTC) - timedelta(days=2))
     with (
@@ -320,9 +325,9 @@ def test_a_client_is_told_what_may_be_wrong_with_its_certificate(
 
 
 def test_a_client_does_not_talk_to_a_robot_of_another_authority(
-    authority: Authority, robot: Robot, served: ServedRobot, tmp_path: Path
+    authority: ModeMachine, robot: Robot, served: ServedRobot, tmp_path: Path
 ) -> None:
-    strange = Authority(tmp_path / "other").endpoints("stabilizer")
+    strange = ModeMachine(tmp_path / "other").endpoints("stabilizer")
     strange = msgspec.structs.replace(
         strange, connect=authority.endpoints("robot").connect
     )
@@ -373,7 +378,7 @@ def test_loopback_needs_no_tls(locator: str) -> None:
         pass
 
 
-def test_tls_and_plain_locators_do_not_mix(authority: Authority) -> None:
+def test_tls_and_plain_locators_do_not_mix(authority: ModeMachine) -> None:
     plain = msgspec.structs.replace(
         authority.endpoints("robot"), listen=["tcp/127.0.0.1:0"]
     )

@@ -6,9 +6,9 @@ import pytest
 import zenoh
 from zenoh.handlers import RingChannel
 
-from robot_io.errors import EndpointError, RobotUnreachableError
-from robot_io.session import Role, open_session
-from schemas.endpoints import Endpoints
+from surefoot.robot_io.bus.session import Role, open_session
+from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
+from surefoot.schemas.endpoints import Endpoints
 from tests.support import wait_until
 
 

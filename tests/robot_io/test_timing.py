@@ -7,8 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from robot_io.command_latency import CommandLatency
-from robot_io.timing import EDGES_MS, TimingLog
+from surefoot.robot_io.timing import EDGES_MS, CommandLatency, TimingLog
 
 NS_PER_MS = 1e6
 CAPACITY = 1000

@@ -8,9 +8,9 @@ import msgspec
 import msgspec.inspect
 from hypothesis import strategies as st
 
-from schemas import messages
-from schemas.messages import SCHEMA_VERSION
-from schemas.topics import TOPICS
+from surefoot.schemas import messages
+from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.topics import TOPICS
 
 KINDS: tuple[type[msgspec.Struct], ...] = tuple(
     dict.fromkeys([*(topic.message for topic in TOPICS), messages.ServiceReply])

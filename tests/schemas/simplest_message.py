@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import msgspec.inspect
 
-from schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.messages import SCHEMA_VERSION
 
 
 def simplest_message(

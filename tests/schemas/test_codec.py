@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from schemas import messages
-from schemas.codec import MAX_MESSAGE_BYTES, decode, encode
-from schemas.errors import MessageError, SchemaVersionError
-from schemas.messages import SCHEMA_VERSION
+from surefoot.schemas import messages
+from surefoot.schemas.codec import MAX_MESSAGE_BYTES, decode, encode
+from surefoot.schemas.errors import MessageError, SchemaVersionError
+from surefoot.schemas.messages import SCHEMA_VERSION
 from tests.schemas.messages_strategy import JOINT_COUNT, KINDS, messages_of
 from tests.schemas.simplest_message import simplest_message
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from schemas.endpoints import Endpoints, load_endpoints
-from schemas.errors import FileFormatError
+from surefoot.schemas.endpoints import Endpoints, load_endpoints
+from surefoot.schemas.errors import FileFormatError
 
 TLS = '[tls]\nca = "certs/ca.pem"\ncertificate = "certs/me.pem"\nkey = "certs/me.key"\n'
 

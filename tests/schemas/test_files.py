@@ -7,16 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from schemas.endpoints import DEFAULT_LOCATOR, Endpoints
-from schemas.errors import FileFormatError
-from schemas.scenario import (
+from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Endpoints
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.scenario import (
     DropMotion,
     RampMotion,
     Scenario,
     SineMotion,
     load_scenario,
 )
-from schemas.toml_file import load
+from surefoot.schemas.toml_file import load
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 HEAD = """

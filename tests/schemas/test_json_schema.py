@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from schemas.json_schema import JSON_DIR, all_schemas, as_text, json_schema
-from schemas.messages import SCHEMA_VERSION, JointState
-from schemas.scenario import Scenario
-from schemas.topics import TOPICS
+from surefoot.schemas.json_schema import JSON_DIR, all_schemas, as_text, json_schema
+from surefoot.schemas.messages import SCHEMA_VERSION, JointState
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.topics import TOPICS
 
 SCHEMAS = all_schemas()
 

@@ -2,9 +2,14 @@ from __future__ import annotations
 
 import pytest
 
-from schemas.errors import FileFormatError
-from schemas.live_settings import LIVE_SETTINGS, between, live_values, with_values
-from schemas.settings import ControllerSettings, setting_names
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.live_settings import (
+    LIVE_SETTINGS,
+    between,
+    live_values,
+    with_values,
+)
+from surefoot.schemas.settings import ControllerSettings, setting_names
 
 DEFAULTS = ControllerSettings()
 

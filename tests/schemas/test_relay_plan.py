@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from robot_io.relay.catalogue import find_plan, list_plans
-from schemas.errors import FileFormatError
-from schemas.relay_plan import load_relay_plan, relay_plan_from_table
-from schemas.topics import TOPICS
+from surefoot.robot_io.relay.catalogue import find_plan, list_plans
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.relay_plan import load_relay_plan, relay_plan_from_table
+from surefoot.schemas.topics import TOPICS
 
 SHIPPED = {
     "clear",

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from schemas.errors import FileFormatError
-from schemas.scenario import Scenario, SineMotion, scenario_from_table
-from schemas.scenario_paths import (
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.scenario import Scenario, SineMotion, scenario_from_table
+from surefoot.schemas.scenario_paths import (
     override_scenario,
     parse_override,
     scenario_paths,

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from schemas.errors import FileFormatError
-from schemas.topics import TICK_SENSORS, TOPICS, Direction, resolve_keys, topic
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.topics import TICK_SENSORS, TOPICS, Direction, resolve_keys, topic
 
 
 def test_names_and_keys_are_unique() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from robot_io.robot import Robot, load_robot
-from schemas.scenario import Scenario, scenario_from_table
-from sim_robot.plant import Plant
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.sim_robot.plant import Plant
 
 
 @pytest.fixture(scope="session")
@@ -30,7 +30,7 @@ def make_scenario() -> Callable[..., Scenario]:
 def make_plant(
     walker: Robot, make_scenario: Callable[..., Scenario]
 ) -> Callable[..., Plant]:
-    """Builds a plant that stands at tick 0; keywords are keys of a scenario."""
+    """Build a plant that stands at tick 0; keywords are keys of a scenario."""
 
     def make(*, seed: int = 0, robot: Robot = walker, **table: Any) -> Plant:
         return Plant(robot, make_scenario(**table), seed=seed)

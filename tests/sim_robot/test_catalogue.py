@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from sim_robot.catalogue import find_scenario, list_scenarios, open_scenario
-from sim_robot.errors import ScenarioError
+from surefoot.sim_robot.catalogue import find_scenario, list_scenarios, open_scenario
+from surefoot.sim_robot.errors import ScenarioError
 
 SHIPPED = ["moving-platform-fast", "moving-platform-slow", "standing"]
 

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from schemas.scenario import RampMotion, SineMotion
-from sim_robot.catalogue import list_scenarios, open_scenario
+from surefoot.schemas.scenario import RampMotion, SineMotion
+from surefoot.sim_robot.catalogue import list_scenarios, open_scenario
 
 NOISY = open_scenario("moving-platform-slow").sensors
 IMPULSE_N_S = 20.0

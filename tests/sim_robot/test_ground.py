@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.arrays import Array, Mat
-from schemas.scenario import Scenario
-from sim_robot.plant import Plant
-from sim_robot.platforms import PlatformPlan, plan_platforms
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.platforms import PlatformPlan, plan_platforms
 
 PERIOD_S = 0.001
 SOLE_LEFT = np.array([0.026, 0.11, 0.0])

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_robot.metrics import PlantMetrics
-from sim_robot.truth import PlantTruth
+from surefoot.sim_robot.metrics import PlantMetrics
+from surefoot.sim_robot.truth import PlantTruth
 
 PERIOD_S = 0.001
 WEIGHT_N = 700.0

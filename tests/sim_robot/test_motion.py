@@ -4,10 +4,9 @@ import math
 
 import pytest
 
-from schemas.scenario import DropMotion, Motion, RampMotion, SineMotion
-from sim_robot.constants import BLEND_S, GRAVITY_M_S2
-from sim_robot.errors import ScenarioError
-from sim_robot.motion import motion_law
+from surefoot.schemas.scenario import DropMotion, Motion, RampMotion, SineMotion
+from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.motion import BLEND_S, GRAVITY_M_S2, motion_law
 
 START_S = 0.3
 DERIVATIVE_STEP_S = 1e-6

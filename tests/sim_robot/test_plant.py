@@ -7,10 +7,10 @@ import msgspec
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.arrays import Array
-from sim_robot.errors import CommandError, ScenarioError
-from sim_robot.plant import Plant
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.sim_robot.errors import CommandError, ScenarioError
+from surefoot.sim_robot.plant import Plant
 
 PERIOD_S = 0.001
 PUSH = {

@@ -11,21 +11,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.scenario import Scenario
-from sim_robot.errors import RenderError
-from sim_robot.plant import Plant
-from sim_robot.png import write_png
-from sim_robot.render import Camera, Renderer
-from sim_robot.simulated_robot import SimulatedRobot
-from sim_robot.world import build_world
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.errors import RenderError
+from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.png import write_png
+from surefoot.sim_robot.render import Camera, Renderer
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.sim_robot.world import build_world
 
 WIDTH, HEIGHT = 160, 120
 TILT = {"axis": "roll", "kind": "ramp", "amplitude_deg": 10.0, "rate_deg_s": 100.0}
 
 
 def read_png(path: Path) -> np.ndarray:
-    """Reads back what write_png writes: one IDAT, no filters."""
+    """Read back what write_png writes: one IDAT, no filters."""
     data = path.read_bytes()
     width, height = struct.unpack(">II", data[16:24])
     start = data.index(b"IDAT")

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array, Mat
-from schemas.robot_file import Foot
-from sim_robot.constants import GRAVITY_M_S2
-from sim_robot.plant import Plant
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.robot_file import Foot
+from surefoot.sim_robot.motion import GRAVITY_M_S2
+from surefoot.sim_robot.plant import Plant
 
 PERIOD_S = 0.001
 NOISY = {
@@ -95,7 +95,7 @@ def test_force_sensor_is_the_contact_wrench_plus_the_plate_at_rest(
 def test_true_wrench_is_the_sum_of_the_contacts(
     make_plant: Callable[..., Plant], walker: Robot
 ) -> None:
-    """Adds up MuJoCo's own contact forces while they are those of the step."""
+    """Add up MuJoCo's own contact forces while they are those of the step."""
     plant = make_plant(platform=[{"foot": "both", "motion": SHAKE}])
     for _ in range(700):
         plant.step(walker.nominal)

@@ -6,13 +6,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.result import Distribution, PlantResult
-from schemas.scenario import Scenario
-from sim_robot.errors import CommandError, ScenarioError, SimulationError
-from sim_robot.simulated_robot import SimulatedRobot
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.result import Distribution, PlantResult
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.errors import CommandError, ScenarioError, SimulationError
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
 
 PERIOD_S = 0.001
 NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)

@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.scenario import Scenario
-from sim_robot.plant import Plant
-from sim_robot.quaternion import xyzw
-from sim_robot.world import build_world
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.quaternion import xyzw
+from surefoot.sim_robot.world import build_world
 
 TURN = np.sqrt(0.5)
 

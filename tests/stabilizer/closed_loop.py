@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.scenario import scenario_from_table
-from schemas.settings import ControllerSettings
-from sim_robot.simulated_robot import SimulatedRobot
-from stabilizer.controller import Controller
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.stabilizer.control.controller import Controller
+from surefoot.stabilizer.control.whole_body import WholeBodyController
 
 NOISE = {
     "force_noise_n": 2.0,
@@ -61,7 +61,7 @@ def run_closed_loop(
     controller: Controller | None = None,
     **scenario: Any,
 ) -> Run:
-    """Runs a scenario; other keywords are its keys, noise and delay as shipped.
+    """Run a scenario; other keywords are its keys, noise and delay as shipped.
 
     The controller is the whole-body one with its defaults unless another is given.
     """

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from robot_io.robot import Robot, load_robot
-from stabilizer.model import RobotModel
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.rig import Rig
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.settings import EstimatorSettings
-from stabilizer.estimator import Estimator
-from stabilizer.model import GRAVITY, RobotModel
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.estimator import Estimator
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.kinematic_robot import UNBIASED, Biases, KinematicRobot, Motion
 
 
@@ -46,7 +46,7 @@ def track(
     period_s: float,
     settings: EstimatorSettings | None = None,
 ) -> EstimatorRun:
-    """Calibrates at time 0, then follows the motion, both feet loaded alike."""
+    """Calibrate at time 0, then follows the motion, both feet loaded alike."""
     robot = KinematicRobot(model, motion)
     estimator = Estimator(model, settings or EstimatorSettings(), period_s=period_s)
     estimator.calibrate(robot.snapshot(0.0))

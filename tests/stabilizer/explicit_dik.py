@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import piqp
 
-from schemas.arrays import Array, Mat
-from stabilizer.model import N_BASE_V
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.stabilizer.model import N_BASE_V
 from tests.stabilizer.rig import Rig
 
 TOLERANCE = 1e-11
@@ -17,7 +17,7 @@ MAX_ITERATIONS = 200
 
 
 def solve_explicit(rig: Rig, r: Array, *, q_command: Array) -> Array:
-    """Solves it at the rig's present state; (n_v,) velocity.
+    """Solve it at the rig's present state; (n_v,) velocity.
 
     Unknowns (v, Delta), with J_c v = r + Delta as an equality.
     """

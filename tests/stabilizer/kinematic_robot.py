@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array, Vec3
-from stabilizer.model import GRAVITY, RobotModel
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Vec3
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 STEP_S = 1e-4
 """Of the differences that give velocity and acceleration."""

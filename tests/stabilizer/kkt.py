@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stabilizer.qp import DenseQp, QpSolution
+from surefoot.stabilizer.qp import DenseQp, QpSolution
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ from typing import Any
 
 import msgspec
 
-from schemas.settings import ControllerSettings
-from stabilizer.wrench_law import WrenchLaw
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.force_feedback import ForceFeedback
 
 PERIOD_S = 0.001
 NO_GAIN = (0.0,) * 6
@@ -24,8 +24,8 @@ def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
     return settings
 
 
-def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> WrenchLaw:
-    return WrenchLaw(
+def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedback:
+    return ForceFeedback(
         settings.dik,
         settings.ground,
         settings.contact,

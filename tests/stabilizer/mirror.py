@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from stabilizer.model import N_BASE_V, RobotModel
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 VECTOR = np.array([1.0, -1.0, 1.0])
 """Reflects positions, velocities, accelerations and forces."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from schemas.arrays import Array
-from schemas.settings import ControllerSettings
-from stabilizer.dik import Dik
-from stabilizer.dynamics import Dynamics
-from stabilizer.model import GRAVITY, RobotModel
-from stabilizer.qp import QpSolution
-from stabilizer.references import Stance, standing
-from stabilizer.tsid import Tsid
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.dik import Dik
+from surefoot.stabilizer.control.reference import Stance, standing
+from surefoot.stabilizer.control.tsid import Tsid
+from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.qp import QpSolution
 from tests.stabilizer.states import State
 
 BOTH, LEFT, RIGHT = [True, True], [True, False], [False, True]
@@ -48,7 +48,7 @@ class Rig:
         return self.settings.tsid.normal_force_max_weights * self.weight
 
     def go(self, state: State) -> Dynamics:
-        """Puts the robot into a state."""
+        """Put the robot into a state."""
         self.dynamics.update(state.q, state.v)
         self.stance.compare_base(state.base_rotation)
         return self.dynamics

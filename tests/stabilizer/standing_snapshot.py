@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from robot_io.snapshot import Snapshot
-from schemas.messages import SCHEMA_VERSION, Reference
-from stabilizer.model import GRAVITY, RobotModel
-from stabilizer.references import standing
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.messages import SCHEMA_VERSION, Reference
+from surefoot.stabilizer.control.reference import standing
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.kinematic_robot import KinematicRobot
 
 

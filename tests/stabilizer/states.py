@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from schemas.arrays import Array, Mat
-from stabilizer.model import N_BASE_V, RobotModel
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 
 @dataclass(frozen=True)

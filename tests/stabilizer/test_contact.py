@@ -6,8 +6,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from schemas.settings import ContactSettings
-from stabilizer.contact import ContactMonitor
+from surefoot.schemas.settings import ContactSettings
+from surefoot.stabilizer.estimation.contact import ContactMonitor
 
 PERIOD_S = 0.001
 LARGEST_N = 1400.0

@@ -6,9 +6,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from schemas.settings import ControllerSettings
-from stabilizer.model import N_BASE_V, RobotModel
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 from tests.stabilizer.explicit_dik import velocity_range
 from tests.stabilizer.rig import Rig
 from tests.stabilizer.states import nominal_state, states_near_stance

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from stabilizer.model import N_BASE_V
-from stabilizer.qp import QpSolution
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.model import N_BASE_V
+from surefoot.stabilizer.qp import QpSolution
 from tests.stabilizer.explicit_dik import solve_explicit
 from tests.stabilizer.kkt import kkt_residuals
 from tests.stabilizer.rig import Rig

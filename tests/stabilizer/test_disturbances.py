@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot import Robot, load_robot
 from tests.stabilizer.closed_loop import run_closed_loop
 
 PUSH_S = 0.1

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from schemas.arrays import Array
-from schemas.settings import EstimatorSettings
-from stabilizer.estimator import Estimator
-from stabilizer.model import GRAVITY, RobotModel
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.estimator import Estimator
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.estimator_run import resting, tilt_between
 from tests.stabilizer.kinematic_robot import (
     UNBIASED,
@@ -36,7 +36,7 @@ SAMPLES = 300
 
 @pytest.fixture
 def leaning(model: RobotModel) -> Array:
-    """Leans forward at the ankles, soles flat on the ground."""
+    """Lean forward at the ankles, soles flat on the ground."""
     offsets = joint_offsets(model, ankle_pitch=LEAN_RAD)
     return StandingOnSoles(model)(model.nominal + offsets)
 

@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from schemas.arrays import Array
-from schemas.settings import EstimatorSettings
-from stabilizer.estimator import Estimator
-from stabilizer.model import GRAVITY, RobotModel
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.estimator import Estimator
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.estimator_run import EstimatorRun, track
 from tests.stabilizer.kinematic_robot import (
     KinematicRobot,

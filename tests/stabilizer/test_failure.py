@@ -8,15 +8,15 @@ import msgspec
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.messages import Reference
-from schemas.settings import build_settings
-from stabilizer.controller import ControllerOutput
-from stabilizer.model import RobotModel
-from stabilizer.qp import DenseQp
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import Reference
+from surefoot.schemas.settings import build_settings
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.qp import DenseQp
 from tests.stabilizer.standing_snapshot import (
     airborne_snapshot,
     standing_reference,

@@ -8,17 +8,17 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.messages import Reference
-from schemas.settings import ControllerSettings, SafetySettings
-from stabilizer.controller import ControllerOutput
-from stabilizer.health import FRESH
-from stabilizer.model import RobotModel
-from stabilizer.qp import QpData
-from stabilizer.safety import Safety, SafetyState
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import Reference
+from surefoot.schemas.settings import ControllerSettings, SafetySettings
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.qp import QpData
+from surefoot.stabilizer.safety.health import FRESH
+from surefoot.stabilizer.safety.safety import Safety, SafetyState
 from tests.stabilizer.closed_loop import NOISE
 from tests.stabilizer.standing_snapshot import standing_snapshot
 from tests.stabilizer.watched_run import watched_run
@@ -73,7 +73,7 @@ class Creeping:
     def degrade(self, lost: tuple[bool, bool]) -> None:
         del lost
 
-    def take_back(
+    def undo_overload(
         self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
     ) -> None:
         self.asked.append((q_command, ticks, sides))
@@ -159,7 +159,7 @@ def test_the_whole_body_controller_returns_as_fast_as_it_went(walker: Robot) -> 
     reading = standing_snapshot(RobotModel(walker))
     controller.start(reading, walker.nominal)
     before = controller.step(reading).q_command.copy()
-    controller.take_back(before + 0.01, ticks=10, sides=(True, False))
+    controller.undo_overload(before + 0.01, ticks=10, sides=(True, False))
     first = controller.step(reading).q_command.copy()
     np.testing.assert_allclose(first - before, 0.001, atol=1e-4)
     for _ in range(20):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from stabilizer.dynamics import SOLE_ROWS
-from stabilizer.model import RobotModel
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.dynamics import SOLE_ROWS
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.laws import HALF_SIZES, PERIOD_S, make_law, settings_with
 from tests.stabilizer.rig import BOTH, LEFT, RIGHT, Rig
 from tests.stabilizer.states import State, nominal_state

@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from robot_io.robot import Robot
-from stabilizer.dynamics import SOLE_ROWS, Dynamics
-from stabilizer.model import N_BASE_V, RobotModel
+from surefoot.robot_io.robot import Robot
+from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 from tests.stabilizer.states import State, states_anywhere
 
 STATES = 20

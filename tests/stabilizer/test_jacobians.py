@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from schemas.arrays import Array
-from stabilizer.dynamics import SOLE_ROWS, Dynamics
-from stabilizer.model import RobotModel
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.states import State, states_anywhere, stepped, unit
 
 STATES = 10

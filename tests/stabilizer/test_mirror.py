@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stabilizer.model import RobotModel
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.mirror import VECTOR, Mirror
 
 STATES = 20

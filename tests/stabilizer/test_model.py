@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from robot_io.robot import Robot
-from stabilizer.model import GRAVITY, RobotModel, skew
-from stabilizer.references import standing
+from surefoot.robot_io.robot import Robot
+from surefoot.stabilizer.control.reference import standing
+from surefoot.stabilizer.model import GRAVITY, RobotModel, skew
 
 TOLERANCE = 1e-12
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.arrays import Array
-from schemas.settings import ControllerSettings
-from stabilizer.model import RobotModel
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 from tests.stabilizer.mirror import Mirror
 

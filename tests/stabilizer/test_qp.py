@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.arrays import Array, Mat
-from stabilizer.qp import SOLVED, DenseQp
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.stabilizer.qp import SOLVED, DenseQp
 from tests.stabilizer.kkt import kkt_residuals
 
 N, M = 12, 9

@@ -7,9 +7,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from schemas.messages import FootReference, Reference
-from stabilizer.model import RobotModel
-from stabilizer.references import Stance, standing
+from surefoot.schemas.messages import FootReference, Reference
+from surefoot.stabilizer.control.reference import Stance, standing
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.standing_snapshot import standing_reference
 
 TOLERANCE = 1e-12

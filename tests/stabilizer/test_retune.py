@@ -3,12 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.live_settings import LIVE_SETTINGS, live_values, with_values
-from schemas.settings import ControllerSettings
-from stabilizer.hold import HoldController
-from stabilizer.tunable import Tunable
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.live_settings import LIVE_SETTINGS, live_values, with_values
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.controller import HoldController, Tunable
+from surefoot.stabilizer.control.whole_body import WholeBodyController
 from tests.stabilizer.closed_loop import run_closed_loop
 
 DEFAULTS = ControllerSettings()

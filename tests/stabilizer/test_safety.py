@@ -9,16 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robot_io.quiet import quiet_interpreter
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.scenario import scenario_from_table
-from schemas.settings import ControllerSettings, SafetySettings
-from sim_robot.simulated_robot import SimulatedRobot
-from stabilizer.health import FRESH, SensorHealth
-from stabilizer.hold import HoldController
-from stabilizer.safety import Safety, SafetyState
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings, SafetySettings
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.stabilizer.control.controller import HoldController
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.safety.health import FRESH, SensorHealth
+from surefoot.stabilizer.safety.safety import Safety, SafetyState
 from tests.stabilizer.closed_loop import NOISE
 from tests.stabilizer.watched_run import watched_run
 

@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from schemas.errors import FileFormatError
-from schemas.settings import ControllerSettings, build_settings, setting_names
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.settings import ControllerSettings, build_settings, setting_names
 
 
 def build(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from schemas.settings import TsidSettings
-from stabilizer.tsid import cone_rows
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import TsidSettings
+from surefoot.stabilizer.control.tsid import cone_rows
 
 HALF_LENGTH, HALF_WIDTH = 0.13, 0.07
 SETTINGS = TsidSettings()

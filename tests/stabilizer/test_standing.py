@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.arrays import Array
-from schemas.settings import ControllerSettings
-from stabilizer.model import GRAVITY, RobotModel
-from stabilizer.references import standing
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.reference import standing
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 
 DURATION_S = 3.0

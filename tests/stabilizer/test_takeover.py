@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.arrays import Array
-from schemas.messages import Reference
-from schemas.settings import ControllerSettings
-from stabilizer.controller import ControllerOutput
-from stabilizer.qp import QpData
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import Reference
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.qp import QpData
 from tests.stabilizer.closed_loop import run_closed_loop
 
 LEFT_ALONE_S = 0.45

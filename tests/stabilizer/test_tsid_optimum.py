@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from stabilizer.model import N_BASE_V
-from stabilizer.qp import QpSolution
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.model import N_BASE_V
+from surefoot.stabilizer.qp import QpSolution
 from tests.stabilizer.kkt import kkt_residuals
 from tests.stabilizer.rig import CONTACT_NAMES, CONTACT_SETS, Rig
 from tests.stabilizer.states import states_near_stance
@@ -44,7 +44,7 @@ FEET = pytest.mark.parametrize("in_contact", CONTACT_SETS, ids=CONTACT_NAMES)
 
 
 def solutions(rig: Rig, spread: Spread, in_contact: list[bool]) -> Iterator[QpSolution]:
-    """Solves at random states; the rig stays at each while it is looked at."""
+    """Solve at random states; the rig stays at each while it is looked at."""
     for state in states_near_stance(
         rig.model, count=STATES, seed=9, spread=spread.position, speed=spread.speed
     ):

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from schemas.arrays import Array, Vec3
-from stabilizer.model import GRAVITY, RobotModel
-from stabilizer.tsid import NO_CONTACT
+from surefoot.schemas.arrays import Array, Vec3
+from surefoot.stabilizer.control.tsid import NO_CONTACT
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance
 

@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from robot_io.robot import Robot
-from schemas.arrays import Array, Mat, Vec6
-from stabilizer.model import GRAVITY, RobotModel
-from stabilizer.wrench import WrenchCompensation
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat, Vec6
+from surefoot.stabilizer.estimation.wrench_compensation import WrenchCompensation
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 SAMPLES = 50
 FORCE_SPREAD = 300.0

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from stabilizer.dynamics import SOLE_ROWS
-from stabilizer.model import RobotModel
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.dynamics import SOLE_ROWS
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.laws import NO_GAIN, PAPER, make_law, settings_with
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, LEFT, RIGHT, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance

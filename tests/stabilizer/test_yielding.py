@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from stabilizer.dynamics import SOLE_ROWS
-from stabilizer.model import RobotModel
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.dynamics import SOLE_ROWS
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.laws import make_law
 from tests.stabilizer.mirror import Mirror
 from tests.stabilizer.rig import BOTH, Rig

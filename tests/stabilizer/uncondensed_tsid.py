@@ -11,9 +11,9 @@ import numpy as np
 import piqp
 from scipy.linalg import block_diag
 
-from schemas.arrays import Array, Mat
-from stabilizer.model import N_BASE_V
-from stabilizer.tsid import cone_rows
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.stabilizer.control.tsid import cone_rows
+from surefoot.stabilizer.model import N_BASE_V
 from tests.stabilizer.rig import Rig
 
 TOLERANCE = 1e-11
@@ -45,7 +45,7 @@ class _Cost:
 
 
 def solve_uncondensed(rig: Rig, in_contact: list[bool]) -> Accelerations:
-    """Solves it at the rig's present state, with the rig's settings."""
+    """Solve it at the rig's present state, with the rig's settings."""
     feet = [side for side in (0, 1) if in_contact[side]]
     rows = [6 * side + row for side in feet for row in range(6)]
     n_v, n_a, n_c = rig.model.n_v, rig.model.n_a, len(rows)

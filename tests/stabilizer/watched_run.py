@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from robot_io.delivery import Delivery
-from robot_io.robot import Robot
-from schemas.result import Distribution, PlantResult
-from schemas.scenario import scenario_from_table
-from schemas.settings import ControllerSettings, SafetySettings
-from sim_robot.simulated_robot import SimulatedRobot
-from stabilizer.controller import Controller
-from stabilizer.safety import Safety, SafetyState
-from stabilizer.whole_body import WholeBodyController
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Delivery
+from surefoot.schemas.result import Distribution, PlantResult
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings, SafetySettings
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.stabilizer.control.controller import Controller
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.safety.safety import Safety, SafetyState
 from tests.stabilizer.closed_loop import DELAY, NOISE
 
 
@@ -46,7 +46,7 @@ def watched_run(
     safety_settings: SafetySettings | None = None,
     **scenario: Any,
 ) -> WatchedRun:
-    """Runs a scenario; other keywords are its keys, noise and delay as shipped."""
+    """Run a scenario; other keywords are its keys, noise and delay as shipped."""
     table = {"name": "test", "sensors": NOISE, "delay": DELAY, **scenario}
     simulated = SimulatedRobot(
         robot, scenario_from_table(table, source="test"), seed=seed

@@ -7,12 +7,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from robot_io.bus import Bus
-from robot_io.session import Role
-from schemas.codec import encode
-from schemas.endpoints import Endpoints
-from schemas.messages import SCHEMA_VERSION, ForceTorque
-from schemas.topics import ALIVE_ROBOT
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import SCHEMA_VERSION, ForceTorque
+from surefoot.schemas.topics import ALIVE_ROBOT
 
 NAMESPACE = "walker"
 PERIOD_S = 0.002

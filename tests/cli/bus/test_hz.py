@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import json
 
-from schemas.endpoints import Endpoints
+from surefoot.schemas.endpoints import Endpoints
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
 from tests.cli.conftest import Surefoot
 

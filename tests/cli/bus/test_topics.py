@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from robot_io.bus import Bus
-from robot_io.session import Role
-from schemas.endpoints import Endpoints
-from schemas.topics import TOPICS
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.topics import TOPICS
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
 from tests.cli.conftest import Surefoot
 
@@ -54,7 +54,7 @@ def test_channels_and_unknown_keys_are_told_apart(
     assert "reference" in done.stderr
     unknown = {row["key"]: row for row in told["unknown"]}
     assert unknown["walker/state/ft/left_ancle"]["bytes"] == 2
-    # Silent, and of another robot: only the census knows of it.
+    # Silent, and of another robot: only the graph knows of it.
     (publisher_name,) = unknown["runner/cmd/joints"]["publishers"]
     assert publisher_name.startswith("client ")
     assert unknown["runner/state/joints"]["subscribers"] == [publisher_name]

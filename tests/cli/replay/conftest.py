@@ -39,11 +39,19 @@ def standing(folder: Path, duration_s: float, more: str = "") -> Path:
 
 
 def record_of(folder: Path, scenario: Path, *words: object) -> Path:
-    """Runs a scenario on the bus and gives its record."""
+    """Run a scenario on the bus and give its record."""
     out = folder / "run"
     done = subprocess.run(
         [
-            *(sys.executable, "-m", "cli", "run", str(scenario), "--out", str(out)),
+            *(
+                sys.executable,
+                "-m",
+                "surefoot.cli",
+                "run",
+                str(scenario),
+                "--out",
+                str(out),
+            ),
             *map(str, words),
         ],
         env=environment(),
@@ -76,7 +84,7 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def check(surefoot: Surefoot) -> Check:
-    """Replays through the controller: exit code and what was found."""
+    """Replay through the controller: exit code and what was found."""
 
     def run(path: Path, *words: object) -> tuple[int, dict[str, Any]]:
         done = surefoot("replay", "--controller", path, "--json", *words)

@@ -17,14 +17,13 @@ from typing import Any
 import msgspec
 import pytest
 
-from robot_io.errors import RequestRefusedError
-from robot_io.observer import Observer, Sample
-from robot_io.replay_server import REFUSAL
-from robot_io.robot import load_robot
-from robot_io.sight import SEEN_CHANNELS
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode
-from schemas.topics import TICK_SENSORS
+from surefoot.robot_io.client_side.observer import VIEWER_CHANNELS, Observer, Sample
+from surefoot.robot_io.errors import RequestRefusedError
+from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot_side.replay_server import REFUSAL
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.topics import TICK_SENSORS
 from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
 from tests.cli.mcap_reading import messages
 from tests.cli.replay.conftest import Check
@@ -50,7 +49,7 @@ def playing(
     """``surefoot replay`` as a process."""
     process = subprocess.Popen(
         [
-            *(sys.executable, "-m", "cli", "replay", str(path)),
+            *(sys.executable, "-m", "surefoot.cli", "replay", str(path)),
             *("--listen", endpoints.listen[0], *map(str, words)),
         ],
         env=environment(),
@@ -132,7 +131,12 @@ def test_it_cannot_be_commanded_and_looks_like_the_robot(
     ):
         wait_until(lambda: observer.stabilizers, what="the stabilizer")
         sight = wait_until(
-            lambda: (s := observer.look()).status and s.truth and s.stabilizer and s,
+            lambda: (
+                (s := observer.latest_messages()).status
+                and s.truth
+                and s.stabilizer
+                and s
+            ),
             what="robot, truth and stabilizer",
         )
         assert sight.status.commander == commander
@@ -147,7 +151,9 @@ def test_it_cannot_be_commanded_and_looks_like_the_robot(
             with pytest.raises(RequestRefusedError, match=REFUSAL):
                 request()
         later = wait_until(
-            lambda: (s := observer.look()).status.tick > sight.status.tick and s,
+            lambda: (
+                (s := observer.latest_messages()).status.tick > sight.status.tick and s
+            ),
             what="the replay to go on",
         )
         assert later.status.mode is RobotMode.ACTIVE
@@ -212,7 +218,7 @@ def test_a_loop_begins_again(record: Path, endpoints: Endpoints) -> None:
         ticks: list[int] = []
 
         def has_begun_again() -> bool:
-            sight = observer.look()
+            sight = observer.latest_messages()
             if sight.joints is not None:
                 ticks.append(sight.joints.tick)
             return any(later < earlier for earlier, later in pairwise(ticks))
@@ -234,7 +240,7 @@ def looking(endpoints: Endpoints) -> Iterator[Observer]:
     with Observer(
         load_robot("walker"),
         endpoints=endpoints,
-        channels=SEEN_CHANNELS,
+        channels=VIEWER_CHANNELS,
         identity="eve",
     ) as observer:
         observer.connect(timeout_s=TIMEOUT_S)

@@ -12,17 +12,20 @@ from typing import Any
 
 import pytest
 
-from robot_io.observer import Observer
-from robot_io.pace import Pace
-from robot_io.robot import load_robot
-from robot_io.sight import SEEN_CHANNELS, Sight
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode
-from schemas.scenario import scenario_from_table
-from schemas.settings import ControllerSettings
-from sim_robot.node import run_robot
-from stabilizer.factory import make_controller
-from stabilizer.node import run_stabilizer
+from surefoot.robot_io.client_side.observer import (
+    VIEWER_CHANNELS,
+    LatestMessages,
+    Observer,
+)
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.node import run_robot
+from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.node import run_stabilizer
 from tests.cli.conftest import TIMEOUT_S, environment
 from tests.cli.mcap_reading import messages
 from tests.cli.replay.conftest import Check, patient_robot
@@ -58,15 +61,17 @@ def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
     )
 
 
-class Onlooker:
+class ReadOnlyClient:
     """Looks on, and waits until it has seen something."""
 
     def __init__(self, observer: Observer) -> None:
         self.observer = observer
 
-    def until(self, condition: Callable[[Sight], object], *, what: str) -> Sight:
-        def look() -> Sight | None:
-            sight = self.observer.look()
+    def until(
+        self, condition: Callable[[LatestMessages], object], *, what: str
+    ) -> LatestMessages:
+        def look() -> LatestMessages | None:
+            sight = self.observer.latest_messages()
             is_whole = sight.status and sight.stabilizer and sight.joints
             return sight if is_whole and condition(sight) else None
 
@@ -94,13 +99,13 @@ class Onlooker:
 
 
 @contextmanager
-def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Onlooker]:
+def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyClient]:
     """A recorder and an onlooker of a robot; the robot must end inside."""
     log = out.with_suffix(".log")
     with log.open("w") as stderr:
         recorder = subprocess.Popen(
             [
-                *(sys.executable, "-m", "cli", "record", "--out", str(out)),
+                *(sys.executable, "-m", "surefoot.cli", "record", "--out", str(out)),
                 *("--robot", path, "--connect", endpoints.connect[0], "--json"),
             ],
             env=environment(),
@@ -112,11 +117,11 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Onlooker]:
         with Observer(
             load_robot(path),
             endpoints=endpoints,
-            channels=SEEN_CHANNELS,
+            channels=VIEWER_CHANNELS,
             identity="eve",
         ) as observer:
             observer.connect(timeout_s=TIMEOUT_S)
-            yield Onlooker(observer)
+            yield ReadOnlyClient(observer)
         assert recorder.wait(TIMEOUT_S) == 0, log.read_text()
     finally:
         recorder.kill()

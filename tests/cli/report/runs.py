@@ -29,7 +29,7 @@ force_noise_n = 2.0
 
 
 def make_run(folder: Path, *words: str) -> Path:
-    """Runs a short scenario over the bus unless told otherwise.
+    """Run a short scenario over the bus unless told otherwise.
 
     Args:
         folder: gets scenario and run.
@@ -40,7 +40,7 @@ def make_run(folder: Path, *words: str) -> Path:
     *options, name = words
     done = subprocess.run(
         [
-            *(sys.executable, "-m", "cli", "run", str(scenario)),
+            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
             *("--out", str(folder / name), *options),
         ],
         env=environment(),
@@ -54,9 +54,9 @@ def make_run(folder: Path, *words: str) -> Path:
 
 
 def make_report(*words: object) -> subprocess.CompletedProcess[str]:
-    """Runs ``surefoot report``."""
+    """Run ``surefoot report``."""
     return subprocess.run(
-        [sys.executable, "-m", "cli", "report", *map(str, words)],
+        [sys.executable, "-m", "surefoot.cli", "report", *map(str, words)],
         env=environment(),
         capture_output=True,
         text=True,

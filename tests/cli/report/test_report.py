@@ -13,17 +13,17 @@ import pytest
 pytest.importorskip("viser", reason="reports need viser: pip install -e .[view]")
 pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view]")
 
-from cli.errors import UsageError
-from cli.report.panels import panel_groups
-from cli.report.run_data import RunData, load_run, load_runs
-from cli.report.scene_page import frame_rows, state_at
-from cli.report.signals import com_error, signals
-from cli.report.tables import figure_rows, setting_rows
-from cli.report.write_page import REPORT_MARKER
-from cli.run_directory import RunDirectory
-from cli.view.robot_shape import RobotShape
-from schemas.result import RunResult
-from sim_robot.metrics import COM_FROM_S
+from surefoot.errors import UsageError
+from surefoot.report.curves import com_error, signals
+from surefoot.report.page import REPORT_MARKER
+from surefoot.report.panels import panel_groups
+from surefoot.report.run_data import RunData, load_run, load_runs
+from surefoot.report.scene_page import frame_rows, state_at
+from surefoot.report.tables import figure_rows, setting_rows
+from surefoot.run_folder import RunDirectory
+from surefoot.schemas.result import RunResult
+from surefoot.sim_robot.metrics import COM_FROM_S
+from surefoot.view.robot_shape import RobotShape
 from tests.cli.report.runs import make_report, make_run
 
 MM = 1e3
@@ -34,7 +34,7 @@ STAMPS = 20
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Runs ``bus``, ``inline`` and ``zmp`` of one scenario."""
+    """Run ``bus``, ``inline`` and ``zmp`` of one scenario."""
     folder = tmp_path_factory.mktemp("runs")
     make_run(folder, "--set", "tsid.base_kp=120", "bus")
     make_run(folder, "--inline", "inline")

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cli.report.loop import best_loop
-from cli.report.thin import changes, thin
+from surefoot.report.curves import changes, thin
+from surefoot.report.video import best_loop
 
 PERIOD_S = 0.01
 

@@ -9,11 +9,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from cli.reproduce import definition as d
-from cli.reproduce.findings import FAILS, HOLDS, OPEN, Evidence, claims, goals
-from cli.reproduce.report import write_report
-from cli.study.cell import Cell
-from cli.study.summarise import summarise
+from surefoot.studies import paper as d
+from surefoot.studies.cell import Cell
+from surefoot.studies.paper_findings import FAILS, HOLDS, OPEN, Evidence, claims, goals
+from surefoot.studies.paper_page import write_report
+from surefoot.studies.summary import summarise
 
 ABOUT = {"code": "0123456789abcdef"}
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from cli.errors import UsageError
-from cli.study.parse import all_cells, parse_seeds, parse_vary
-from cli.study.variant import VARIANTS
-from robot_io.robot import load_robot
-from schemas.settings import ControllerSettings
+from surefoot.cli.sweep_cells import all_cells, parse_seeds, parse_vary
+from surefoot.errors import UsageError
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.studies.cell import VARIANTS
 
 
 @pytest.mark.parametrize(

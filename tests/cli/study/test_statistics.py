@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from cli.study.statistics import success_interval, success_limit
+from surefoot.studies.summary import success_interval, success_limit
 
 TOLERANCE = 1e-4
 

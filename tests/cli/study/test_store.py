@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from cli.errors import UsageError
-from cli.study.store import RUNS, StudyStore, read_rows
+from surefoot.errors import UsageError
+from surefoot.studies.store import RUNS, StudyStore, read_rows
 
 ABOUT = {"robot": "walker", "set": []}
 ROWS = [{"key": "a", "fell": False}, {"key": "b", "fell": True}]

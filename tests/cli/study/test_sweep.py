@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from cli.study.store import RUNS, read_rows
+from surefoot.studies.store import RUNS, read_rows
 
 SCENARIO = """
 name = "short"
@@ -28,7 +28,7 @@ def scenario(folder: Path) -> Path:
 
 
 def words(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "cli", *map(str, arguments)]
+    return [sys.executable, "-m", "surefoot.cli", *map(str, arguments)]
 
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:

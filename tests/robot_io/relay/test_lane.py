@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_io.relay.lane import Lane
-from robot_io.relay.parcel import Parcel
-from schemas.codec import decode, encode
-from schemas.messages import JointState
-from schemas.relay_plan import relay_plan_from_table
+from surefoot.robot_io.relay.faults import Parcel
+from surefoot.robot_io.relay.lane import Lane
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.messages import JointState
+from surefoot.schemas.relay_plan import relay_plan_from_table
 from tests.robot_io.sensor_messages import message
 
 PERIOD_S = 1e-3

@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 
-from robot_io.client import RobotClient
-from robot_io.errors import RequestRefusedError, RobotUnreachableError
-from robot_io.observer import Observer
-from robot_io.relay.relay import Relay
-from robot_io.robot import load_robot
-from robot_io.stop_request import StopRequest
-from schemas.endpoints import Endpoints
-from schemas.messages import RobotMode
-from schemas.relay_plan import RelayPlan, relay_plan_from_table
-from schemas.result import RelayResult
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.client_side.observer import Observer
+from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.robot_io.relay.relay import Relay
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.relay_plan import RelayPlan, relay_plan_from_table
+from surefoot.schemas.result import RelayResult
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import DEADLINE_S, free_port, wait_until
 
@@ -46,12 +46,12 @@ class Line:
         return self.robot.do(lambda server, gate: gate.mode)
 
     def holder(self) -> str:
-        return self.robot.do(lambda server, gate: gate.authority.lease.holder)
+        return self.robot.do(lambda server, gate: gate.modes.lease.holder)
 
 
 @contextmanager
 def line(endpoints: Endpoints, relay_plan: RelayPlan) -> Iterator[Line]:
-    """Runs robot and relay, each in a thread, until the context is left."""
+    """Run robot and relay, each in a thread, until the context is left."""
     there = f"tcp/127.0.0.1:{free_port()}"
     both = Endpoints(listen=[there], connect=endpoints.connect)
     ready = threading.Event()
@@ -100,7 +100,7 @@ def commanding(made: Line, identity: str = "ann") -> Iterator[RobotClient]:
 
 
 def first_command(made: Line, client: RobotClient) -> None:
-    """Has the time of the plan begin."""
+    """Have the time of the plan begin."""
     tick = made.robot.publish_tick()
     assert client.wait_snapshot(timeout_s=DEADLINE_S) is not None
     client.send(WALKER.nominal, tick=tick)

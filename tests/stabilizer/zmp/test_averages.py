@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from stabilizer.zmp.averages import ExponentialAverage, LeakyIntegrator
+from surefoot.stabilizer.zmp.dcm_feedback import ExponentialAverage, LeakyIntegrator
 
 EXACT = 1e-12
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.zmp.com_admittance import ComAdmittance
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.zmp.foot_admittance import ComAdmittance
 
 PERIOD_S = 0.001
 SETTINGS = ZmpSettings(com_admittance=(0.5, 0.25))

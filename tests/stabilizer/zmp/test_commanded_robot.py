@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from schemas.arrays import Array
-from schemas.settings import DikSettings
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.model import N_BASE_V, RobotModel
-from stabilizer.zmp.commanded_robot import CommandedRobot, ComTarget
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import DikSettings
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.zmp.commanded_robot import CommandedRobot, ComTarget
 from tests.stabilizer.kkt import kkt_residuals
 from tests.stabilizer.rig import BOTH
 
@@ -34,7 +34,7 @@ def follow(
     com_offset: Array = STILL,
     q_measured: Array | None = None,
 ) -> None:
-    """Lets it move; the measured joints are where they are commanded."""
+    """Let it move; the measured joints are where they are commanded."""
     com = robot.kinematics.p_com + com_offset
     for _ in range(ticks):
         solution = robot.solve(

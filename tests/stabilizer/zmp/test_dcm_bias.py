@@ -8,12 +8,15 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.model import GRAVITY
-from stabilizer.zmp.dcm_bias import FIRST_STD_M, ORIGINAL_PERIOD_S, DcmBiasEstimator
-from stabilizer.zmp.dcm_feedback import DcmFeedback
-from stabilizer.zmp.pendulum import StandingPendulum
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.model import GRAVITY
+from surefoot.stabilizer.zmp.dcm_bias import (
+    FIRST_STD_M,
+    ORIGINAL_PERIOD_S,
+    DcmBiasEstimator,
+)
+from surefoot.stabilizer.zmp.dcm_feedback import DcmFeedback, StandingPendulum
 
 PERIOD_S = 0.001
 OMEGA = 3.0
@@ -28,7 +31,7 @@ def estimator(period_s: float = PERIOD_S, **settings: float) -> DcmBiasEstimator
 def watch_swaying(
     *, period_s: float, bias: Array, noise_m: float = 0.0, seconds: float = 20.0
 ) -> DcmBiasEstimator:
-    """Feeds a DCM that a stabilizer brings back, with so much bias on top."""
+    """Feed a DCM that a stabilizer brings back, with so much bias on top."""
     law = estimator(period_s)
     rng = np.random.default_rng(3)
     error = np.array([0.02, 0.01, 0.0])

@@ -7,11 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from schemas.arrays import Array
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.model import GRAVITY
-from stabilizer.zmp.dcm_feedback import DcmFeedback
-from stabilizer.zmp.pendulum import StandingPendulum
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.model import GRAVITY
+from surefoot.stabilizer.zmp.dcm_feedback import DcmFeedback, StandingPendulum
 
 PERIOD_S = 0.001
 HEIGHT = GRAVITY / 9.0

@@ -8,12 +8,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from schemas.arrays import Array, Mat
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.model import GRAVITY, RobotModel
-from stabilizer.zmp.contact_cone import contact_cone
-from stabilizer.zmp.distribution import WrenchDistribution, centre_of_pressure
-from stabilizer.zmp.net_wrench import (
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.zmp.distribution import (
+    WrenchDistribution,
+    centre_of_pressure,
+    contact_cone,
     contact_plane,
     net_wrench,
     zero_moment_point,

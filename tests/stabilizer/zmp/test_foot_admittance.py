@@ -6,9 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from schemas.arrays import Array, Mat
-from schemas.zmp_settings import ZmpSettings
-from stabilizer.zmp.foot_admittance import FootAdmittance
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.zmp.foot_admittance import FootAdmittance
 
 SETTINGS = ZmpSettings(
     cop_admittance=(0.01, 0.02),

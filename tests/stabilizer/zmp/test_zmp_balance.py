@@ -8,14 +8,14 @@ import msgspec
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from schemas.arrays import Array
-from schemas.settings import ControllerSettings, build_settings
-from schemas.toml_file import read_toml
-from stabilizer.model import RobotModel
-from stabilizer.references import standing
-from stabilizer.shipped_settings import PRESETS_DIR, find_settings, shipped_settings
-from stabilizer.zmp.zmp_controller import ZmpController
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import ControllerSettings, build_settings
+from surefoot.schemas.toml_file import read_toml
+from surefoot.stabilizer.control.reference import standing
+from surefoot.stabilizer.factory import PRESETS_DIR, find_settings, shipped_settings
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.zmp.controller import ZmpController
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 
 IMPULSE_N_S, PUSH_S = 15.0, 0.1

@@ -8,13 +8,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from robot_io.robot import Robot
-from robot_io.snapshot import Snapshot
-from schemas.settings import ControllerSettings, build_settings
-from stabilizer.controller import ControllerOutput
-from stabilizer.factory import make_controller
-from stabilizer.model import RobotModel
-from stabilizer.zmp.zmp_controller import ZmpController
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.settings import ControllerSettings, build_settings
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.zmp.controller import ZmpController
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 from tests.stabilizer.mirror import Mirror
 from tests.stabilizer.standing_snapshot import (

@@ -1,1 +1,0 @@
-"""Records played back: on the bus, or through the controller."""

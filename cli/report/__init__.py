@@ -1,1 +1,0 @@
-"""Pages about runs that are over."""

@@ -1,1 +1,0 @@
-"""The paper's evaluation: what is run, what it must show, and the page about it."""

@@ -1,1 +1,0 @@
-"""Many runs: what to run, running it, keeping it, and what it amounts to."""

@@ -1,0 +1,92 @@
+"""What ``surefoot sweep`` is asked, from its texts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from typing import Any
+
+from surefoot.errors import UsageError
+from surefoot.schemas.scenario_paths import parse_override, parse_value
+from surefoot.studies.cell import Cell, Group, find_variant
+
+Values = tuple[tuple[str, Any], ...]
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Seeds as ``0:50`` (from, up to but without) or ``1,4,7``.
+
+    Raises:
+        UsageError: neither.
+    """
+    first, colon, end = text.partition(":")
+    try:
+        numbers = text.split(",")
+        seeds = list(range(int(first), int(end))) if colon else [*map(int, numbers)]
+    except ValueError:
+        seeds = []
+    if not seeds or min(seeds) < 0:
+        raise UsageError(
+            f"--seeds {text!r}: expected FROM:TO, such as 0:50 for 50 seeds, or a "
+            "list such as 1,4,7"
+        )
+    return seeds
+
+
+def parse_vary(text: str) -> list[tuple[str, Any]]:
+    """One ``PATH=A,B,C``, or ``PATH=FROM:TO:COUNT`` for evenly spaced numbers.
+
+    Raises:
+        UsageError: neither.
+    """
+    path, equals, values = text.partition("=")
+    path = path.strip()
+    if not equals or not values.strip():
+        raise UsageError(
+            f"--vary {text!r}: expected PATH=A,B,C or PATH=FROM:TO:COUNT, such as "
+            "friction=0.4:1.0:7"
+        )
+    if values.count(":") == 2:
+        return [(path, level) for level in _spaced(text, values)]
+    if values.lstrip().startswith("["):
+        return [parse_override(text, option="--vary")]
+    what = f"--vary {path}"
+    return [(path, parse_value(part, what=what)) for part in values.split(",")]
+
+
+def _spaced(text: str, values: str) -> list[float]:
+    first, last, count = values.split(":")
+    try:
+        low, high, n = float(first), float(last), int(count)
+    except ValueError:
+        n = 0
+    if n < 2:
+        raise UsageError(
+            f"--vary {text!r}: expected numbers FROM:TO:COUNT with a count of 2 or more"
+        )
+    return [low + (high - low) * i / (n - 1) for i in range(n)]
+
+
+def all_cells(
+    scenarios: Sequence[str],
+    *,
+    vary: Sequence[str],
+    variants: Sequence[str],
+    servo_profiles: Sequence[str],
+    seeds: Sequence[int],
+) -> list[Cell]:
+    """Every combination; a whole round of all cases before the next seed.
+
+    Raises:
+        UsageError: a name or a text that cannot be read.
+    """
+    names = [find_variant(name).name for name in variants]
+    combinations: list[Values] = list(product(*(parse_vary(text) for text in vary)))
+    groups = [
+        Group(scenario, values, variant, profile)
+        for scenario in scenarios
+        for values in combinations
+        for profile in servo_profiles
+        for variant in names
+    ]
+    return [Cell(group, seed) for seed in seeds for group in groups]

@@ -1,1 +1,0 @@
-"""The live page and the scene it shares with reports."""

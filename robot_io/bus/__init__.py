@@ -1,0 +1,1 @@
+"""Zenoh: sessions, channels, waits and typed inboxes."""

@@ -1,0 +1,292 @@
+"""Opens the Zenoh session of a process.
+
+The robot is a peer that listens; everyone else is its client and dials. So the robot
+passes on what its clients say to each other, a planner's reference or the
+stabilizer's status, which it would not do between peers; and no two sides ever dial
+each other, by which a session can split for good.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import StrEnum
+
+import zenoh
+
+from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
+from surefoot.robot_io.security.access import access_control
+from surefoot.robot_io.security.locators import (
+    SECURED,
+    check_encryption,
+    check_exposure,
+    check_locators,
+)
+from surefoot.schemas.arrays import JsonObject
+from surefoot.schemas.codec import MAX_MESSAGE_BYTES
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.topics import resolve_keys
+
+CONNECT_TIMEOUT_S = 5.0
+MS_PER_S = 1e3
+QUERY_TIMEOUT_MS = 1000
+MAX_SESSIONS = 16
+HANDSHAKE_MS = 1000
+KEEP_ALIVES_PER_LEASE = 4
+WAIT_BEFORE_DROP_US = 1000
+"""How long a publication may wait for a busy link before it is dropped."""
+QUEUE_BATCHES = 16
+"""Zenoh gives urgent priorities one batch by default, and then drops messages
+whenever its sender thread loses the processor for a millisecond."""
+BATCH_WAIT_MS = 0
+"""How long a message that meets the sender at work may be held back for others to join
+it; Zenoh's own millisecond is a whole tick."""
+RUNTIME_VARIABLE = "ZENOH_RUNTIME"
+RUNTIME = "(rx:(worker_threads:1),acc:(handover:tx),app:(handover:tx))"
+"""Two threads of Zenoh's instead of six: a control loop has few links, and every thread
+that wakes for a message costs the loop its core and its caches."""
+RETRY_GROWTH = 2
+RETRY_MAX_FACTOR = 4
+
+
+class Role(StrEnum):
+    """Which end of the bus a process is."""
+
+    ROBOT = "robot"
+    """Listens; dials only where there is a router."""
+    CLIENT = "client"
+    """Dials the robot, or the router: stabilizer, planner, tools."""
+    ROUTER = "router"
+    """Listens for all the others, the robot included."""
+
+
+@contextmanager
+def open_session(
+    endpoints: Endpoints,
+    role: Role,
+    *,
+    namespace: str,
+    timeout_s: float = CONNECT_TIMEOUT_S,
+    keys: dict[str, str] | None = None,
+) -> Iterator[zenoh.Session]:
+    """Open a session and close it whatever happens.
+
+    Without the close, the interpreter can hang at its exit. Once connected, a client
+    dials again by itself whenever the robot has gone.
+
+    Args:
+        endpoints: both sides of the bus; the role picks its own.
+        role: robot or client.
+        namespace: put before every key on the wire, such as ``walker``; empty for a
+            tool that looks at all of the wire.
+        timeout_s: how long who dials does so before it gives up [s].
+        keys: channel name to key, for access control; the usual ones when None.
+
+    Raises:
+        EndpointError: cannot listen there, or a locator is malformed.
+        LocatorError: a locator is malformed, or open to a network without TLS.
+        RobotUnreachableError: nobody answers where it dials.
+    """
+    _check(endpoints, role)
+    os.environ.setdefault(RUNTIME_VARIABLE, RUNTIME)  # read once, at the first session
+    config = session_config(
+        endpoints, role, namespace=namespace, timeout_s=timeout_s, keys=keys
+    )
+    try:
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+    except zenoh.ZError as error:
+        raise _open_error(endpoints, role, error, timeout_s) from error
+    try:
+        yield session
+    finally:
+        _close(session)
+
+
+def listens(endpoints: Endpoints, role: Role) -> bool:
+    """Whether a process waits for the others to come."""
+    return role is Role.ROUTER or (role is Role.ROBOT and not endpoints.router)
+
+
+def dialed(endpoints: Endpoints) -> list[str]:
+    """Where those dial that do not listen."""
+    return endpoints.router or endpoints.connect
+
+
+def session_config(
+    endpoints: Endpoints,
+    role: Role,
+    *,
+    namespace: str,
+    timeout_s: float,
+    keys: dict[str, str] | None = None,
+) -> JsonObject:
+    """Zenoh's configuration for a process.
+
+    Args:
+        endpoints: both sides of the bus.
+        role: robot, client or router.
+        namespace: put before every key on the wire.
+        timeout_s: how long who dials does so before it gives up [s].
+        keys: channel name to key, for access control; the usual ones when None.
+
+    Returns:
+        What Zenoh's JSON5 file would hold.
+    """
+    is_listening = listens(endpoints, role)
+    config: JsonObject = {
+        "mode": _mode(role, is_listening=is_listening),
+        "metadata": {"name": namespace, "role": role.value},
+        "listen": {
+            "endpoints": endpoints.listen if is_listening else [],
+            "exit_on_failure": True,
+        },
+        "connect": {
+            "endpoints": [] if is_listening else dialed(endpoints),
+            "timeout_ms": round(timeout_s * MS_PER_S),
+            "exit_on_failure": True,
+            "retry": {
+                "period_init_ms": endpoints.retry_ms,
+                "period_max_ms": RETRY_MAX_FACTOR * endpoints.retry_ms,
+                "period_increase_factor": RETRY_GROWTH,
+            },
+        },
+        "scouting": {
+            "delay": 0,
+            "multicast": {"enabled": False},
+            "gossip": {"enabled": False},
+        },
+        "adminspace": {"enabled": True, "permissions": {"read": True, "write": False}},
+        "queries_default_timeout": QUERY_TIMEOUT_MS,
+        "transport": _transport(endpoints),
+    }
+    # A router hears the keys as they are on the wire; so does who names no robot.
+    if role is not Role.ROUTER and namespace:
+        config["namespace"] = namespace
+    if is_listening:
+        config["low_pass_filter"] = [_size_limit(endpoints)]
+    if is_listening and endpoints.tls is not None:
+        config["access_control"] = access_control(
+            endpoints.access, keys=keys or resolve_keys({}), namespace=namespace
+        )
+    return config
+
+
+def _mode(role: Role, *, is_listening: bool) -> str:
+    if role is Role.ROUTER:
+        return "router"
+    return "peer" if is_listening else "client"
+
+
+def _size_limit(endpoints: Endpoints) -> JsonObject:
+    return {
+        "id": "incoming",
+        "flows": ["ingress"],
+        "messages": ["put", "query", "reply", "delete"],
+        "key_exprs": ["**"],
+        "size_limit": endpoints.max_bytes,
+    }
+
+
+def _transport(endpoints: Endpoints) -> JsonObject:
+    return {
+        "shared_memory": {"enabled": False},
+        "unicast": {
+            "lowlatency": False,  # its put() blocks on a slow subscriber for ever
+            "max_sessions": MAX_SESSIONS,
+            "open_timeout": HANDSHAKE_MS,  # close() waits for one that hangs
+            "qos": {"enabled": True},  # without it a dropping publisher never recovers
+        },
+        "link": {
+            **_tls(endpoints),
+            "rx": {"max_message_size": MAX_MESSAGE_BYTES},
+            "tx": {
+                "lease": endpoints.lease_ms,
+                "keep_alive": KEEP_ALIVES_PER_LEASE,
+                "queue": {
+                    "size": {"real_time": QUEUE_BATCHES},
+                    "batching": {"enabled": True, "time_limit": BATCH_WAIT_MS},
+                    "congestion_control": {
+                        "drop": {"wait_before_drop": WAIT_BEFORE_DROP_US}
+                    },
+                },
+            },
+        },
+    }
+
+
+def _tls(endpoints: Endpoints) -> JsonObject:
+    """Certificates on both ends, and no other protocol beside."""
+    tls = endpoints.tls
+    if tls is None:
+        return {}
+    return {
+        "protocols": list(SECURED),
+        "tls": {
+            "root_ca_certificate": tls.ca,
+            "listen_certificate": tls.certificate,
+            "listen_private_key": tls.key,
+            "connect_certificate": tls.certificate,
+            "connect_private_key": tls.key,
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        },
+    }
+
+
+def _close(session: zenoh.Session) -> None:
+    """Closes; a peer that neither talks nor hangs up must not hide other errors."""
+    try:
+        session.close()  # type: ignore[no-untyped-call]
+    except zenoh.ZError as error:
+        logging.getLogger(__name__).warning("closing the bus: %s", _cause(error))
+
+
+def _cause(error: zenoh.ZError) -> str:
+    """Zenoh's words without the source files of its build."""
+    return str(error).split(" at /")[0]
+
+
+def _check(endpoints: Endpoints, role: Role) -> None:
+    is_listening = listens(endpoints, role)
+    locators = endpoints.listen if is_listening else dialed(endpoints)
+    check_locators(locators, verb="listen on" if is_listening else "dial")
+    check_encryption(endpoints, locators)
+    if is_listening:
+        check_exposure(endpoints)
+
+
+def _open_error(
+    endpoints: Endpoints, role: Role, error: zenoh.ZError, timeout_s: float
+) -> EndpointError | RobotUnreachableError:
+    if not listens(endpoints, role):
+        return RobotUnreachableError(
+            unreachable(endpoints, "nobody answers", timeout_s)
+        )
+    why = _cause(error)
+    if "in use" in why:
+        why = "the address is in use; stop who listens there, or choose another port"
+    return EndpointError(
+        f"cannot listen on {', '.join(endpoints.listen)}: {why}",
+        locators=endpoints.listen,
+    )
+
+
+def unreachable(endpoints: Endpoints, what: str, timeout_s: float) -> str:
+    """Words for a bus on which the other side is not found.
+
+    Args:
+        endpoints: where it was dialed.
+        what: what was found instead.
+        timeout_s: how long was waited [s].
+    """
+    if endpoints.router:
+        hint = "are router and robot running (surefoot router, surefoot robot)"
+    else:
+        hint = "is the robot running (surefoot robot), and does it listen there"
+    if endpoints.tls is not None:
+        hint += "; is our certificate of its authority, and not expired"
+    return f"{what} at {', '.join(dialed(endpoints))} within {timeout_s:g} s; {hint}?"

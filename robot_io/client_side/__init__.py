@@ -1,0 +1,1 @@
+"""What everyone else runs: the controller's client, observers, bus tools."""

@@ -1,0 +1,226 @@
+"""Joins the messages of a tick into one snapshot."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, Generic, NamedTuple
+
+from surefoot.robot_io.bus.inbox import NEVER, Inbox, M
+from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
+from surefoot.schemas.messages import ForceTorque, ImuState, JointState
+
+CAUGHT_UP_TICKS = 1
+
+
+class Sensor(Generic[M]):
+    """The newest reading of one sensor, and whether one may wait for the next.
+
+    Attributes:
+        name: name of its channel.
+        inbox: where its messages come in.
+        latest: newest message taken; None before the first.
+        is_lost: it has kept the others waiting, and is not waited for until it has
+            caught up with them.
+    """
+
+    def __init__(self, name: str, inbox: Inbox[M]) -> None:
+        """Nothing has come yet."""
+        self.name = name
+        self.inbox = inbox
+        self.latest: M | None = None
+        self.is_lost = False
+
+    @property
+    def tick(self) -> int:
+        """Tick of the newest message taken."""
+        return NEVER if self.latest is None else self.latest.tick
+
+    def take(self) -> None:
+        """Take the message at the head of the inbox."""
+        self.latest = self.inbox.peek()
+        self.inbox.drop()
+
+    def take_newest(self) -> None:
+        """Take all messages there are; the last one counts."""
+        while self.inbox.peek() is not None:
+            self.take()
+
+    def reach(self, tick: int, *, patience_s: float) -> None:
+        """Take messages up to one of a tick, waiting for it unless it is lost.
+
+        Args:
+            tick: the tick wanted.
+            patience_s: how long to wait [s].
+        """
+        head = self.inbox.peek()
+        if head is not None and head.tick == tick:  # nearly always
+            self.latest = head
+            self.inbox.drop()
+            self.is_lost = False
+        else:
+            self._catch_up(tick, patience_s)
+
+    def restart(self) -> None:
+        """The robot has begun anew."""
+        self.inbox.restart()
+        self.latest = None
+        self.is_lost = False
+
+    def _catch_up(self, tick: int, patience_s: float) -> None:
+        """Take late messages, and wait for the one of the tick."""
+        while self.tick < tick:
+            head = self.inbox.peek()
+            if head is None and not self.is_lost:
+                head = self.inbox.peek_wait(time.monotonic() + patience_s)
+            if head is None:
+                has_caught_up = tick - self.tick <= CAUGHT_UP_TICKS
+                self.is_lost = not (self.is_lost and has_caught_up)
+                return
+            if head.tick > tick:  # the one wanted never came, but the sensor lives
+                break
+            self.take()
+        self.is_lost = False
+
+
+class SnapshotReading(NamedTuple):
+    """A snapshot, and how fresh it is.
+
+    Attributes:
+        snapshot: sensors of one tick.
+        stale: names of the channels whose message of this tick did not come; the
+            snapshot holds their newest values.
+        ages: ticks since each channel's message, in the order of ``TICK_SENSORS``.
+        complete_ns: when the wait for it ended, on ``time.perf_counter_ns`` [ns].
+    """
+
+    snapshot: Snapshot
+    stale: tuple[str, ...]
+    ages: tuple[int, int, int, int]
+    complete_ns: int
+
+
+class SnapshotAssembler:
+    """Waits for the sensors of a tick and joins them.
+
+    The robot sends them in a fixed order, so the last one to come says that the
+    others are there: one wait per tick. A sensor that keeps the others waiting for
+    longer than the patience is left out, its old values kept, until it is back.
+    """
+
+    def __init__(
+        self,
+        joints: Sensor[JointState],
+        imu: Sensor[ImuState],
+        left: Sensor[ForceTorque],
+        right: Sensor[ForceTorque],
+        *,
+        joint_count: int,
+        in_order: bool,
+        patience_s: float,
+    ) -> None:
+        """Join four sensors.
+
+        Args:
+            joints: joint positions, velocities and efforts.
+            imu: inertial unit.
+            left: left ankle force-torque.
+            right: right ankle force-torque, the last to be sent.
+            joint_count: n_a.
+            in_order: every tick once, none skipped (lockstep); otherwise the newest.
+            patience_s: how long one sensor may keep the others waiting [s].
+        """
+        self._joints, self._imu, self._left, self._right = joints, imu, left, right
+        self._sensors: Sequence[Sensor[Any]] = (joints, imu, left, right)
+        self._in_order = in_order
+        self._patience_s = patience_s
+        self._was_partial = False
+        self._tick = NEVER
+        self._complete_ns = 0
+        self._layout = SnapshotLayout(joint_count)
+
+    def wait(self, deadline: float) -> SnapshotReading | None:
+        """Wait for the next snapshot.
+
+        Args:
+            deadline: until when, on ``time.monotonic`` [s].
+
+        Returns:
+            None when the deadline has passed, or the wait was broken off.
+        """
+        while True:
+            tick = self._next_tick(deadline)
+            if tick is None:
+                return None
+            for sensor in self._sensors:
+                sensor.reach(tick, patience_s=self._patience_s)
+            self._tick = tick
+            if not self.missing():
+                return self._join(tick)
+
+    def missing(self) -> tuple[str, ...]:
+        """Channels that nothing has come from yet."""
+        return tuple(s.name for s in self._sensors if s.latest is None)
+
+    def restart(self) -> None:
+        """Forget everything: the robot has begun anew."""
+        for sensor in self._sensors:
+            sensor.restart()
+        self._was_partial = False
+        self._tick = NEVER
+
+    def _next_tick(self, deadline: float) -> int | None:
+        """The tick to join next, once its last sensor has come."""
+        while True:
+            last = self._last_sensor()
+            limit = min(deadline, time.monotonic() + self._patience_s)
+            head = last.inbox.peek_wait(limit)
+            if head is not None:
+                self._complete_ns = time.perf_counter_ns()
+                self._was_partial = False
+                if head.tick > self._tick:
+                    return self._choose(last)
+                last.take()  # late by ticks that have long been answered
+                continue
+            if last.inbox.was_interrupted or time.monotonic() >= deadline:
+                return None
+            self._doubt(last)
+
+    def _last_sensor(self) -> Sensor[Any]:
+        """The last one sent of those that are alive."""
+        alive = [sensor for sensor in self._sensors if not sensor.is_lost]
+        return alive[-1] if alive else self._sensors[-1]
+
+    def _choose(self, last: Sensor[Any]) -> int:
+        if not self._in_order:
+            last.take_newest()
+            return last.tick
+        heads = [sensor.inbox.peek() for sensor in self._sensors]
+        ticks: list[int] = [head.tick for head in heads if head is not None]
+        return min(tick for tick in ticks if tick > self._tick)
+
+    def _doubt(self, last: Sensor[Any]) -> None:
+        """Give the last sensor up if others have come twice without it."""
+        others = (s for s in self._sensors if s is not last)
+        is_partial = any(s.inbox.peek() is not None for s in others)
+        last.is_lost = is_partial and self._was_partial
+        self._was_partial = is_partial and not last.is_lost
+
+    def _join(self, tick: int) -> SnapshotReading:
+        joints, imu = self._joints.latest, self._imu.latest
+        left, right = self._left.latest, self._right.latest
+        assert joints is not None
+        assert imu is not None
+        assert left is not None
+        assert right is not None
+        snapshot = self._layout.join(tick, joints, imu, left, right)
+        ages = (
+            tick - joints.tick,
+            tick - imu.tick,
+            tick - left.tick,
+            tick - right.tick,
+        )
+        if not any(ages):
+            return SnapshotReading(snapshot, (), ages, self._complete_ns)
+        stale = tuple(s.name for s in self._sensors if s.tick != tick)
+        return SnapshotReading(snapshot, stale, ages, self._complete_ns)

@@ -1,0 +1,355 @@
+"""The controller's side of the bus."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+import time
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from surefoot.robot_io.bus.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
+from surefoot.robot_io.bus.inbox import Inbox, Latest, M
+from surefoot.robot_io.bus.session import Role, unreachable
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.assembler import (
+    Sensor,
+    SnapshotAssembler,
+    SnapshotReading,
+)
+from surefoot.robot_io.client_side.requests import ServiceCaller
+from surefoot.robot_io.client_side.stabilizer_services import Asked, StabilizerServices
+from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    EstopRequest,
+    ForceTorque,
+    ImuState,
+    JointCommand,
+    JointState,
+    LeaseRequest,
+    ModeRequest,
+    Reference,
+    RobotStatus,
+    ServiceReply,
+    SettingsChange,
+    StabilizerStatus,
+)
+from surefoot.schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
+
+SENSOR_MESSAGES_KEPT = 64
+REQUEST_TIMEOUT_S = 5.0
+RELEASE_TIMEOUT_S = 1.0
+"""A robot that does not answer misses us soon anyway: leaving it must not take long."""
+DIAL_S = 0.5
+"""A stop request waits for at most this: Zenoh's dialing cannot be broken off."""
+STOP_POLL_S = 0.05
+PATIENCE_S = 0.005
+"""How long one sensor may keep the others of its tick waiting."""
+LOCKSTEP_PATIENCE_S = 0.05
+"""The same in lockstep, where time stands still meanwhile."""
+
+
+_give_way = getattr(os, "sched_yield", lambda: None)
+"""Not every system has it."""
+
+
+class RobotClient:
+    """Reads a robot's sensors and commands its joints.
+
+    A context manager, used by one thread::
+
+        with RobotClient(robot, endpoints=endpoints, identity="me", ...) as client:
+            client.connect(timeout_s=10.0)
+            client.take_lease()
+            q = client.enable()
+            while (reading := client.wait_snapshot(timeout_s=0.1)) is not None:
+                client.send(q, tick=reading.snapshot.tick)
+
+    Leaving the context gives the lease back.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        endpoints: Endpoints,
+        identity: str,
+        in_order: bool,
+        stop: StopRequest,
+    ) -> None:
+        """Prepares; :meth:`connect` dials.
+
+        Args:
+            robot: names keys and joints.
+            endpoints: where to dial.
+            identity: who commands; one word, unique on the bus.
+            in_order: every tick once, none skipped (lockstep); otherwise the newest.
+            stop: ends waits.
+        """
+        self.identity = identity
+        self._robot = robot
+        self._endpoints = endpoints
+        self._in_order = in_order
+        self._stop = stop
+        self._stack = ExitStack()
+        self._robot_is_here = threading.Event()
+        self._sequence = 0
+        self._has_lease = False
+
+    def __enter__(self) -> Self:
+        """Do nothing yet; see :meth:`connect`."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Give the lease back and close the bus."""
+        try:
+            if self._commands_still():
+                with contextlib.suppress(RobotIoError):  # it may end this very moment
+                    self.release()
+        finally:
+            self._stack.close()
+
+    def connect(self, *, timeout_s: float) -> bool:
+        """Dials, and waits until the robot is ready.
+
+        Args:
+            timeout_s: how long in all [s].
+
+        Returns:
+            Whether it is; False when the wait was stopped.
+
+        Raises:
+            EndpointError: a locator is malformed.
+            RobotUnreachableError: no robot was ready in time.
+        """
+        end = time.monotonic() + timeout_s
+        while not self._stop.is_set:
+            try:
+                self._open(min(DIAL_S, timeout_s))
+            except RobotUnreachableError:
+                if time.monotonic() < end:
+                    continue
+                raise self._unreachable("nobody answers", timeout_s) from None
+            return self._wait_for_robot(end, timeout_s)
+        return False
+
+    @property
+    def robot_is_here(self) -> bool:
+        """Whether the robot's process is alive, as far as the bus knows."""
+        return self._robot_is_here.is_set()
+
+    def take_lease(self) -> ServiceReply:
+        """Become the robot's commander.
+
+        Raises:
+            RequestRefusedError: someone else is; the reason says who.
+            RobotUnreachableError: no answer.
+        """
+        reply = self._ask_lease("take")
+        self._has_lease = True
+        return reply
+
+    def release(self) -> ServiceReply:
+        """Give the lease back; the robot holds its posture.
+
+        Raises:
+            RequestRefusedError: it was not ours.
+            RobotUnreachableError: no answer.
+        """
+        self._has_lease = False
+        return self._ask_lease("release", timeout_s=RELEASE_TIMEOUT_S)
+
+    def enable(self) -> Array:
+        """Have the robot follow commands from now on.
+
+        Snapshots that came before are forgotten: the next one is the first to answer.
+
+        Returns:
+            (n_a,) the posture it holds, where the first command must begin [rad].
+
+        Raises:
+            RequestRefusedError: not our lease, or the robot is in fault or off.
+            RobotUnreachableError: no answer.
+        """
+        self._assembler.restart()
+        self._status.forget()
+        return np.array(self.request_mode("enable").q_command)
+
+    def request_mode(self, action: str) -> ServiceReply:
+        """Ask for a mode: enable, hold, disable or reset.
+
+        Raises:
+            RequestRefusedError: the robot says no, and why.
+            RobotUnreachableError: no answer.
+        """
+        request = ModeRequest(
+            schema=SCHEMA_VERSION, action=action, commander=self.identity
+        )
+        return self._services.ask(self._robot.keys["mode"], request)
+
+    def stop_robot(self) -> ServiceReply:
+        """E-stop; needs no lease.
+
+        Raises:
+            RobotUnreachableError: no answer.
+        """
+        request = EstopRequest(schema=SCHEMA_VERSION, source=self.identity)
+        return self._services.ask(self._robot.keys["estop"], request)
+
+    def wait_snapshot(self, *, timeout_s: float) -> SnapshotReading | None:
+        """Wait for the next snapshot: the next tick, or the newest one.
+
+        Args:
+            timeout_s: how long [s].
+
+        Returns:
+            None when the time is up, the robot is gone or the wait was stopped.
+        """
+        return self._assembler.wait(time.monotonic() + timeout_s)
+
+    def missing_sensors(self) -> tuple[str, ...]:
+        """Channels that nothing has come from since enabling."""
+        return self._assembler.missing()
+
+    def send(self, q_command: Array, *, tick: int) -> None:
+        """Commands the joints.
+
+        Args:
+            q_command: (n_a,) in bus order [rad].
+            tick: the tick this answers.
+        """
+        command = JointCommand(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=time.monotonic_ns(),
+            q=q_command.tolist(),
+            commander=self.identity,
+            sequence=self._sequence,
+        )
+        self._sequence += 1
+        self._command.put(encode(command))
+        _give_way()  # to Zenoh's sender, if it waits for this processor
+
+    def status(self) -> RobotStatus | None:
+        """What the robot last said of itself; None before it has."""
+        return self._status.poll()
+
+    def reference(self) -> Reference | None:
+        """What a planner last asked for; None when none has."""
+        return self._reference.poll()
+
+    def publish_status(self, status: StabilizerStatus) -> None:
+        """Tell everyone how the controller fares."""
+        self._own_status.put(encode(status))
+
+    def publish_change(self, change: SettingsChange) -> None:
+        """Tell everyone of a change of settings."""
+        self._own_changes.put(encode(change))
+
+    def next_request(self) -> Asked | None:
+        """What somebody asks of the stabilizer, to be answered; None for nothing."""
+        return self._requests.next()
+
+    def _commands_still(self) -> bool:
+        """Whether there is a lease to give back; a robot that is off has taken it.
+
+        When the end is urgent it is not given back but lost: the robot notices that.
+        """
+        if not self._has_lease or not self.robot_is_here or self._stop.is_urgent:
+            return False
+        status = self._status.poll()
+        return status is None or status.commander == self.identity
+
+    def _open(self, timeout_s: float) -> None:
+        """Open the bus and declare everything; the token last but the watch."""
+        with ExitStack() as stack:
+            self._bus = stack.enter_context(
+                Bus(
+                    self._endpoints,
+                    Role.CLIENT,
+                    namespace=self._robot.file.namespace,
+                    timeout_s=timeout_s,
+                    granularity_s=(
+                        LOCKSTEP_GRANULARITY_S if self._in_order else GRANULARITY_S
+                    ),
+                )
+            )
+            self._declare()
+            self._stack = stack.pop_all()
+        self._stop.waking(self._bus.waker.interrupt)
+
+    def _declare(self) -> None:
+        bus, keys, n_a = self._bus, self._robot.keys, self._robot.n_a
+        self._assembler = SnapshotAssembler(
+            self._sensor("joints", JointState),
+            self._sensor("imu", ImuState),
+            self._sensor("left_ankle_ft", ForceTorque),
+            self._sensor("right_ankle_ft", ForceTorque),
+            joint_count=n_a,
+            in_order=self._in_order,
+            patience_s=LOCKSTEP_PATIENCE_S if self._in_order else PATIENCE_S,
+        )
+        self._status = Latest(
+            bus.channel(keys["status"], depth=1), RobotStatus, joint_count=n_a
+        )
+        self._reference = Latest(
+            bus.channel(keys["reference"], depth=1), Reference, joint_count=n_a
+        )
+        self._command = bus.publisher(keys["joint_command"], urgent=True)
+        self._own_status = bus.publisher(keys["stabilizer"], urgent=False)
+        self._own_changes = bus.publisher(keys["settings_change"], urgent=False)
+        self._requests = StabilizerServices(bus, self._robot)
+        self._services = ServiceCaller(
+            bus.session,
+            joint_count=n_a,
+            timeout_s=REQUEST_TIMEOUT_S,
+            robot_is_here=self._robot_is_here.is_set,
+        )
+        bus.announce(f"{ALIVE_STABILIZER}/{self.identity}")
+        bus.watch_presence(ALIVE_ROBOT, self._on_presence)
+
+    def _wait_for_robot(self, end: float, timeout_s: float) -> bool:
+        while not self._robot_is_here.wait(STOP_POLL_S):
+            if self._stop.is_set:
+                return False
+            if time.monotonic() >= end:
+                name = self._robot.file.namespace
+                raise self._unreachable(f"no robot {name!r} is ready", timeout_s)
+        return True
+
+    def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
+        return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
+
+    def _ask_lease(self, action: str, timeout_s: float | None = None) -> ServiceReply:
+        request = LeaseRequest(
+            schema=SCHEMA_VERSION, action=action, commander=self.identity
+        )
+        return self._services.ask(
+            self._robot.keys["lease"], request, timeout_s=timeout_s
+        )
+
+    def _sensor(self, name: str, kind: type[M]) -> Sensor[M]:
+        channel = self._bus.channel(self._robot.keys[name], depth=SENSOR_MESSAGES_KEPT)
+        return Sensor(name, Inbox(channel, kind, joint_count=self._robot.n_a))
+
+    def _on_presence(self, key: str, is_there: bool) -> None:
+        del key
+        if is_there:
+            self._robot_is_here.set()
+        else:
+            self._robot_is_here.clear()
+            self._bus.waker.interrupt()

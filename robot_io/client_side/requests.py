@@ -1,0 +1,184 @@
+"""What somebody beside the control loop may ask of robot and stabilizer."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+import msgspec
+import zenoh
+
+from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    ControlRequest,
+    EstopRequest,
+    PushRequest,
+    ServiceReply,
+    SettingsRequest,
+    StabilizerReply,
+)
+
+RETRY_PAUSE_S = 0.01
+R = TypeVar("R", ServiceReply, StabilizerReply)
+
+
+class ServiceCaller:
+    """Calls the robot's services; every call has a limit."""
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        *,
+        joint_count: int,
+        timeout_s: float,
+        robot_is_here: Callable[[], bool],
+    ) -> None:
+        """Call through a session.
+
+        Args:
+            session: an open session.
+            joint_count: n_a.
+            timeout_s: how long a call may take [s].
+            robot_is_here: asked before a call is tried again.
+        """
+        self._session = session
+        self._joint_count = joint_count
+        self._timeout_s = timeout_s
+        self._robot_is_here = robot_is_here
+        self._pause = threading.Event()
+
+    def ask(
+        self, key: str, request: msgspec.Struct, *, timeout_s: float | None = None
+    ) -> ServiceReply:
+        """Asks, again while the service is not known yet.
+
+        Args:
+            key: of the service, relative to the namespace.
+            request: what to ask.
+            timeout_s: limit of this call; the usual one when None [s].
+
+        Returns:
+            The robot's answer, which accepts.
+
+        Raises:
+            RequestRefusedError: the robot says no.
+            RobotUnreachableError: nobody answered in time.
+            MessageError: the answer cannot be read.
+        """
+        return self.ask_for(key, request, ServiceReply, timeout_s=timeout_s)
+
+    def ask_for(
+        self,
+        key: str,
+        request: msgspec.Struct,
+        kind: type[R],
+        *,
+        timeout_s: float | None = None,
+    ) -> R:
+        """Ask a service whose answer is of another kind; see :meth:`ask`."""
+        limit_s = self._timeout_s if timeout_s is None else timeout_s
+        end = time.monotonic() + limit_s
+        while (remaining_s := end - time.monotonic()) > 0:
+            data = self._ask_once(key, encode(request), remaining_s)
+            if data is not None:
+                reply = decode(data, kind, joint_count=self._joint_count)
+                if not reply.accepted:
+                    raise RequestRefusedError(
+                        f"{key}: refused {request}: {reply.reason}",
+                        reason=reply.reason,
+                    )
+                return reply
+            if not self._robot_is_here():
+                raise RobotUnreachableError(f"{key}: the robot went away, unanswered")
+            self._pause.wait(RETRY_PAUSE_S)
+        raise RobotUnreachableError(
+            f"{key}: no answer from the robot within {limit_s:g} s; it may "
+            "hang, or be about to end"
+        )
+
+    def _ask_once(self, key: str, data: bytes, timeout_s: float) -> bytes | None:
+        for reply in self._session.get(key, payload=data, timeout=timeout_s):
+            if reply.ok is not None:
+                return reply.ok.payload.to_bytes()
+        return None
+
+
+class Requests:
+    """Asks without holding the lease; with TLS, the certificate says who may what.
+
+    The e-stop is open to everyone; the rest needs an operator's certificate.
+    """
+
+    def __init__(self, caller: ServiceCaller, robot: Robot, *, source: str) -> None:
+        """Ask through a caller.
+
+        Args:
+            caller: of an open session.
+            robot: names the keys.
+            source: who asks, for the log of who is asked.
+        """
+        self._caller, self._robot, self._source = caller, robot, source
+
+    def stop_robot(self) -> ServiceReply:
+        """E-stop; open to everyone.
+
+        Raises:
+            RobotUnreachableError: no answer.
+        """
+        request = EstopRequest(schema=SCHEMA_VERSION, source=self._source)
+        return self._ask("estop", request, ServiceReply)
+
+    def push(
+        self, body: str, force_n: list[float], *, duration_s: float
+    ) -> ServiceReply:
+        """Push a simulated robot.
+
+        Args:
+            body: link of the URDF.
+            force_n: world axes [N].
+            duration_s: for how long [s].
+
+        Raises:
+            RequestRefusedError: no such body, or too strong.
+            RobotUnreachableError: no answer: this robot is none to be pushed.
+        """
+        request = PushRequest(
+            schema=SCHEMA_VERSION,
+            source=self._source,
+            body=body,
+            force_n=force_n,
+            duration_s=duration_s,
+        )
+        return self._ask("push", request, ServiceReply)
+
+    def control(self, action: str) -> StabilizerReply:
+        """Ask the stabilizer to ``hold`` or ``resume``.
+
+        Raises:
+            RequestRefusedError: it says no, and why.
+            RobotUnreachableError: no answer.
+        """
+        request = ControlRequest(
+            schema=SCHEMA_VERSION, source=self._source, action=action
+        )
+        return self._ask("control", request, StabilizerReply)
+
+    def change_settings(self, changes: dict[str, list[float]]) -> StabilizerReply:
+        """Ask the stabilizer for other gains; without any, for the present ones.
+
+        Raises:
+            RequestRefusedError: a value cannot be used, or none can be changed.
+            RobotUnreachableError: no answer.
+        """
+        request = SettingsRequest(
+            schema=SCHEMA_VERSION, source=self._source, changes=changes
+        )
+        return self._ask("settings", request, StabilizerReply)
+
+    def _ask(self, name: str, request: msgspec.Struct, kind: type[R]) -> R:
+        return self._caller.ask_for(self._robot.keys[name], request, kind)

@@ -1,0 +1,101 @@
+"""What the stabilizer is asked: other gains, hold and resume."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import zenoh
+
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.errors import MessageError
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    ControlRequest,
+    SettingsRequest,
+    StabilizerReply,
+)
+
+REQUESTS_KEPT = 64
+"""More than a person presses; a flood drops the oldest, unanswered."""
+
+Request = SettingsRequest | ControlRequest
+
+
+class Asked(NamedTuple):
+    """A request that waits for its answer.
+
+    Attributes:
+        request: what is asked.
+        query: to be answered through :meth:`reply`.
+    """
+
+    request: Request
+    query: zenoh.Query
+
+    def reply(
+        self,
+        *,
+        tick: int,
+        settings: dict[str, list[float]],
+        refusal: str = "",
+    ) -> None:
+        """Answers, once.
+
+        Args:
+            tick: from which on it counts.
+            settings: what may change during a run, with values.
+            refusal: why not; empty when it was done.
+        """
+        _reply(self.query, refusal=refusal, tick=tick, settings=settings)
+
+
+class StabilizerServices:
+    """Queues what comes in on Zenoh's threads; the stabilizer's loop answers it.
+
+    So the controller is only ever touched by one thread, between two ticks.
+    """
+
+    def __init__(self, bus: Bus, robot: Robot) -> None:
+        """Declare the services.
+
+        Args:
+            bus: the stabilizer's.
+            robot: names the keys.
+        """
+        self._queue: deque[tuple[type[Request], zenoh.Query]]
+        self._queue = deque(maxlen=REQUESTS_KEPT)
+        bus.queryable(
+            robot.keys["settings"], lambda q: self._queue.append((SettingsRequest, q))
+        )
+        bus.queryable(
+            robot.keys["control"], lambda q: self._queue.append((ControlRequest, q))
+        )
+
+    def next(self) -> Asked | None:
+        """The next request; None when there is none, which costs nothing."""
+        while self._queue:
+            kind, query = self._queue.popleft()
+            payload = query.payload
+            try:
+                data = b"" if payload is None else payload.to_bytes()
+                return Asked(decode(data, kind), query)
+            except MessageError as error:
+                _reply(query, refusal=str(error), tick=0, settings={})
+        return None
+
+
+def _reply(
+    query: zenoh.Query, *, refusal: str, tick: int, settings: dict[str, list[float]]
+) -> None:
+    reply = StabilizerReply(
+        schema=SCHEMA_VERSION,
+        accepted=not refusal,
+        reason=refusal,
+        tick=tick,
+        settings=settings,
+    )
+    with query:
+        query.reply(query.key_expr, encode(reply))

@@ -1,0 +1,1 @@
+"""What a robot runs: server, command gate, mode machine, driver."""

@@ -1,0 +1,124 @@
+"""The loop of a hardware driver: a vendor's SDK on one side, the bus on the other."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import Pacer, quiet_interpreter
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.timing import CommandLatency, TimingLog
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.endpoints import Endpoints
+
+_LOG = logging.getLogger(__name__)
+
+LATENESS_KEPT = 10_000
+
+
+class VendorAdapter(Protocol):
+    """What a vendor's robot must offer; in our joint order, units, signs and frames.
+
+    Both are called once per tick, by the loop alone, and must not block for longer
+    than a fraction of it.
+    """
+
+    def read(self, tick: int, stamp_ns: int) -> Snapshot:
+        """Take a reading of all sensors.
+
+        Args:
+            tick: counts the robot's periods; passed on.
+            stamp_ns: monotonic clock now; a better one may be put instead [ns].
+        """
+        ...
+
+    def write(self, q_command: Array) -> None:
+        """Have the servos follow a posture.
+
+        Args:
+            q_command: (n_a,) what the gate let pass, every tick, also in HOLD [rad].
+        """
+        ...
+
+
+class GateFactory(Protocol):
+    """Makes the guard in front of the servos."""
+
+    def __call__(self, robot: Robot, posture: Array) -> CommandGate:
+        """Start in HOLD at a posture."""
+        ...
+
+
+def run_driver(
+    adapter: VendorAdapter,
+    robot: Robot,
+    *,
+    endpoints: Endpoints,
+    stop: StopRequest | None = None,
+    make_gate: GateFactory = CommandGate,
+    ready: Callable[[], None] = lambda: None,
+) -> str:
+    """Serve a robot until it is asked to stop: sense, publish, guard, command.
+
+    It begins in HOLD at the measured posture. Commands go through the same gate as in
+    the simulator. When it ends, the servos have been told to hold.
+
+    Args:
+        adapter: the vendor's robot.
+        robot: what its files say; also the control rate.
+        endpoints: where to listen.
+        stop: ends it, besides SIGINT and SIGTERM.
+        make_gate: the guard.
+        ready: called once the bus is open.
+
+    Returns:
+        Why it ended.
+
+    Raises:
+        EndpointError: cannot listen there.
+    """
+    stop = stop or StopRequest()
+    first = adapter.read(0, time.monotonic_ns())
+    gate = make_gate(robot, np.clip(first.q, robot.lower, robot.upper))
+    begin_s = time.monotonic()
+    with (
+        stop.on_signals(),
+        RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server,
+    ):
+        pacer = Pacer(robot.period_s, lateness=TimingLog(LATENESS_KEPT))
+        latency = CommandLatency(LATENESS_KEPT)
+        ready()
+        tick = 0
+        with quiet_interpreter():
+            while not stop.is_set:
+                now_s = time.monotonic() - begin_s
+                gate.begin_tick(now_s=now_s, tick=tick)
+                server.serve_requests(now_s=now_s)
+                stamp_ns = time.monotonic_ns()
+                latency.sensed(tick, stamp_ns=stamp_ns)
+                server.publish_sensors(adapter.read(tick, stamp_ns), stamp_ns=stamp_ns)
+                command = server.take_newest(now_s=now_s)
+                if command is not None:
+                    latency.taken(command.tick, acts_at=tick)
+                adapter.write(gate.posture)
+                latency.applied(tick)
+                server.publish_status(now_s=now_s)
+                tick += 1
+                pacer.wait()
+        reason = f"stopped: {stop.cause}"
+        times = latency.log.distribution()
+        _LOG.info(
+            "%d ticks, %d skipped; sensors to servos %.3f, p99 %.3f, max %.3f ms",
+            *(tick, pacer.skipped, times.median, times.p99, times.max),
+        )
+        gate.modes.finish(reason)
+        server.publish_status(now_s=time.monotonic() - begin_s, at_once=True)
+    return reason

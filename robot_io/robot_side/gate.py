@@ -1,0 +1,372 @@
+"""The guard in front of the servos, shared by the simulator and any driver."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.mode_machine import (
+    Answer,
+    CommandResult,
+    Limit,
+    ModeMachine,
+    Refusal,
+)
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    JointCommand,
+    RobotMode,
+    RobotStatus,
+)
+
+_ACCEPTED = CommandResult(accepted=True)
+NEVER = -1
+ROUNDING_S = 1e-9
+"""A command exactly as old as allowed must not be refused for its last bit."""
+ROUNDING_RAD = 1e-9
+"""A command beyond a limit by less is cut to it without a word: a controller that
+asks for exactly the limit must not be reported for its last bit."""
+AVERAGED_OVER_S = 0.5
+"""Time constant of the average: long against a stall, short against a fall [s]."""
+
+
+class LoopDelay:
+    """Average age of what the servos follow, over the last half second.
+
+    A command that is old and one that is missing do the same harm: the servos act on
+    what was felt long ago. So every tick counts the age of the sensors that the
+    command followed in it answers, whenever that command came.
+
+    Attributes:
+        mean_s: the average [s].
+    """
+
+    def __init__(self, *, period_s: float, oldest: int) -> None:
+        """Begin at zero.
+
+        Args:
+            period_s: from tick to tick [s].
+            oldest: an age above counts as this, so that one long silence, which the
+                watchdog acts on, does not count as a slow loop [ticks].
+        """
+        self._period_s, self._oldest = period_s, oldest
+        self._blend = period_s / AVERAGED_OVER_S
+        self._answered: int | None = None
+        self.mean_s = 0.0
+
+    def restart(self) -> None:
+        """Forget everything; counts again from the next command on."""
+        self._answered = None
+        self.mean_s = 0.0
+
+    def follow(self, answered: int) -> None:
+        """The servos follow a command that answers the sensors of this tick."""
+        self._answered = answered
+
+    def count(self, tick: int) -> None:
+        """Count a tick that begins while the robot is commanded."""
+        if self._answered is None:
+            return
+        age_s = self._period_s * min(tick - self._answered, self._oldest)
+        self.mean_s += self._blend * (age_s - self.mean_s)
+
+
+class CommandLimits:
+    """Position, velocity and step limits of one tick's command.
+
+    All are relative to the command of the tick before, not to the measured posture: a
+    servo lags, and a limit against what it has reached would halve the speed.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Read the limits of a robot."""
+        margin = robot.file.gate.position_margin_rad
+        self._lower = robot.lower + margin
+        self._upper = robot.upper - margin
+        self._by_velocity = robot.velocity_limit * robot.period_s
+        self._by_step = np.full(robot.n_a, robot.file.gate.step_limit_rad)
+        self._reach = np.minimum(self._by_velocity, self._by_step)
+        self._low = np.empty(robot.n_a)
+        self._high = np.empty(robot.n_a)
+        self._excess = np.empty(robot.n_a)
+
+    def clip(self, wanted: Array, before: Array, *, out: Array) -> tuple[Limit, ...]:
+        """Move from one posture toward another as far as the limits allow.
+
+        Args:
+            wanted: (n_a,) finite [rad].
+            before: (n_a,) command of the tick before [rad].
+            out: (n_a,) what is allowed [rad]: never further than a step from
+                ``before``, inside the range whenever ``before`` is.
+
+        Returns:
+            The limits that cut something off.
+        """
+        np.maximum(wanted, self._lower, out=out)
+        np.minimum(out, self._upper, out=out)
+        np.subtract(before, self._reach, out=self._low)
+        np.add(before, self._reach, out=self._high)
+        np.maximum(out, self._low, out=out)
+        np.minimum(out, self._high, out=out)
+        if out.tobytes() == wanted.tobytes():  # nearly always; the fastest to ask
+            return ()
+        np.abs(wanted - out, out=self._excess)
+        if self._excess.max() <= ROUNDING_RAD:
+            return ()
+        return self._diagnose(wanted, before)
+
+    def worst_joint(self) -> tuple[int, float]:
+        """Index of the joint cut most in the last clip, and by how much [rad]."""
+        index = int(self._excess.argmax())
+        return index, float(self._excess[index])
+
+    def _diagnose(self, wanted: Array, before: Array) -> tuple[Limit, ...]:
+        inside = np.clip(wanted, self._lower, self._upper)
+        move = np.abs(inside - before) - ROUNDING_RAD
+        found = {
+            Limit.POSITION: np.abs(wanted - inside) > ROUNDING_RAD,
+            Limit.VELOCITY: move > self._by_velocity,
+            Limit.STEP: move > self._by_step,
+        }
+        return tuple(limit for limit, joints in found.items() if joints.any())
+
+
+class CommandGate:
+    """Lets a command through only when it is safe to follow; says why when not.
+
+    Pure: no clock and no I/O, time is passed in on one monotonic scale. At each tick
+    of the robot::
+
+        gate.begin_tick(now_s=now, tick=tick)       # watchdog
+        gate.check(command, tick=tick, now_s=now)   # any number of commands
+        follow(gate.posture)
+
+    However many commands come within a tick, the posture moves by one tick's step at
+    most. When the commander falls silent the gate holds the last posture; the same
+    commander may go on from there, until the silence has become a fault. So has a loop
+    that answers, but too late on average to balance with. What goes
+    beyond a limit is clipped to it, refused, or in ``warn_only`` followed and counted,
+    as the robot file says.
+
+    Attributes:
+        modes: mode, fault, reason and lease.
+        refused: refused commands by reason.
+        clipped: clipped commands by limit.
+        delay: average age of what the servos follow.
+    """
+
+    def __init__(self, robot: Robot, posture: Array) -> None:
+        """Start in HOLD.
+
+        Args:
+            robot: what its files say.
+            posture: (n_a,) where the servos are now, held until commanded [rad].
+        """
+        self.modes = ModeMachine(lease_s=robot.file.gate.lease_s)
+        self.refused: Counter[str] = Counter()
+        self.clipped: Counter[str] = Counter()
+        self._settings = robot.file.gate
+        self._names = robot.joint_names
+        age_s = self._settings.max_command_age_s
+        self._max_age_s = self._settings.hold_after_s if age_s is None else age_s
+        self._oldest = math.ceil(self._max_age_s / robot.period_s)
+        self._began = [(NEVER, 0.0)] * (self._oldest + 1)
+        """When the last ticks began, by tick modulo its length: (tick, time [s])."""
+        self.delay = LoopDelay(period_s=robot.period_s, oldest=self._oldest)
+        self._limits = CommandLimits(robot)
+        self._posture = np.array(posture, dtype=np.float64)
+        self._before = self._posture.copy()
+        self._wanted = self._posture.copy()
+        self._allowed = self._posture.copy()
+        self._visible = self._posture.view()
+        self._visible.setflags(write=False)
+        self._sequence = -1
+        self._heard_s = 0.0
+        self._is_commanded = False
+        self._is_first = False
+
+    @property
+    def mode(self) -> RobotMode:
+        """Present mode."""
+        return self.modes.mode
+
+    @property
+    def posture(self) -> Array:
+        """(n_a,) what the servos follow [rad]; changes in place, not to be written."""
+        return self._visible
+
+    def request(self, action: str, who: str, *, now_s: float) -> Answer:
+        """Change mode or lease; see :meth:`ModeMachine.request`."""
+        holder, mode = self.modes.lease.holder, self.mode
+        answer = self.modes.request(action, who, now_s=now_s)
+        if self.modes.lease.holder != holder:
+            self._sequence = -1
+        if self.mode is not mode:
+            self._is_first = self.mode is RobotMode.ACTIVE
+            self._is_commanded = False
+            self._heard_s = now_s
+            self.delay.restart()
+        return answer
+
+    def begin_tick(self, *, now_s: float, tick: int | None = None) -> None:
+        """Begin a tick: watchdog and lease.
+
+        Args:
+            now_s: the robot's time, never going back [s].
+            tick: the tick; from then on the age of a command that answers it counts
+                by time as well, which ticks of a loop that is late do not tell. The
+                delay of the loop is watched only where ticks are told.
+        """
+        if tick is not None:
+            self._began[tick % len(self._began)] = (tick, now_s)
+        np.copyto(self._before, self._posture)
+        if self._listens():
+            self._watch(now_s - self._heard_s)
+        if tick is not None and self.mode is RobotMode.ACTIVE:
+            self._watch_delay(tick)
+        lease = self.modes.lease
+        if lease.has_expired(now_s=now_s):
+            self.modes.lose(f"{lease.holder} let its lease expire")
+
+    def check(self, command: JointCommand, *, tick: int, now_s: float) -> CommandResult:
+        """Judge a command; when accepted, the posture follows it.
+
+        Args:
+            command: from the bus or from a controller in this process.
+            tick: the newest tick that can have been answered.
+            now_s: the robot's time [s].
+
+        Returns:
+            What became of it; refusals and clippings are counted.
+        """
+        if not self.modes.holds_lease(command.commander):
+            return self.refuse(Refusal.LEASE, self.modes.why_not(command.commander))
+        if command.sequence <= self._sequence:
+            detail = f"got {command.sequence} after {self._sequence}"
+            return self.refuse(Refusal.SEQUENCE, detail)
+        self._sequence = command.sequence
+        if not self._listens():
+            return self.refuse(Refusal.MODE, f"the robot is {self.mode}")
+        age = tick - command.tick
+        if not 0 <= age <= self._oldest:
+            refusal = Refusal.LATE if age > 0 else Refusal.FUTURE
+            detail = f"answers tick {command.tick} at tick {tick}"
+            return self.refuse(refusal, detail)
+        began_tick, began_s = self._began[command.tick % len(self._began)]
+        if (
+            began_tick == command.tick
+            and now_s - began_s > self._max_age_s + ROUNDING_S
+        ):
+            detail = f"answers sensors {now_s - began_s:.3f} s old"
+            return self.refuse(Refusal.LATE, detail)
+        verdict = self._check_posture(command.q, now_s)
+        if verdict.accepted:
+            self.delay.follow(command.tick)
+        return verdict
+
+    def refuse(self, refusal: Refusal, detail: str) -> CommandResult:
+        """Refuse a command, also one that could not even be read."""
+        self.refused[refusal] += 1
+        self.modes.reason = f"command refused ({refusal}): {detail}"
+        return CommandResult(accepted=False, refusal=refusal)
+
+    def status(
+        self, *, tick: int, stamp_ns: int, now_s: float, deadline_misses: int
+    ) -> RobotStatus:
+        """What to tell everyone.
+
+        Args:
+            tick: the present tick.
+            stamp_ns: the robot's monotonic clock [ns].
+            now_s: the robot's time [s].
+            deadline_misses: ticks that went on without their command.
+        """
+        modes = self.modes
+        return RobotStatus(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            mode=modes.mode,
+            fault=modes.fault,
+            reason=modes.reason,
+            commander=modes.lease.holder,
+            command_age_s=now_s - self._heard_s if self._is_commanded else -1.0,
+            q_command=self._posture.tolist(),
+            refused=dict(self.refused),
+            clipped=dict(self.clipped),
+            deadline_misses=deadline_misses,
+        )
+
+    def _check_posture(self, q: list[float], now_s: float) -> CommandResult:
+        if len(q) != len(self._names):
+            detail = f"got {len(q)} numbers, expected {len(self._names)}"
+            return self.refuse(Refusal.SIZE, detail)
+        if not math.isfinite(sum(q)):
+            return self.refuse(Refusal.NOT_FINITE, "NaN or infinity in q")
+        self._wanted[:] = q
+        if self._is_first or self.modes.is_silent:
+            far = np.abs(self._wanted - self._posture)
+            tolerance = self._settings.first_command_tolerance_rad
+            if far.max() > tolerance:
+                detail = (
+                    f"{self._names[int(far.argmax())]} is {far.max():.4f} rad from "
+                    f"the held posture, at most {tolerance:g} allowed; start from "
+                    "what the robot holds"
+                )
+                return self.refuse(Refusal.FIRST_COMMAND, detail)
+        return self._follow(now_s)
+
+    def _follow(self, now_s: float) -> CommandResult:
+        clipped = self._limits.clip(self._wanted, self._before, out=self._allowed)
+        settings = self._settings
+        if clipped and settings.beyond_limits == "refuse" and not settings.warn_only:
+            self.clipped.update(clipped)
+            return self.refuse(Refusal.LIMIT, f"{self._excess(clipped)}")
+        if self.modes.is_silent:
+            self.modes.go_on()
+        self._is_first = False
+        self._is_commanded = True
+        self._heard_s = now_s
+        self.modes.lease.renew(now_s=now_s)
+        follows_all = bool(clipped) and settings.warn_only
+        np.copyto(self._posture, self._wanted if follows_all else self._allowed)
+        if not clipped:
+            return _ACCEPTED
+        self.clipped.update(clipped)
+        done = "followed beyond its limits" if follows_all else "clipped"
+        self.modes.reason = f"command {done}: {self._excess(clipped)}"
+        return CommandResult(accepted=True, clipped=clipped)
+
+    def _excess(self, limits: tuple[Limit, ...]) -> str:
+        """The limits a command ran into, and how far beyond them it is."""
+        joint, excess = self._limits.worst_joint()
+        return f"{', '.join(limits)}: {self._names[joint]} by {excess:.4f} rad"
+
+    def _listens(self) -> bool:
+        return self.mode is RobotMode.ACTIVE or self.modes.is_silent
+
+    def _watch(self, silence_s: float) -> None:
+        """Act on the silence of the commander; it may be busy before its first."""
+        settings = self._settings
+        if self._is_first:
+            if silence_s > settings.fault_after_s:
+                self._is_first = False
+                self.modes.hold(f"no command in {silence_s:.3f} s after enabling")
+        elif silence_s > settings.fault_after_s:
+            self.modes.fail(f"no command for {silence_s:.3f} s")
+        elif silence_s > settings.hold_after_s and self.mode is RobotMode.ACTIVE:
+            self.modes.hold_for_silence(f"no command for {silence_s:.3f} s")
+
+    def _watch_delay(self, tick: int) -> None:
+        """Act on a loop that is too slow, though never silent."""
+        self.delay.count(tick)
+        limit_s = self._settings.max_loop_delay_s
+        if limit_s is not None and self.delay.mean_s > limit_s:
+            self.modes.fail(
+                f"commands answered sensors over {1e3 * limit_s:g} ms old on average: "
+                "the loop is too slow"
+            )

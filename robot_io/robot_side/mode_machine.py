@@ -1,0 +1,253 @@
+"""Who may command the robot, and in which mode it is."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import NamedTuple
+
+from surefoot.schemas.messages import RobotMode
+
+
+class Refusal(StrEnum):
+    """Why a command never reached the servos; the keys of ``refused`` on status."""
+
+    MALFORMED = "malformed"
+    """Not a joint command: bytes, fields, types."""
+    SCHEMA = "schema"
+    """Written for another schema version."""
+    LEASE = "lease"
+    """From someone who does not hold the lease."""
+    MODE = "mode"
+    """The robot is not ACTIVE."""
+    SEQUENCE = "sequence"
+    """Repeated or out of order."""
+    LATE = "late"
+    """Answers sensors too long ago, by ticks or by the robot's clock."""
+    FUTURE = "future"
+    """Answers a tick that has not been."""
+    SIZE = "size"
+    """Not one number per joint."""
+    NOT_FINITE = "not_finite"
+    """A NaN or an infinity."""
+    LIMIT = "limit"
+    """Beyond a limit, where the robot file says to refuse and not to clip."""
+    FIRST_COMMAND = "first_command"
+    """The first one after enabling is far from the held posture."""
+
+
+class Limit(StrEnum):
+    """What a command ran into; the keys of ``clipped`` on status."""
+
+    POSITION = "position"
+    VELOCITY = "velocity"
+    STEP = "step"
+
+
+class CommandResult(NamedTuple):
+    """Outcome of one command.
+
+    Attributes:
+        accepted: whether the servos follow it, clipped or as it is.
+        refusal: why not.
+        clipped: limits it ran into.
+    """
+
+    accepted: bool
+    refusal: Refusal | None = None
+    clipped: tuple[Limit, ...] = ()
+
+
+class Answer(NamedTuple):
+    """Outcome of a request.
+
+    Attributes:
+        accepted: whether it was done.
+        reason: why not; empty when accepted.
+    """
+
+    accepted: bool
+    reason: str = ""
+
+
+_DONE = Answer(accepted=True)
+
+
+class Lease:
+    """Command of the robot, held by one commander, lost by silence.
+
+    Attributes:
+        holder: identity of the commander; empty when nobody holds it.
+    """
+
+    def __init__(self, *, duration_s: float) -> None:
+        """Start free.
+
+        Args:
+            duration_s: a holder silent for longer loses it [s].
+        """
+        self.holder = ""
+        self._duration_s = duration_s
+        self._renewed_s = 0.0
+
+    def take(self, who: str, *, now_s: float) -> bool:
+        """Take or renews it; False when someone else holds it."""
+        if self.holder not in ("", who):
+            return False
+        self.holder = who
+        self._renewed_s = now_s
+        return True
+
+    def renew(self, *, now_s: float) -> None:
+        """The holder has been heard of."""
+        self._renewed_s = now_s
+
+    def release(self) -> None:
+        """Free it."""
+        self.holder = ""
+
+    def has_expired(self, *, now_s: float) -> bool:
+        """Whether the holder has been silent for too long."""
+        return bool(self.holder) and now_s - self._renewed_s > self._duration_s
+
+
+class ModeMachine:
+    """Modes and lease of a robot; every change is asked for by name.
+
+    ====== ================================ =============================
+    mode   the servos                       left by
+    ====== ================================ =============================
+    OFF    follow nobody                    hold
+    HOLD   keep the last posture            enable, disable
+    ACTIVE follow the holder of the lease   hold, disable, loss, silence
+    FAULT  keep the last posture            reset
+    ====== ================================ =============================
+
+    Losing the lease, in whatever way, leads from ACTIVE to HOLD. Only its holder may
+    ask for a mode; an e-stop is open to everyone.
+
+    Attributes:
+        mode: present mode.
+        fault: why it is in FAULT; empty otherwise.
+        reason: why something was last refused, changed or stopped.
+        lease: who commands.
+        is_silent: in HOLD only because the commander fell silent.
+    """
+
+    def __init__(self, *, lease_s: float) -> None:
+        """Start in HOLD with a free lease.
+
+        Args:
+            lease_s: a commander silent for longer loses the lease [s].
+        """
+        self.mode = RobotMode.HOLD
+        self.fault = ""
+        self.reason = ""
+        self.is_silent = False
+        self.lease = Lease(duration_s=lease_s)
+
+    def request(self, action: str, who: str, *, now_s: float) -> Answer:
+        """Do what is asked, or say why not.
+
+        Args:
+            action: take, release, enable, hold, disable or reset.
+            who: identity of who asks.
+            now_s: the robot's time [s].
+        """
+        if action == "take":
+            return self._take(who, now_s)
+        if not self.holds_lease(who):
+            return self._decline(self.why_not(who))
+        self.lease.renew(now_s=now_s)
+        match action:
+            case "release":
+                self.lose(f"released by {who}")
+                return _DONE
+            case "reset":
+                return self._reset(who)
+            case "enable" | "hold" | "disable":
+                return self._change(action, who)
+        return self._decline(
+            f"got action {action!r}, expected take, release, enable, hold, disable "
+            "or reset"
+        )
+
+    def holds_lease(self, who: str) -> bool:
+        """Whether it is this one who commands."""
+        return bool(who) and who == self.lease.holder
+
+    def why_not(self, who: str) -> str:
+        """Why someone may not command: whose turn it is instead."""
+        if self.lease.holder:
+            return f"{self.lease.holder} holds the lease, {who or 'no name'} does not"
+        return "nobody holds the lease; take it first"
+
+    def stop(self, source: str) -> Answer:
+        """E-stop: FAULT until reset."""
+        self.fail(f"e-stop by {source or 'someone without a name'}")
+        return _DONE
+
+    def fail(self, fault: str) -> None:
+        """To FAULT; the first fault stays the one that is told."""
+        if self.mode is not RobotMode.FAULT:
+            self.fault = fault
+        self._set(RobotMode.FAULT, fault)
+
+    def hold(self, reason: str) -> None:
+        """From ACTIVE to HOLD."""
+        is_active = self.mode is RobotMode.ACTIVE
+        self._set(RobotMode.HOLD if is_active else self.mode, reason)
+
+    def hold_for_silence(self, reason: str) -> None:
+        """From ACTIVE to HOLD, from where the same commander may go on."""
+        self.hold(reason)
+        self.is_silent = True
+
+    def go_on(self) -> None:
+        """Back to ACTIVE: the commander is heard again."""
+        self._set(RobotMode.ACTIVE, self.reason)
+
+    def lose(self, reason: str) -> None:
+        """The lease is free again; what moved, holds."""
+        self.lease.release()
+        self.hold(reason)
+
+    def finish(self, reason: str) -> None:
+        """To OFF, also from HOLD, the lease free; a fault is kept."""
+        self.lose(reason)
+        if self.mode is not RobotMode.FAULT:
+            self._set(RobotMode.OFF, reason)
+
+    def _take(self, who: str, now_s: float) -> Answer:
+        if not who:
+            return self._decline("a commander needs a name")
+        if not self.lease.take(who, now_s=now_s):
+            return self._decline(self.why_not(who))
+        return _DONE
+
+    def _change(self, action: str, who: str) -> Answer:
+        if self.mode is RobotMode.FAULT:
+            return self._decline(f"in fault ({self.fault}); reset it first")
+        if action == "enable":
+            if self.mode is RobotMode.OFF:
+                return self._decline("off; ask for hold first")
+            self._set(RobotMode.ACTIVE, "")
+        else:
+            mode = RobotMode.HOLD if action == "hold" else RobotMode.OFF
+            self._set(mode, f"{action} asked for by {who}")
+        return _DONE
+
+    def _reset(self, who: str) -> Answer:
+        if self.mode is not RobotMode.FAULT:
+            return self._decline(f"no fault to reset, the robot is {self.mode}")
+        self.fault = ""
+        self._set(RobotMode.HOLD, f"reset by {who}")
+        return _DONE
+
+    def _set(self, mode: RobotMode, reason: str) -> None:
+        self.mode = mode
+        self.reason = reason
+        self.is_silent = False
+
+    def _decline(self, why: str) -> Answer:
+        self.reason = f"request refused: {why}"
+        return Answer(accepted=False, reason=why)

@@ -1,0 +1,195 @@
+"""The robot's side of the bus without a robot: says again what was said once."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+import zenoh
+
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.errors import MessageError
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    RobotMode,
+    RobotStatus,
+    ServiceReply,
+    StabilizerReply,
+)
+from surefoot.schemas.topics import (
+    ALIVE_ROBOT,
+    ALIVE_STABILIZER,
+    TICK_SENSORS,
+    TOPICS,
+    Direction,
+)
+
+REFUSAL = "a replay cannot be commanded"
+URGENT = (*TICK_SENSORS, "joint_command")
+SETTLED_S = 0.2
+"""Who has subscribed to nothing new for so long has subscribed to all it wants."""
+POLL_S = 0.01
+
+
+class ReplayServer:
+    """Publishes recorded messages where the robot would, and refuses every request.
+
+    A context manager, used by one thread. To everyone else it looks like the robot:
+    the same keys, the robot's liveliness token, and that of the stabilizer while a
+    recorded status names a commander.
+    """
+
+    def __init__(
+        self, robot: Robot, *, endpoints: Endpoints, channels: Iterable[str]
+    ) -> None:
+        """Prepares; entering the context opens the bus.
+
+        Args:
+            robot: names keys and joints.
+            endpoints: where to listen.
+            channels: names of those that will be published.
+        """
+        self._robot = robot
+        self._channels = tuple(channels)
+        self._bus = Bus(
+            endpoints,
+            Role.ROBOT,
+            namespace=robot.file.namespace,
+            keys=robot.keys,
+        )
+        self._stack = ExitStack()
+        self._status: RobotStatus | None = None
+        self._commander = ""
+        self._stabilizer: zenoh.LivelinessToken | None = None
+
+    def __enter__(self) -> Self:
+        """Open the bus; the robot's liveliness token comes last.
+
+        Raises:
+            EndpointError: cannot listen there.
+        """
+        with ExitStack() as stack:
+            stack.enter_context(self._bus)
+            self._declare()
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the bus."""
+        self._stack.close()
+
+    def wait_for_audience(self, stop: StopRequest) -> bool:
+        """Wait until somebody has subscribed, to all it wants.
+
+        Args:
+            stop: ends the wait.
+
+        Returns:
+            Whether somebody has.
+        """
+        seen: set[str] = set()
+        since_s = time.monotonic()
+        while not stop.is_set:
+            now = {
+                name
+                for name, publisher in self._publishers.items()
+                # Its type stubs lack this property.
+                if publisher.matching_status.matching  # type: ignore[attr-defined]
+            }
+            if now != seen:
+                seen, since_s = now, time.monotonic()
+            elif seen and time.monotonic() - since_s >= SETTLED_S:
+                return True
+            time.sleep(POLL_S)  # to see that nobody else comes, time has to pass
+        return False
+
+    def publish(self, channel: str, data: bytes) -> None:
+        """Say something again.
+
+        Args:
+            channel: one of those named at the start.
+            data: MessagePack bytes.
+        """
+        if channel == "status":
+            self._note_status(data)
+        self._publishers[channel].put(data)
+
+    def _declare(self) -> None:
+        keys = self._robot.keys
+        self._publishers = {
+            name: self._bus.publisher(keys[name], urgent=name in URGENT)
+            for name in self._channels
+        }
+        replies: dict[Direction, Callable[[], ServiceReply | StabilizerReply]] = {
+            Direction.SERVICE: self._robots_refusal,
+            Direction.STABILIZER_SERVICE: self._stabilizers_refusal,
+        }
+        for entry in TOPICS:
+            if entry.direction in replies:
+                self._refuse(keys[entry.name], replies[entry.direction])
+        self._bus.announce(ALIVE_ROBOT)
+
+    def _refuse(
+        self, key: str, reply: Callable[[], ServiceReply | StabilizerReply]
+    ) -> None:
+        def on_query(query: zenoh.Query) -> None:
+            with query:
+                query.reply(query.key_expr, encode(reply()))
+
+        self._bus.queryable(key, on_query)
+
+    def _robots_refusal(self) -> ServiceReply:
+        status = self._status
+        return ServiceReply(
+            schema=SCHEMA_VERSION,
+            accepted=False,
+            reason=REFUSAL,
+            mode=RobotMode.HOLD if status is None else status.mode,
+            commander="" if status is None else status.commander,
+            q_command=(
+                self._robot.nominal.tolist() if status is None else status.q_command
+            ),
+            pace=Pace.REALTIME,
+        )
+
+    def _stabilizers_refusal(self) -> StabilizerReply:
+        status = self._status
+        return StabilizerReply(
+            schema=SCHEMA_VERSION,
+            accepted=False,
+            reason=REFUSAL,
+            tick=0 if status is None else status.tick,
+            settings={},
+        )
+
+    def _note_status(self, data: bytes) -> None:
+        """Keep it for refusals; the stabilizer is there while it commands."""
+        try:
+            status = decode(data, RobotStatus, joint_count=self._robot.n_a)
+        except MessageError:
+            return
+        self._status = status
+        if status.commander == self._commander:
+            return
+        if self._stabilizer is not None:
+            self._stabilizer.undeclare()  # type: ignore[no-untyped-call]
+            self._stabilizer = None
+        self._commander = status.commander
+        if status.commander:
+            self._stabilizer = self._bus.session.liveliness().declare_token(
+                f"{ALIVE_STABILIZER}/{status.commander}"
+            )

@@ -1,0 +1,250 @@
+"""The robot's side of the bus."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
+from typing import Self
+
+from surefoot.robot_io.bus.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
+from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.command_inbox import CommandInbox, Judged
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.mode_machine import Answer
+from surefoot.robot_io.robot_side.services import RobotServices
+from surefoot.robot_io.snapshot import Snapshot, sensor_messages
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import JointCommand, PushRequest, RobotMode, Truth
+from surefoot.schemas.topics import ALIVE_ROBOT, TICK_SENSORS
+
+COMMANDS_KEPT = 256
+STATUS_PERIOD_S = 0.02
+IDLE_POLL_S = 0.01
+FLUSHED_TICKS = 4
+"""Ticks are flushed while the newest answer is no older: one that does not come says
+that Zenoh's sender may have no processor, and each flush takes one of its few batches
+until it has. Gathered, some hundred ticks find room in them."""
+
+
+class RobotServer:
+    """Publishes what a robot senses and takes commands through its gate.
+
+    A context manager, used by one thread, the robot's loop. The simulator and any
+    hardware driver use the same one::
+
+        with RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server:
+            server.wait_until_active(...)
+            while running:
+                server.publish_sensors(snapshot, stamp_ns=now)
+                server.wait_answer(...)     # or take_newest(...)
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        gate: CommandGate,
+        *,
+        endpoints: Endpoints,
+        stop: StopRequest,
+        push: Callable[[PushRequest], Answer] | None = None,
+        pace: Pace = Pace.REALTIME,
+    ) -> None:
+        """Prepares; entering the context opens the bus.
+
+        Args:
+            robot: names keys and joints.
+            gate: judges commands and answers requests.
+            endpoints: where to listen.
+            stop: ends waits.
+            push: answers pushes; None on a robot that is not simulated.
+            pace: told to whoever asks for command; hardware knows real time only.
+        """
+        self._push = push
+        self._robot = robot
+        self._pace = pace
+        self._gate = gate
+        self._stop = stop
+        self._bus = Bus(
+            endpoints,
+            Role.ROBOT,
+            namespace=robot.file.namespace,
+            keys=robot.keys,
+            granularity_s=(
+                LOCKSTEP_GRANULARITY_S if pace is Pace.LOCKSTEP else GRANULARITY_S
+            ),
+        )
+        self._stack = ExitStack()
+        self._tick = 0
+        self._status_due_s = 0.0
+        self._told: tuple[RobotMode, str, str] | None = None
+        self.deadline_misses = 0
+
+    def __enter__(self) -> Self:
+        """Open the bus, ready for whoever sees the robot's liveliness token.
+
+        Raises:
+            EndpointError: cannot listen there.
+        """
+        with ExitStack() as stack:
+            stack.enter_context(self._bus)
+            self._declare()
+            self._stack = stack.pop_all()
+        self._stop.waking(self._bus.waker.interrupt)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the bus."""
+        self._stack.close()
+
+    def wait_until_active(self, *, now_s: float, timeout_s: float | None) -> bool:
+        """Serve requests until a commander has enabled the robot.
+
+        Args:
+            now_s: the robot's time, which stands still meanwhile [s].
+            timeout_s: how long to wait at most; None for ever [s].
+
+        Returns:
+            Whether it is ACTIVE; False after the time-out or a stop request.
+        """
+        end = None if timeout_s is None else time.monotonic() + timeout_s
+        while not self._stop.is_set:
+            self._services.serve(now_s=now_s)
+            self.publish_status(now_s=now_s)
+            if self._gate.mode is RobotMode.ACTIVE:
+                return True
+            if end is not None and time.monotonic() >= end:
+                return False
+            self._services.wait(IDLE_POLL_S)
+        return False
+
+    def serve_requests(self, *, now_s: float) -> None:
+        """Answer what was asked since last time; costs nothing when nothing was.
+
+        Args:
+            now_s: the robot's time [s].
+        """
+        if self._services.serve(now_s=now_s):
+            self.publish_status(now_s=now_s)
+
+    def publish_sensors(
+        self, snapshot: Snapshot, *, stamp_ns: int, missing: tuple[str, ...] = ()
+    ) -> None:
+        """Send the four sensor messages of a tick, in the order of the topic table.
+
+        Args:
+            snapshot: sensors of the tick.
+            stamp_ns: the robot's monotonic clock when they were taken [ns].
+            missing: channels with nothing to send.
+        """
+        self._tick = snapshot.tick
+        # Encoded first, so that all four are likely to leave in one batch.
+        encoded = [
+            encode(message) for message in sensor_messages(snapshot, stamp_ns=stamp_ns)
+        ]
+        is_answered = snapshot.tick - self._commands.newest_tick <= FLUSHED_TICKS
+        publishers = self._flushing if is_answered else self._gathering
+        for name, publisher, data in zip(
+            TICK_SENSORS, publishers, encoded, strict=True
+        ):
+            if name not in missing:
+                publisher.put(data)
+
+    def wait_answer(
+        self, tick: int, *, now_s: float, timeout_s: float
+    ) -> Judged | None:
+        """Wait for the command that answers a tick, serving requests meanwhile.
+
+        Args:
+            tick: a tick whose sensors were published.
+            now_s: the robot's time [s].
+            timeout_s: how long to wait at most [s].
+
+        Returns:
+            The command and the gate's verdict; None when it did not come: the time
+            was up, the robot was stopped, or nobody commands it any more.
+        """
+        deadline = time.monotonic() + timeout_s
+
+        def keep_waiting() -> bool:
+            self.serve_requests(now_s=now_s)
+            return (
+                self._gate.mode is RobotMode.ACTIVE
+                and not self._stop.is_set
+                and time.monotonic() < deadline
+            )
+
+        return self._commands.wait_answer(
+            tick,
+            newest_tick=self._tick,
+            now_s=now_s,
+            deadline=deadline,
+            keep_waiting=keep_waiting,
+        )
+
+    def take_newest(self, *, now_s: float) -> JointCommand | None:
+        """Judge the commands that have come since last time, without waiting.
+
+        Args:
+            now_s: the robot's time [s].
+
+        Returns:
+            The last one accepted; None when none was.
+        """
+        return self._commands.newest(self._tick, now_s=now_s)
+
+    def publish_status(self, *, now_s: float, at_once: bool = False) -> None:
+        """Tell what the gate does, when it has changed or 50 times a second.
+
+        Args:
+            now_s: the robot's time [s].
+            at_once: without waiting for either.
+        """
+        modes = self._gate.modes
+        tell = (modes.mode, modes.fault, modes.lease.holder)
+        clock_s = time.monotonic()
+        if tell == self._told and clock_s < self._status_due_s and not at_once:
+            return
+        self._told = tell
+        self._status_due_s = clock_s + STATUS_PERIOD_S
+        status = self._gate.status(
+            tick=self._tick,
+            stamp_ns=time.monotonic_ns(),
+            now_s=now_s,
+            deadline_misses=self.deadline_misses,
+        )
+        self._status.put(encode(status))
+
+    def publish_truth(self, truth: Truth) -> None:
+        """Send what only a simulator knows."""
+        self._truth.put(encode(truth))
+
+    def _declare(self) -> None:
+        """Declare everything; the liveliness token last."""
+        keys = self._robot.keys
+        self._gathering = tuple(
+            self._bus.publisher(keys[name], urgent=True) for name in TICK_SENSORS
+        )
+        last = self._bus.publisher(keys[TICK_SENSORS[-1]], urgent=True, flush=True)
+        self._flushing = (*self._gathering[:-1], last)
+        self._status = self._bus.publisher(keys["status"], urgent=False)
+        self._truth = self._bus.publisher(keys["truth"], urgent=False)
+        self._commands = CommandInbox(
+            self._bus.channel(keys["joint_command"], depth=COMMANDS_KEPT),
+            self._gate,
+            joint_count=self._robot.n_a,
+        )
+        self._services = RobotServices(
+            self._bus, self._robot, self._gate, push=self._push, pace=self._pace
+        )
+        self._bus.announce(ALIVE_ROBOT)

@@ -1,0 +1,181 @@
+"""What the robot is asked: mode, lease and e-stop, and who is there to ask."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import NamedTuple
+
+import zenoh
+
+from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.mode_machine import Answer
+from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.errors import MessageError
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    EstopRequest,
+    LeaseRequest,
+    ModeRequest,
+    PushRequest,
+    ServiceReply,
+)
+from surefoot.schemas.topics import ALIVE_STABILIZER
+
+MODE_ACTIONS = ("enable", "hold", "disable", "reset")
+LEASE_ACTIONS = ("take", "release")
+
+
+class _Asked(NamedTuple):
+    """A query and who can answer it."""
+
+    query: zenoh.Query
+    answer: Callable[[bytes, float], Answer]
+
+
+class RobotServices:
+    """Queues what comes in on Zenoh's threads; the robot's loop answers it.
+
+    So the gate is only ever touched by one thread. Coming and going of stabilizers is
+    queued the same way: one that dies loses the lease at once.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        robot: Robot,
+        gate: CommandGate,
+        *,
+        push: Callable[[PushRequest], Answer] | None = None,
+        pace: Pace,
+    ) -> None:
+        """Declare the services.
+
+        Args:
+            bus: the robot's.
+            robot: names the keys.
+            gate: answers.
+            push: answers pushes; None on a robot that is not simulated.
+            pace: told with every answer.
+        """
+        self._push = push
+        self._pace = pace
+        self._bus = bus
+        self._gate = gate
+        self._asked: deque[_Asked] = deque()
+        self._gone: deque[str] = deque()
+        self._something_came = threading.Event()
+        for name, answer in (
+            ("mode", self._answer_mode),
+            ("lease", self._answer_lease),
+            ("estop", self._answer_estop),
+        ):
+            bus.queryable(robot.keys[name], self._queue_for(answer))
+        if push is not None:
+            bus.queryable(robot.keys["push"], self._queue_for(self._answer_push))
+        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_presence)
+
+    def wait(self, timeout_s: float) -> None:
+        """Wait until something came in, at most so long [s]."""
+        self._something_came.wait(timeout_s)
+
+    def serve(self, *, now_s: float) -> bool:
+        """Answer all that has come in.
+
+        Args:
+            now_s: the robot's time [s].
+
+        Returns:
+            Whether there was anything.
+        """
+        if not self._asked and not self._gone:
+            return False
+        self._something_came.clear()
+        while self._gone:
+            who = self._gone.popleft()
+            if self._gate.modes.holds_lease(who):
+                self._gate.modes.lose(f"{who} is gone")
+        while self._asked:
+            asked = self._asked.popleft()
+            with asked.query as query:
+                payload = query.payload
+                data = b"" if payload is None else payload.to_bytes()
+                self._reply(query, asked.answer(data, now_s))
+        return True
+
+    def _queue_for(
+        self, answer: Callable[[bytes, float], Answer]
+    ) -> Callable[[zenoh.Query], None]:
+        def on_query(query: zenoh.Query) -> None:
+            self._asked.append(_Asked(query, answer))
+            self._notice()
+
+        return on_query
+
+    def _on_presence(self, key: str, is_there: bool) -> None:
+        if not is_there:
+            self._gone.append(key.rsplit("/", 1)[-1])
+            self._notice()
+
+    def _notice(self) -> None:
+        self._something_came.set()
+        self._bus.waker.interrupt()
+
+    def _answer_mode(self, data: bytes, now_s: float) -> Answer:
+        try:
+            asked = decode(data, ModeRequest)
+        except MessageError as error:
+            return Answer(accepted=False, reason=str(error))
+        if asked.action not in MODE_ACTIONS:
+            return _unknown(asked.action, MODE_ACTIONS)
+        return self._gate.request(asked.action, asked.commander, now_s=now_s)
+
+    def _answer_lease(self, data: bytes, now_s: float) -> Answer:
+        try:
+            asked = decode(data, LeaseRequest)
+        except MessageError as error:
+            return Answer(accepted=False, reason=str(error))
+        if asked.action not in LEASE_ACTIONS:
+            return _unknown(asked.action, LEASE_ACTIONS)
+        return self._gate.request(asked.action, asked.commander, now_s=now_s)
+
+    def _answer_estop(self, data: bytes, now_s: float) -> Answer:
+        """Stop even when the request cannot be read: whoever wrote it meant it."""
+        del now_s
+        try:
+            source = decode(data, EstopRequest).source
+        except MessageError:
+            source = "an unreadable request"
+        return self._gate.modes.stop(source)
+
+    def _answer_push(self, data: bytes, now_s: float) -> Answer:
+        del now_s
+        if self._push is None:
+            return Answer(accepted=False, reason="this robot is not simulated")
+        try:
+            return self._push(decode(data, PushRequest))
+        except MessageError as error:
+            return Answer(accepted=False, reason=str(error))
+
+    def _reply(self, query: zenoh.Query, answer: Answer) -> None:
+        modes = self._gate.modes
+        reply = ServiceReply(
+            schema=SCHEMA_VERSION,
+            accepted=answer.accepted,
+            reason=answer.reason,
+            mode=modes.mode,
+            commander=modes.lease.holder,
+            q_command=self._gate.posture.tolist(),
+            pace=self._pace,
+        )
+        query.reply(query.key_expr, encode(reply))
+
+
+def _unknown(action: str, known: tuple[str, ...]) -> Answer:
+    return Answer(
+        accepted=False, reason=f"got action {action!r}, expected {', '.join(known)}"
+    )

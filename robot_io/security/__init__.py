@@ -1,0 +1,1 @@
+"""Certificates, access control, locator checks."""

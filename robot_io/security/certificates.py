@@ -1,0 +1,256 @@
+"""A small private certificate authority for one robot's bus."""
+
+from __future__ import annotations
+
+import ipaddress
+import os
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from surefoot.robot_io.errors import CertificateError
+
+LISTENERS = ("robot", "router")
+IDENTITIES = (*LISTENERS, "stabilizer", "operator", "planner", "observer")
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+AUTHORITY = "ca"
+AUTHORITY_DAYS = 3650
+CLOCK_SKEW = timedelta(minutes=5)
+_PRIVATE, _PUBLIC = 0o600, 0o644
+
+
+@dataclass(frozen=True)
+class Issued:
+    """A certificate and its private key.
+
+    Attributes:
+        certificate: signed.
+        key: its private key.
+    """
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+
+def make_certificates(
+    folder: Path, *, hosts: list[str], days: int, now: datetime | None = None
+) -> list[Path]:
+    """Make an authority and a certificate per identity.
+
+    Args:
+        folder: made when it is not there; gets ``NAME.pem`` and ``NAME.key.pem``.
+        hosts: names and addresses under which robot or router are dialed, besides
+            loopback.
+        days: how long the certificates are valid; the authority is for ten years.
+        now: when they begin to be valid; the present when None.
+
+    Returns:
+        The files written.
+
+    Raises:
+        CertificateError: some of the files are there already.
+    """
+    there = [path for path in _files(folder, (AUTHORITY, *IDENTITIES)) if path.exists()]
+    if there:
+        raise CertificateError(
+            f"{there[0]} is there already, and {len(there) - 1} more; --renew makes "
+            "new certificates by the same authority, or choose another folder"
+        )
+    for host in hosts:  # before anything is written
+        _place(host)
+    now = now or datetime.now(UTC)
+    authority = _make_authority(now)
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    written = _write(folder, AUTHORITY, authority)
+    return written + _issue_all(folder, authority, hosts=hosts, days=days, now=now)
+
+
+def renew_certificates(
+    folder: Path, *, hosts: list[str], days: int, now: datetime | None = None
+) -> list[Path]:
+    """Make new certificates and keys by the authority that is there.
+
+    Args:
+        folder: where :func:`make_certificates` wrote.
+        hosts: as there; they are not taken over from the old certificates.
+        days: how long the new ones are valid.
+        now: when they begin to be valid; the present when None.
+
+    Returns:
+        The files replaced.
+
+    Raises:
+        CertificateError: the authority is missing, unreadable, or will be over by then.
+    """
+    now = now or datetime.now(UTC)
+    authority = _read(folder, AUTHORITY)
+    if authority.certificate.not_valid_after_utc < now + timedelta(days=days):
+        over = authority.certificate.not_valid_after_utc.date()
+        raise CertificateError(
+            f"{folder}: the authority itself is valid until {over} only; make a new "
+            "one in another folder, and give its certificates to every process"
+        )
+    return _issue_all(folder, authority, hosts=hosts, days=days, now=now)
+
+
+def _make_authority(now: datetime) -> Issued:
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = _name("Surefoot private authority")
+    identifier = x509.SubjectKeyIdentifier.from_public_key(key.public_key())
+    certificate = (
+        _builder(name, name, key, now=now, days=AUTHORITY_DAYS)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(_usage(signs=True), critical=True)
+        .add_extension(identifier, critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    return Issued(certificate, key)
+
+
+def issue(
+    name: str, authority: Issued, *, hosts: list[str], days: float, now: datetime
+) -> Issued:
+    """Make a certificate for one identity.
+
+    Args:
+        name: common name; those of listeners may also be dialed.
+        authority: signs.
+        hosts: names and addresses of listeners, besides loopback.
+        days: how long it is valid.
+        now: when it begins to be valid.
+    """
+    key = ec.generate_private_key(ec.SECP256R1())
+    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    places = [name]
+    if name in LISTENERS:
+        uses.append(ExtendedKeyUsageOID.SERVER_AUTH)
+        places += [*LOOPBACK, *hosts]
+    issuer = authority.certificate
+    signer = x509.AuthorityKeyIdentifier.from_issuer_public_key(
+        authority.key.public_key()
+    )
+    certificate = (
+        _builder(_name(name), issuer.subject, key, now=now, days=days)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_usage(signs=False), critical=True)
+        .add_extension(x509.ExtendedKeyUsage(uses), critical=False)
+        .add_extension(
+            x509.SubjectAlternativeName([_place(p) for p in dict.fromkeys(places)]),
+            critical=False,
+        )
+        .add_extension(signer, critical=False)
+        .sign(authority.key, hashes.SHA256())
+    )
+    return Issued(certificate, key)
+
+
+def _builder(
+    subject: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePrivateKey,
+    *,
+    now: datetime,
+    days: float,
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - CLOCK_SKEW)
+        .not_valid_after(now + timedelta(days=days))
+    )
+
+
+def _usage(*, signs: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs,
+        key_cert_sign=signs,
+        crl_sign=signs,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _name(common_name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+
+
+def _place(host: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        pass
+    try:
+        return x509.DNSName(host)
+    except ValueError as error:
+        raise CertificateError(
+            f"host {host!r} is neither an address nor a name in ASCII"
+        ) from error
+
+
+def _issue_all(
+    folder: Path, authority: Issued, *, hosts: list[str], days: int, now: datetime
+) -> list[Path]:
+    made = {
+        name: issue(name, authority, hosts=hosts, days=days, now=now)
+        for name in IDENTITIES
+    }
+    return [path for name in made for path in _write(folder, name, made[name])]
+
+
+def _files(folder: Path, names: tuple[str, ...]) -> list[Path]:
+    return [
+        folder / f"{name}{suffix}" for name in names for suffix in (".pem", ".key.pem")
+    ]
+
+
+def _read(folder: Path, name: str) -> Issued:
+    certificate_file, key_file = _files(folder, (name,))
+    try:
+        key = serialization.load_pem_private_key(key_file.read_bytes(), password=None)
+        certificate = x509.load_pem_x509_certificate(certificate_file.read_bytes())
+    except (OSError, ValueError) as error:
+        raise CertificateError(
+            f"{folder}: no authority to renew with ({error}); leave out --renew to "
+            "make one"
+        ) from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise CertificateError(f"{key_file}: not a key that surefoot certs made")
+    return Issued(certificate, key)
+
+
+def _write(folder: Path, name: str, issued: Issued) -> list[Path]:
+    certificate_file, key_file = _files(folder, (name,))
+    key = issued.key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+    _replace(key_file, key, mode=_PRIVATE)
+    certificate = issued.certificate.public_bytes(serialization.Encoding.PEM)
+    _replace(certificate_file, certificate, mode=_PUBLIC)
+    return [certificate_file, key_file]
+
+
+def _replace(path: Path, data: bytes, *, mode: int) -> None:
+    """Write a file whole; a key is never readable by others, not even at first."""
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        with os.fdopen(
+            os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb"
+        ) as file:
+            file.write(data)
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)

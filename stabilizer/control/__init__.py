@@ -1,0 +1,1 @@
+"""The whole-body controller: tasks, both QPs, force feedback."""

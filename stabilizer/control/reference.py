@@ -1,0 +1,104 @@
+"""What the stabilizer holds on to: the standing stance, or what a planner says."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.messages import Reference
+from surefoot.stabilizer.model import RobotModel
+
+
+@dataclass
+class Stance:
+    """Reference in the stance frame; arrays are written in place.
+
+    Attributes:
+        com: (3,) centre of mass [m]; its z is held within reach of the feet.
+        com_height: z asked for [m].
+        com_velocity: (3,) [m/s].
+        com_acceleration: (3,) [m/s^2].
+        R_base: (3, 3) base rotation.
+        posture: (n_a,) joints in model order [rad].
+        p_sole: positions of left and right sole [m].
+        yaw_sole: yaw of left and right sole [rad].
+        base_error: (3,) rotation from base to reference, base axes [rad].
+        com_nominal: height of the centre of mass in the nominal stance [m].
+    """
+
+    com: Vec3
+    com_height: float
+    com_velocity: Vec3
+    com_acceleration: Vec3
+    R_base: Mat
+    posture: Array
+    p_sole: list[Vec3]
+    yaw_sole: list[float]
+    com_nominal: float
+    base_error: Vec3
+
+    def compare_base(self, R_world_base: Mat) -> None:
+        """Update ``base_error``, the rotation vector from base to reference.
+
+        Args:
+            R_world_base: (3, 3) estimated base rotation.
+        """
+        self.base_error[:] = pin.log3(R_world_base.T @ self.R_base)
+
+    def set(self, reference: Reference, model: RobotModel) -> None:
+        """Take over a planner's reference.
+
+        Args:
+            reference: validated message; joints in bus order.
+            model: gives the joint order.
+        """
+        self.com[:] = reference.com
+        self.com_height = reference.com[2]
+        self.com_velocity[:] = reference.com_velocity
+        self.com_acceleration[:] = reference.com_acceleration
+        quaternion = pin.Quaternion(np.array(reference.base_quat_xyzw))
+        quaternion.normalize()
+        self.R_base[:] = quaternion.toRotationMatrix()
+        self.posture[:] = np.array(reference.posture)[model.to_model]
+        for side, foot in enumerate(reference.feet[:2]):
+            self.p_sole[side][:] = foot.position
+            x, y, z, w = foot.quat_xyzw
+            self.yaw_sole[side] = float(
+                np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+            )
+
+    def limit_height(self, ground: float, *, travel: tuple[float, float]) -> None:
+        """Keep the height reference within reach of the legs.
+
+        A leg that is straight, or folded, cannot follow its ground.
+
+        Args:
+            ground: present height of the soles against nominal [m].
+            travel: lowest and highest reference over the soles, from nominal [m].
+        """
+        lowest, highest = travel
+        level = self.com_nominal + ground
+        self.com[2] = min(max(self.com_height, level + lowest), level + highest)
+
+
+def standing(model: RobotModel) -> Stance:
+    """Nominal posture on level ground, base upright."""
+    q = model.nominal_configuration()
+    data = model.pin_model.createData()
+    com = pin.centerOfMass(model.pin_model, data, q).copy()
+    pin.updateFramePlacements(model.pin_model, data)
+    return Stance(
+        com=com,
+        com_height=float(com[2]),
+        com_velocity=np.zeros(3),
+        com_acceleration=np.zeros(3),
+        R_base=np.eye(3),
+        posture=model.nominal.copy(),
+        p_sole=[data.oMf[i].translation.copy() for i in model.sole_ids],
+        yaw_sole=[0.0, 0.0],
+        com_nominal=float(com[2]),
+        base_error=np.zeros(3),
+    )

@@ -1,0 +1,277 @@
+"""First QP: the contact wrenches the feet should feel (op: tsid).
+
+In words: find joint torques that, with the feet at rest, accelerate the centre of
+mass, the base and the posture as their PD laws ask, within torque, friction,
+centre-of-pressure and load limits; the wrenches that go with them are F_id.
+
+The dynamics and the contact constraint are not equalities of the QP: for feet at
+rest the paper's own identities give wrenches and accelerations in terms of tau,
+
+    F   = Gamma_c tau + h_c
+    qdd = A tau + b,    A = H^-1 (S^T + J_c^T Gamma_c),   b = H^-1 (J_c^T h_c - c)
+
+so the unknowns are the n_a torques alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lapack
+
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.settings import TsidSettings
+from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
+from surefoot.stabilizer.qp import DenseQp, QpSolution
+
+ROWS_PER_FOOT = 12
+COM, BASE = slice(0, 3), slice(3, 6)
+NO_CONTACT = "no contact"
+SINGULAR = "singular contact"
+
+
+def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> Mat:
+    """(12, 6) rows C of the sole's limits, C F <= d, in the sole frame.
+
+    Only the last two rows have a non-zero bound d: the largest and the least normal
+    force.
+
+    Args:
+        settings: friction, sole scale.
+        half_length: sole half length along x [m].
+        half_width: sole half width along y [m].
+    """
+    mu = settings.friction / np.sqrt(2.0)
+    x, y = settings.sole_scale * half_length, settings.sole_scale * half_width
+    yaw = settings.yaw_friction
+    #    f_x   f_y   f_z   m_x   m_y   m_z
+    return np.array(
+        [
+            [1.0, 0.0, -mu, 0.0, 0.0, 0.0],
+            [-1.0, 0.0, -mu, 0.0, 0.0, 0.0],
+            [0.0, 1.0, -mu, 0.0, 0.0, 0.0],
+            [0.0, -1.0, -mu, 0.0, 0.0, 0.0],
+            [0.0, 0.0, -y, 1.0, 0.0, 0.0],
+            [0.0, 0.0, -y, -1.0, 0.0, 0.0],
+            [0.0, 0.0, -x, 0.0, 1.0, 0.0],
+            [0.0, 0.0, -x, 0.0, -1.0, 0.0],
+            [0.0, 0.0, -yaw, 0.0, 0.0, 1.0],
+            [0.0, 0.0, -yaw, 0.0, 0.0, -1.0],
+            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+            [0.0, 0.0, -1.0, 0.0, 0.0, 0.0],
+        ]
+    )
+
+
+FEET_OF = {(True, True): (0, 1), (True, False): (0,), (False, True): (1,)}
+"""Standing feet by (left, right) contact."""
+
+
+class _FeetProblem:
+    """Workspace for one set of standing feet: both, left or right."""
+
+    def __init__(
+        self, n_a: int, feet: tuple[int, ...], *, cones: list[Mat], roots: Array
+    ) -> None:
+        self.feet = feet
+        self.rows = slice(6 * feet[0], 6 * feet[-1] + 6)
+        n_c = 6 * len(feet)
+        self.n_c = n_c
+        self.qp = DenseQp("tsid", n=n_a, m=ROWS_PER_FOOT * len(feet))
+        self.C: Mat = np.zeros((ROWS_PER_FOOT * len(feet), n_c))
+        for i, foot in enumerate(feet):
+            rows = slice(ROWS_PER_FOOT * i, ROWS_PER_FOOT * (i + 1))
+            self.C[rows, 6 * i : 6 * i + 6] = cones[foot]
+        self.d: Array = np.zeros(ROWS_PER_FOOT * len(feet))
+        self.known: Mat = np.zeros((n_c, n_a + 1))
+        self.Gamma_c: Mat = np.zeros((n_c, n_a))
+        self.h_c: Array = np.zeros(n_c)
+        # Stacked tasks roots * (J tau + bias - y): com 3, base 3, joints, wrenches.
+        n_rows = N_BASE_V + n_a + n_c
+        self.T: Mat = np.zeros((n_rows, n_a))
+        self.t: Array = np.zeros(n_rows)
+        self.y: Array = np.zeros(n_rows)
+        self.bias: Array = np.zeros(n_rows)
+        self.roots: Array = roots[:n_rows]
+
+
+class Tsid:
+    """Builds and solves the first QP.
+
+    Attributes:
+        F_id: (12,) wrenches the soles should feel, sole frames; a foot that does
+            not stand has zeros.
+        tau: (n_a,) torques that go with them [N m].
+    """
+
+    def __init__(self, model: RobotModel, settings: TsidSettings) -> None:
+        """Allocate one problem for each set of standing feet."""
+        self._model = model
+        self._settings = settings
+        n_a = model.n_a
+        cones = [
+            cone_rows(settings, foot.half_length_m, foot.half_width_m)
+            for foot in model.robot.file.foot
+        ]
+        roots = np.sqrt(_task_weights(model, settings))
+        self._problems = {
+            standing: _FeetProblem(n_a, feet, cones=cones, roots=roots)
+            for standing, feet in FEET_OF.items()
+        }
+        for problem in self._problems.values():
+            problem.qp.x_l[:] = -model.torque_limit
+            problem.qp.x_u[:] = model.torque_limit
+        self._com_kp = np.array(settings.com_kp)
+        self._com_kd = np.array(settings.com_kd)
+        self._weight = model.mass * GRAVITY
+        self.A: Mat = np.zeros((model.n_v, n_a))
+        self.b: Array = np.zeros(model.n_v)
+        self.F_id: Array = np.zeros(12)
+        self.tau: Array = np.zeros(n_a)
+        self._none = QpSolution(
+            np.zeros(n_a), NO_CONTACT, False, np.zeros(0), np.zeros(n_a)
+        )
+        self._singular = QpSolution(
+            np.zeros(n_a), SINGULAR, False, np.zeros(0), np.zeros(n_a)
+        )
+
+    def retune(self, settings: TsidSettings) -> None:
+        """Take new gains; weights and limits stay as they were built."""
+        self._settings = settings
+        self._com_kp[:] = settings.com_kp
+        self._com_kd[:] = settings.com_kd
+
+    def solve(
+        self,
+        dynamics: Dynamics,
+        stance: Stance,
+        *,
+        in_contact: list[bool],
+        allowed: Array,
+    ) -> QpSolution:
+        """Compute F_id for this tick.
+
+        Args:
+            dynamics: quantities at the present state.
+            stance: reference.
+            in_contact: which feet stand.
+            allowed: (2,) largest normal force of each foot [N].
+
+        Returns:
+            The QP's solution; ``F_id`` keeps its last value when it failed.
+        """
+        problem = self._problems.get((in_contact[0], in_contact[1]))
+        if problem is None:
+            self.F_id[:] = 0.0
+            return self._none
+        if not self.condense(dynamics, problem):
+            return self._singular
+        self._stack_tasks(dynamics, stance, problem)
+        self._set_limits(problem, allowed)
+        qp = problem.qp
+        problem.T.T.dot(problem.T, out=qp.P)
+        qp.P.flat[:: self._model.n_a + 1] += self._settings.torque_weight
+        problem.t.dot(problem.T, out=qp.q_lin)
+        np.negative(qp.q_lin, out=qp.q_lin)
+        solution = qp.solve()
+        if solution.ok:
+            self.tau[:] = solution.x
+            self.F_id[:] = 0.0
+            self.F_id[problem.rows] = problem.Gamma_c @ solution.x + problem.h_c
+        return solution
+
+    def problem(self, in_contact: list[bool]) -> DenseQp:
+        """The QP of a set of standing feet, as last solved."""
+        return self._problems[(in_contact[0], in_contact[1])].qp
+
+    def condense(self, dynamics: Dynamics, problem: _FeetProblem) -> bool:
+        """Express F and qdd affinely in tau, for the standing feet.
+
+        Returns:
+            Whether the feet's Jacobian has full rank.
+        """
+        rows, X = problem.rows, dynamics.X[:, problem.rows]
+        # One factorisation: Lambda_c [J_c H^-1 S^T, J_c H^-1 c - Jdot_c v].
+        known = problem.known
+        known[:, :-1] = X[N_BASE_V:].T
+        known[:, -1] = dynamics.c @ X
+        known[:, -1] -= dynamics.Jdot_v_contact[rows]
+        _, solved, info = lapack.dposv(
+            dynamics.Lambda_c_inv[rows, rows], known, lower=1
+        )
+        if info != 0:
+            return False
+        np.negative(solved[:, :-1], out=problem.Gamma_c)
+        problem.h_c[:] = solved[:, -1]
+        X.dot(problem.Gamma_c, out=self.A)
+        self.A += dynamics.H_inv[:, N_BASE_V:]
+        X.dot(problem.h_c, out=self.b)
+        self.b -= dynamics.H_inv @ dynamics.c
+        return True
+
+    def _stack_tasks(
+        self, dynamics: Dynamics, stance: Stance, problem: _FeetProblem
+    ) -> None:
+        """Weighted task rows T tau = t.
+
+        Rows: centre of mass, then base rotation and joints as they stand in qdd,
+        then the wrenches.
+        """
+        settings, T, y, bias = self._settings, problem.T, problem.y, problem.bias
+        roots, n_v = problem.roots, self._model.n_v
+        y[COM] = (
+            stance.com_acceleration
+            + self._com_kp * (stance.com - dynamics.p_com)
+            + self._com_kd * (stance.com_velocity - dynamics.v_com)
+        )
+        y[BASE] = settings.base_kp * stance.base_error
+        y[BASE] -= settings.base_kd * dynamics.v[BASE]
+        y[N_BASE_V:n_v] = settings.posture_kp * (stance.posture - dynamics.q[7:])
+        y[N_BASE_V:n_v] -= settings.posture_kd * dynamics.v[N_BASE_V:]
+        share = self._weight / len(problem.feet)
+        for i, foot in enumerate(problem.feet):
+            # An even load, straight up.
+            start = n_v + 6 * i
+            y[start : start + 3] = share * dynamics.R_world_sole[foot][2]
+        dynamics.J_com.dot(self.A, out=T[COM])
+        T[3:n_v] = self.A[3:]
+        T[n_v:] = problem.Gamma_c
+        np.multiply(T, roots[:, None], out=T)
+        dynamics.J_com.dot(self.b, out=bias[COM])
+        bias[COM] += dynamics.Jdot_v_com
+        bias[3:n_v] = self.b[3:]
+        bias[n_v:] = problem.h_c
+        np.subtract(y, bias, out=problem.t)
+        problem.t *= roots
+
+    def _set_limits(self, problem: _FeetProblem, allowed: Array) -> None:
+        least = self._settings.normal_force_min_n
+        for i, foot in enumerate(problem.feet):
+            largest = max(2.0 * least, float(allowed[foot]))
+            # Alone on the ground, a foot must carry what there is to carry.
+            if len(problem.feet) == 1:
+                largest = max(largest, 2.0 * self._weight)
+            problem.d[ROWS_PER_FOOT * i + 10] = largest
+            problem.d[ROWS_PER_FOOT * i + 11] = -least
+        problem.C.dot(problem.Gamma_c, out=problem.qp.G)
+        problem.C.dot(problem.h_c, out=problem.qp.h_u)
+        np.subtract(problem.d, problem.qp.h_u, out=problem.qp.h_u)
+
+
+def _task_weights(model: RobotModel, settings: TsidSettings) -> Array:
+    """(6 + n_a + 12,) weights of the stacked task rows, for both feet."""
+    posture = np.where(
+        model.is_leg, settings.leg_posture_weight, settings.posture_weight
+    )
+    wrench = [settings.force_weight] * 3 + [settings.moment_weight] * 3
+    weights: Array = np.concatenate(
+        (
+            [settings.com_weight] * 3,
+            [settings.base_weight] * 3,
+            posture,
+            wrench,
+            wrench,
+        )
+    )
+    return weights

@@ -1,0 +1,1 @@
+"""From a snapshot to the state the controllers work with."""

@@ -1,0 +1,250 @@
+"""Floating-base state from the robot's own sensors; ground truth is never read.
+
+The base's attitude comes from the inertial unit. Its horizontal position comes from
+the legs: an anchor between the soles, weighted by load, is taken to stand where it
+stands nominally, so on moving ground the state says where the robot is relative to
+its feet, which is what balance needs. Its height is a matter of the world: the
+accelerometer is integrated twice and only slowly pulled to the legs' kinematics, so
+a heaving ground is seen as what it is.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.attitude import AttitudeFilter
+from surefoot.stabilizer.model import GRAVITY, RobotModel
+
+MIN_TOTAL_FORCE_N = 50.0
+"""Below it the load share keeps its last value [N]."""
+GROUND_SPEED_MEMORY_S = 3.0
+"""How long ground that moved is taken to move still."""
+STILL_DAMPING = 0.7
+"""Damping ratio of the pull of the height on still ground."""
+HEIGHT_RANGE_M = 0.25
+"""Farthest the ground may be thought from level [m]."""
+
+
+class Estimator:
+    """Base pose and twist, joints as measured.
+
+    Attributes:
+        q: (7 + n_a,) configuration in the stance frame, joints in model order.
+        v: (6 + n_a,) velocity.
+        R_world_base: (3, 3) base rotation.
+        height: base height in the world relative to level ground [m].
+        height_rate: its rate [m/s].
+        ground_height: height of the anchor between the soles, from nominal [m].
+    """
+
+    def __init__(
+        self, model: RobotModel, settings: EstimatorSettings, *, period_s: float
+    ) -> None:
+        """Allocates; begin with :meth:`calibrate`."""
+        self._model = model
+        self._settings = settings
+        self._dt = period_s
+        self._data = model.pin_model.createData()
+        self._attitude = AttitudeFilter(
+            tilt_bandwidth=settings.tilt_bandwidth,
+            bias_gain=settings.gyro_bias_gain,
+            still_rate=settings.still_rate_rad_s,
+            period_s=period_s,
+        )
+        self._R_imu_base = model.T_base_imu.rotation.T.copy()
+        self._p_base_imu = model.T_base_imu.translation.tolist()
+        self.R_world_base = np.eye(3)
+        blend = -math.expm1(-2.0 * math.pi * settings.anchor_cutoff_hz * period_s)
+        self._share_blend = blend
+        self._left_share = 0.5
+        nominal = model.nominal_configuration()
+        pin.framesForwardKinematics(model.pin_model, self._data, nominal)
+        self._p_nominal = [
+            self._data.oMf[i].translation.tolist() for i in model.sole_ids
+        ]
+        self._leg_velocity = np.zeros(3)
+        self._velocity = np.zeros(3)
+        self._other = np.zeros(3)
+        self._sole_yaw = 0.0
+        self._anchor = np.zeros(3)
+        self.q: Array = nominal.copy()
+        self.v: Array = np.zeros(model.n_v)
+        self.height = float(nominal[2])
+        self.height_rate = 0.0
+        self.ground_height = 0.0
+        self._ground_speed = 0.0
+        self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
+
+    def calibrate(self, snapshot: Snapshot) -> None:
+        """Take one reading of a robot that stands on still, level ground.
+
+        Args:
+            snapshot: reading of all sensors.
+        """
+        self._read(snapshot)
+        self._attitude.calibrate(
+            snapshot.angular_velocity,
+            snapshot.linear_acceleration,
+            leg_rate=self._leg_rate(),
+            leg_velocity=self._unit_velocity(),
+        )
+        self._read(snapshot)
+        self.height = -float(self._anchor[2])
+        self.height_rate = float(self._leg_velocity[2])
+        lift, lift_rate = self._unit_lift()
+        self._unit_height = self.height + lift
+        self._unit_rate = self.height_rate + lift_rate
+        self._place()
+
+    def update(
+        self, snapshot: Snapshot, *, normal_left: float, normal_right: float
+    ) -> None:
+        """Advance by one tick.
+
+        Args:
+            snapshot: reading of all sensors.
+            normal_left: normal force of the left foot, as last measured [N].
+            normal_right: the same for the right foot [N].
+        """
+        self._attitude.update(
+            snapshot.angular_velocity,
+            snapshot.linear_acceleration,
+            leg_velocity=self._unit_velocity(),
+        )
+        self._update_share(normal_left, normal_right)
+        self._read(snapshot)
+        self._update_height(snapshot)
+        self._place()
+        self._pull_yaw()
+
+    def _read(self, snapshot: Snapshot) -> None:
+        """Joints and attitude into q and v, then what the legs say of the base."""
+        model, data, attitude = self._model, self._data, self._attitude
+        pin_model = model.pin_model
+        q, v = self.q, self.v
+        q[7:] = snapshot.q[model.to_model]
+        v[6:] = snapshot.dq[model.to_model]
+        attitude.R_world_imu.dot(self._R_imu_base, out=self.R_world_base)
+        q[:3] = 0.0
+        q[3:7] = pin.Quaternion(self.R_world_base).coeffs()
+        v[:3] = 0.0
+        attitude.rate.dot(self._R_imu_base, out=v[3:6])
+        pin.forwardKinematics(pin_model, data, q, v)
+        left, right = model.sole_ids
+        world = pin.LOCAL_WORLD_ALIGNED
+        T_left = pin.updateFramePlacement(pin_model, data, left)
+        T_right = pin.updateFramePlacement(pin_model, data, right)
+        # Twists of the soles as if the base stood still but for its rotation.
+        v_left = pin.getFrameVelocity(pin_model, data, left, world).linear
+        v_right = pin.getFrameVelocity(pin_model, data, right, world).linear
+        share = self._left_share
+        mixed, other = self._anchor, self._other
+        np.multiply(T_left.translation, share, out=mixed)
+        np.multiply(T_right.translation, 1.0 - share, out=other)
+        mixed += other
+        mixed = self._leg_velocity
+        np.multiply(v_left, -share, out=mixed)
+        np.multiply(v_right, share - 1.0, out=other)
+        mixed += other
+        R_left, R_right = T_left.rotation, T_right.rotation
+        self._sole_yaw = 0.5 * (
+            math.atan2(R_left[1, 0], R_left[0, 0])
+            + math.atan2(R_right[1, 0], R_right[0, 0])
+        )
+
+    def _leg_rate(self) -> Vec3:
+        """(3,) angular velocity that the legs see, IMU frame [rad/s]."""
+        model, data = self._model, self._data
+        rate = np.zeros(3)
+        for frame in model.sole_ids:
+            twist = pin.getFrameVelocity(
+                model.pin_model, data, frame, pin.LOCAL_WORLD_ALIGNED
+            )
+            rate -= 0.5 * twist.angular
+        seen: Vec3 = self._attitude.rate + rate @ self._attitude.R_world_imu
+        return seen
+
+    def _unit_velocity(self) -> Vec3:
+        """(3,) velocity of the inertial unit that the legs see, world [m/s]."""
+        w_x, w_y, w_z = self.v[3:6].tolist()
+        p_x, p_y, p_z = self._p_base_imu
+        lever = (w_y * p_z - w_z * p_y, w_z * p_x - w_x * p_z, w_x * p_y - w_y * p_x)
+        velocity: Vec3 = self.R_world_base @ lever
+        velocity += self._leg_velocity
+        return velocity
+
+    def _place(self) -> None:
+        """Base position and velocity from the anchor and the height."""
+        q, v = self.q, self.v
+        share = self._left_share
+        left, right = self._p_nominal
+        q[0] = share * left[0] + (1.0 - share) * right[0] - self._anchor.item(0)
+        q[1] = share * left[1] + (1.0 - share) * right[1] - self._anchor.item(1)
+        q[2] = self.height
+        velocity = self._velocity
+        velocity[:] = self._leg_velocity
+        velocity[2] = self.height_rate
+        velocity.dot(self.R_world_base, out=v[:3])
+
+    def _update_share(self, normal_left: float, normal_right: float) -> None:
+        left, right = max(normal_left, 0.0), max(normal_right, 0.0)
+        if left + right > MIN_TOTAL_FORCE_N:
+            share = left / (left + right)
+            self._left_share += self._share_blend * (share - self._left_share)
+
+    def _update_height(self, snapshot: Snapshot) -> None:
+        """Second-order filter: accelerometer above its bandwidth, legs below."""
+        force = float(self._attitude.R_world_imu[2] @ snapshot.linear_acceleration)
+        acceleration = force - GRAVITY
+        height, rate = self._unit_height, self._unit_rate
+        lift, lift_rate = self._unit_lift()
+        bandwidth, damping = self._height_pull()
+        error = lift - float(self._anchor[2]) - height
+        error = min(max(error, -HEIGHT_RANGE_M), HEIGHT_RANGE_M)
+        gain = 2.0 * damping * bandwidth
+        dt = self._dt
+        self._unit_height = height + dt * (rate + gain * error)
+        self._unit_rate = rate + dt * (acceleration + bandwidth * bandwidth * error)
+        self.height = self._unit_height - lift
+        self.height_rate = self._unit_rate - lift_rate
+        self.ground_height = self.height + float(self._anchor[2])
+
+    def _unit_lift(self) -> tuple[float, float]:
+        """Height of the inertial unit over the base's origin [m], and its rate."""
+        up = self.R_world_base[2].tolist()
+        w_x, w_y, w_z = self.v[3:6].tolist()
+        p_x, p_y, p_z = self._p_base_imu
+        lift = up[0] * p_x + up[1] * p_y + up[2] * p_z
+        rate = (
+            up[0] * (w_y * p_z - w_z * p_y)
+            + up[1] * (w_z * p_x - w_x * p_z)
+            + up[2] * (w_x * p_y - w_y * p_x)
+        )
+        return lift, rate
+
+    def _height_pull(self) -> tuple[float, float]:
+        """Bandwidth [rad/s] and damping ratio of the pull to the legs' kinematics.
+
+        Legs are trusted while the ground stands still, little while it moves.
+        """
+        settings = self._settings
+        speed = abs(self.height_rate - self._leg_velocity.item(2))
+        self._ground_speed = max(speed, self._ground_speed * self._forget)
+        ratio = self._ground_speed / settings.still_speed_m_s
+        stillness = 1.0 / (1.0 + ratio**4)
+        bandwidth, damping = settings.height_bandwidth, settings.height_damping
+        return (
+            bandwidth + stillness * (settings.still_height_bandwidth - bandwidth),
+            damping + stillness * (STILL_DAMPING - damping),
+        )
+
+    def _pull_yaw(self) -> None:
+        """Keep the mean yaw of the soles at the stance's, since yaw is free."""
+        turn = -self._settings.yaw_gain * self._dt * self._sole_yaw
+        self._attitude.pull_yaw(turn)

@@ -1,0 +1,1 @@
+"""Which sensors are believed, and when to give up in order."""

@@ -1,0 +1,285 @@
+"""Between sensors and controller: what is believed, and when to give up in order.
+
+Data flows one way: snapshot -> health -> controller -> command. No clock and no I/O;
+in a healthy run the controller's answers pass through unchanged.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from enum import StrEnum
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import Reference
+from surefoot.schemas.settings import SafetySettings
+from surefoot.stabilizer.control.controller import Controller, ControllerOutput
+from surefoot.stabilizer.safety.health import (
+    IMU,
+    JOINTS,
+    LEFT_FT,
+    OVERLOAD,
+    RIGHT_FT,
+    Ages,
+    SensorHealth,
+)
+
+FELL = "fell"
+HELD = "held"
+"""How the reason of an end begins."""
+
+
+class SafetyState(StrEnum):
+    """What the stabilizer is doing."""
+
+    ACTIVE = "active"
+    """Everything is believed."""
+    DEGRADED = "degraded"
+    """An ankle sensor is lost; its force terms are off."""
+    STOPPING = "stopping"
+    """The last motion fades out."""
+    LEAVING = "leaving"
+    """Asked to end: the controller balances on, with less and less motion."""
+    HELD = "held"
+    """The command stands still: ask the robot to hold."""
+
+
+@runtime_checkable
+class Degradable(Protocol):
+    """A controller that can do without an ankle sensor."""
+
+    def degrade(self, lost: tuple[bool, bool]) -> None:
+        """Leave out what comes from lost sensors.
+
+        Args:
+            lost: whether the left and the right ankle sensor are.
+        """
+
+    def undo_overload(
+        self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
+    ) -> None:
+        """Return to a former command, from which false forces have led away.
+
+        Args:
+            q_command: (n_a,) the command before, bus order [rad].
+            ticks: how long the forces were false; the return takes as long.
+            sides: whether those of the left and of the right foot were.
+        """
+
+
+class Safety:
+    """A controller, watched.
+
+    Attributes:
+        controller: what answers while all is well.
+        state: what the stabilizer is doing.
+        reason: why it is not active; empty when it is.
+    """
+
+    def __init__(
+        self, controller: Controller, robot: Robot, settings: SafetySettings
+    ) -> None:
+        """Watch a controller that has not been started."""
+        self.controller = controller
+        self.state = SafetyState.ACTIVE
+        self.reason = ""
+        self._settings = settings
+        self._health = SensorHealth(robot, settings)
+        self._least_upright = math.cos(settings.tilt_limit_rad)
+        self._unloaded_limit = round(settings.unloaded_after_s / robot.period_s)
+        self._fade_ticks = max(1, round(settings.ramp_out_s / robot.period_s))
+        self._leave_ticks = round(settings.leave_s / robot.period_s)
+        self._fade = 0
+        self._left = 0
+        self._asked: Array | None = None
+        self._unloaded = 0
+        self._up = (0.0, 0.0, 1.0)
+        self._degraded = (False, False)
+        self._output: ControllerOutput | None = None
+        self._command: Array = np.zeros(robot.n_a)
+        self._before: Array = self._command
+        self._motion: Array = np.zeros(robot.n_a)
+        self._before_overload: list[Array] = [self._command, self._command]
+        self._return_to: Array | None = None
+
+    @property
+    def has_fallen(self) -> bool:
+        """Whether it gave up because the robot fell."""
+        return self.reason.startswith(FELL)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the command stands still for good."""
+        return self.state is SafetyState.HELD
+
+    def start(self, snapshot: Snapshot, q_command: Array) -> None:
+        """Begin on a robot that stands still; see :meth:`Controller.start`."""
+        self.controller.start(snapshot, q_command)
+        if isinstance(self.controller, Degradable):
+            self.controller.degrade(self._degraded)
+        self._up = _up_in_unit(snapshot)
+        self._command = self._before = q_command.copy()
+
+    def step(
+        self, snapshot: Snapshot, ages: Ages, reference: Reference | None = None
+    ) -> ControllerOutput:
+        """Answer one tick.
+
+        Args:
+            snapshot: reading of all sensors.
+            ages: ticks since each sensor's message, in the order of the topic table.
+            reference: newest word of a planner, if any.
+        """
+        if self.is_done and self._output is not None:
+            return self._output
+        if self._gives_up():
+            return self._fade_out()
+        believed = self._health.check(snapshot, ages, moves=self._moves)
+        if 1 in self._health.overload_ticks:
+            self._remember()
+        if not self._health.all_believed or any(self._degraded):
+            self._react_to_losses()
+        self._look_for_fall(believed)
+        if self._gives_up():
+            return self._fade_out()
+        output = self.controller.step(believed, reference)
+        if self.state is SafetyState.LEAVING:
+            output = self._soft_stopped(output)
+        self._before, self._command = self._command, output.q_command
+        self._output = output
+        return output
+
+    def leave(self, reason: str) -> None:
+        """Have the robot come to rest in balance; the command then stand still.
+
+        A sensor lost or a fall meanwhile end it as ever.
+        """
+        if self._gives_up():
+            return
+        self.state, self.reason = SafetyState.LEAVING, reason
+        self._asked = self._command.copy()
+
+    def stop(self, reason: str) -> None:
+        """Have the command fade out; the first reason stays."""
+        if not self._gives_up():
+            self.state, self.reason = SafetyState.STOPPING, reason
+
+    def _gives_up(self) -> bool:
+        return self.state in (SafetyState.STOPPING, SafetyState.HELD)
+
+    def _moves(self) -> bool:
+        """Whether the last command differs from the one before it."""
+        return not np.array_equal(self._command, self._before)
+
+    def _react_to_losses(self) -> None:
+        """What lost sensors lead to."""
+        lost, settings = self._health.lost, self._settings
+        for index in (JOINTS, IMU):
+            if lost[index]:
+                self.stop(f"{HELD}: {lost[index]}")
+                return
+        feet = (bool(lost[LEFT_FT]), bool(lost[RIGHT_FT]))
+        if feet == self._degraded:
+            return
+        what = ", ".join(filter(None, lost))
+        policy = settings.both_ft_lost if all(feet) else settings.ft_lost
+        controller = self.controller
+        overloaded = (
+            feet[0] and not self._degraded[0] and lost[LEFT_FT].endswith(OVERLOAD),
+            feet[1] and not self._degraded[1] and lost[RIGHT_FT].endswith(OVERLOAD),
+        )
+        if any(feet) and (policy == "hold" or not isinstance(controller, Degradable)):
+            self.stop(f"{HELD}: {what}")
+            if any(overloaded):
+                self._return_to, _ = self._command_before_overload(overloaded)
+            return
+        self._degraded = feet
+        if isinstance(controller, Degradable):
+            controller.degrade(feet)
+            if any(overloaded):
+                before, ticks = self._command_before_overload(overloaded)
+                controller.undo_overload(before, ticks=ticks, sides=overloaded)
+        if self.state is SafetyState.LEAVING:
+            return
+        self.state = SafetyState.DEGRADED if any(feet) else SafetyState.ACTIVE
+        self.reason = what
+
+    def _remember(self) -> None:
+        """Keep the command at which a foot's overload begins, if it is one."""
+        for side, ticks in enumerate(self._health.overload_ticks):
+            if ticks == 1:
+                self._before_overload[side] = self._command.copy()
+
+    def _command_before_overload(
+        self, overloaded: tuple[bool, bool]
+    ) -> tuple[Array, int]:
+        """The command before these feet's earlier overload, and its age [ticks]."""
+        ticks = self._health.overload_ticks
+        side = max(
+            (side for side in range(2) if overloaded[side]), key=ticks.__getitem__
+        )
+        return self._before_overload[side], ticks[side]
+
+    def _look_for_fall(self, snapshot: Snapshot) -> None:
+        x, y, z = _up_in_unit(snapshot)
+        up_x, up_y, up_z = self._up
+        upright = x * up_x + y * up_y + z * up_z
+        if upright < self._least_upright:
+            angle = math.degrees(math.acos(max(upright, -1.0)))
+            self.stop(f"{FELL}: leans by {angle:.0f} deg")
+        load = snapshot.ft_left.item(2) + snapshot.ft_right.item(2)
+        if load > self._settings.unloaded_n or any(self._degraded):
+            self._unloaded = 0
+            return
+        self._unloaded += 1
+        if self._unloaded > self._unloaded_limit:
+            seconds = self._settings.unloaded_after_s
+            self.stop(f"{FELL}: the feet carry nothing for {seconds:g} s")
+
+    def _soft_stopped(self, output: ControllerOutput) -> ControllerOutput:
+        """The controller's motion of this tick, less of it from tick to tick."""
+        self._left += 1
+        share = max(0.0, 1.0 - self._left / max(1, self._leave_ticks))
+        if share == 0.0:
+            self.state = SafetyState.HELD
+        asked = output.q_command.copy()
+        motion = asked - (asked if self._asked is None else self._asked)
+        self._asked = asked
+        return replace(output, q_command=self._command + share * motion)
+
+    def _fade_out(self) -> ControllerOutput:
+        """The last motion goes on, slower and slower, until it stands still.
+
+        After false forces it is the way back from where they have led.
+        """
+        if self._fade == 0:
+            self._motion = self._command - self._before
+            if self._return_to is not None:
+                # The shares below add up to half the ticks.
+                steps = max(1.0, 0.5 * (self._fade_ticks - 1))
+                self._motion = (self._return_to - self._command) / steps
+        self._fade += 1
+        share = max(0.0, 1.0 - self._fade / self._fade_ticks)
+        if share == 0.0:
+            self.state = SafetyState.HELD
+        self._command = self._command + share * self._motion
+        before = self._output
+        if before is None:
+            before = ControllerOutput.holding(self._command)
+        self._output = replace(before, q_command=self._command)
+        return self._output
+
+
+def _up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
+    """The world's up axis in the frame of the inertial unit, by its own attitude."""
+    x, y, z, w = snapshot.quat_xyzw.tolist()
+    return (
+        2.0 * (x * z - y * w),
+        2.0 * (y * z + x * w),
+        1.0 - 2.0 * (x * x + y * y),
+    )

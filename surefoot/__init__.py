@@ -1,0 +1,1 @@
+"""Surefoot: force-feedback whole-body stabilizer for position-controlled humanoids."""

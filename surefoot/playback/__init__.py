@@ -1,0 +1,1 @@
+"""Records played again: on the bus, or through a controller."""

@@ -1,0 +1,320 @@
+"""Runs the controller on a record and tells whether it does the same again."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+
+from surefoot.errors import UsageError
+from surefoot.playback.recompute import Inputs, ReplayOutcome, SessionOutcome, recompute
+from surefoot.playback.sensors import RecordedSensors, to_wire
+from surefoot.playback.sessions import Session, find_sessions
+from surefoot.playback.timeline import Entry, Timeline
+from surefoot.recording.write import VERSIONS, versions
+from surefoot.robot_io.robot import Robot
+from surefoot.run_folder import MARKER, SETTINGS
+from surefoot.schemas.codec import decode
+from surefoot.schemas.errors import FileFormatError, MessageError
+from surefoot.schemas.messages import (
+    JointCommand,
+    Message,
+    Reference,
+    RobotMode,
+    RobotStatus,
+    SettingsChange,
+    StabilizerStatus,
+)
+from surefoot.schemas.settings import ControllerSettings, build_settings
+
+M = TypeVar("M", bound=Message)
+
+
+def version_notes(recorded: bytes | None, present: dict[str, Any]) -> list[str]:
+    """What is other than it was, in words; nothing when all is the same.
+
+    Args:
+        recorded: the attached description; None when there is none.
+        present: the same of this process.
+    """
+    if recorded is None:
+        return ["the record does not say which versions it was made with"]
+    then: dict[str, Any] = msgspec.json.decode(recorded)
+    notes = [
+        f"{name}: recorded with {then.get(name)}, now {present[name]}"
+        for name in ("python", "platform")
+        if then.get(name) != present[name]
+    ]
+    packages = then.get("packages") or {}
+    notes += [
+        f"{name}: recorded with {packages.get(name)}, now {version}"
+        for name, version in present["packages"].items()
+        if packages.get(name) != version
+    ]
+    return notes + _code_notes(then, present)
+
+
+def _code_notes(then: dict[str, Any], present: dict[str, Any]) -> list[str]:
+    before, now = then.get("git_commit"), present["git_commit"]
+    notes = []
+    if before != now:
+        notes.append(f"code: recorded at commit {_short(before)}, now {_short(now)}")
+    for when, about in (("when recorded", then), ("now", present)):
+        changed = about.get("git_changed_files") or []
+        if changed:
+            notes.append(f"code: {len(changed)} files not committed {when}")
+    return notes
+
+
+def _short(commit: str | None) -> str:
+    return "unknown" if commit is None else commit[:12]
+
+
+def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSettings:
+    """Settings attached to a record, with some replaced.
+
+    Args:
+        timeline: the record; without settings the defaults are meant.
+        overrides: texts ``section.name=value``.
+
+    Raises:
+        FileFormatError: they cannot be used.
+    """
+    table: dict[str, Any] = {}
+    data = timeline.record.attachments.get(SETTINGS)
+    if data is not None:
+        try:
+            table = tomllib.loads(data.decode())
+        except ValueError as error:
+            raise FileFormatError(f"the attached {SETTINGS}: {error}") from error
+    return build_settings(table, overrides=overrides, source=f"attached {SETTINGS}")
+
+
+def check(
+    timeline: Timeline,
+    robot: Robot,
+    settings: ControllerSettings,
+    *,
+    file: Path,
+    law: str | None,
+    until_s: float | None,
+    on_tick: Callable[[int], None],
+) -> ReplayOutcome:
+    """Compute all commands of a record again.
+
+    Args:
+        timeline: the record.
+        robot: it was made of.
+        settings: the controllers were made with.
+        file: named in the outcome.
+        law: name of the controller to use; None for the recorded one.
+        until_s: compares this much from the first tick [s]; None for all.
+        on_tick: told each tick.
+
+    Raises:
+        UsageError: it holds no command, or not the start of any commander.
+    """
+    said = _Said(timeline, robot, until_s=until_s)
+    outcomes, notes = [], said.notes
+    sensors = RecordedSensors(said.entries, joint_count=robot.n_a, raw=said.raw)
+    inputs = Inputs(robot, settings, said.of(SettingsChange), said.of(Reference))
+    for session in find_sessions(said.of(JointCommand), said.of(RobotStatus)):
+        whole = _followable(session, notes)
+        if whole is None:
+            continue
+        name = law or said.law_of(whole)
+        outcomes.append(
+            recompute(
+                whole,
+                sensors,
+                _of_session(inputs, whole),
+                controller=name,
+                on_tick=on_tick,
+            )
+        )
+    if not outcomes:
+        told = "; ".join(notes) or "it holds no command"
+        raise UsageError(f"{file}: nothing to compute again: {told}")
+    outcome = ReplayOutcome(
+        file=str(file),
+        robot=robot.file.name,
+        is_cut_off=timeline.record.is_cut_off,
+        is_equal=not any(session.differing for session in outcomes),
+        compared=sum(session.compared for session in outcomes),
+        sessions=outcomes,
+        notes=notes,
+    )
+    if not outcome.is_equal:
+        stale = sum(session.stale for session in outcomes)
+        notes += _doubts(inputs, said.mode, stale=stale)
+    return outcome
+
+
+def _followable(session: Session, notes: list[str]) -> Session | None:
+    """The part of a session that the record holds all of."""
+    who = session.commander
+    if 0 not in session.starts:
+        tick = session.commands[0].tick
+        notes.append(
+            f"{who} commanded before the record begins (tick {tick}): its controller's "
+            "state then is not known"
+        )
+        return None
+    if session.missing:
+        before, after = _gap(session)
+        notes.append(
+            f"{session.missing} commands of {who} are not in the record; compared up "
+            f"to tick {before}, before the first of them"
+        )
+        count = [command.tick for command in session.commands].index(after)
+        return Session(who, session.commands[:count], session.starts)
+    return session
+
+
+def _gap(session: Session) -> tuple[int, int]:
+    """Ticks of the commands before and after the first missing one."""
+    for earlier, later in pairwise(session.commands):
+        if later.sequence != earlier.sequence + 1:
+            return earlier.tick, later.tick
+    raise AssertionError("no command is missing")
+
+
+def _of_session(inputs: Inputs, session: Session) -> Inputs:
+    """Change of settings are the session's own; a planner outlives it."""
+    first, last = session.commands[0].tick, session.commands[-1].tick
+    mine = [change for change in inputs.changes if first <= change.tick <= last]
+    return Inputs(inputs.robot, inputs.settings, mine, inputs.references)
+
+
+def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
+    """What else than code and settings can make commands differ."""
+    doubts = []
+    if stale:
+        doubts.append(
+            f"{stale} ticks lack a sensor's message: the sensor was silent, or the "
+            "message was lost on its way to the recorder alone"
+        )
+    if inputs.references:
+        doubts.append(
+            "a planner spoke: from which tick on its word counted is not recorded, and "
+            "taken from the stamps"
+        )
+    if mode == "realtime":
+        doubts.append(
+            "in real time a sensor's message may have reached the recorder and been "
+            "late for the stabilizer, which the record does not tell"
+        )
+    return doubts
+
+
+class _Said:
+    """Messages of a record's first round, decoded."""
+
+    def __init__(
+        self, timeline: Timeline, robot: Robot, *, until_s: float | None
+    ) -> None:
+        record = timeline.record
+        self.raw = {name: record.is_raw(name) for name in record.channels}
+        self._robot = robot
+        self.notes = version_notes(record.attachments.get(VERSIONS), versions())
+        if SETTINGS not in record.attachments:
+            self.notes.append("no settings attached: the defaults are used")
+        self._about: dict[str, Any] = {}
+        if MARKER in record.attachments:
+            self._about = msgspec.json.decode(record.attachments[MARKER])
+        entries = [entry for entry in timeline.entries if entry.round == 0]
+        if len(entries) < len(timeline.entries):
+            self.notes.append("the robot began anew: only what came before is compared")
+        self.entries = self._settled(entries)
+        if until_s is not None:
+            end = timeline.first_tick + round(until_s / robot.period_s)
+            self.entries = [entry for entry in self.entries if entry.tick < end]
+
+    @property
+    def mode(self) -> str:
+        """How the run was paced; empty when that is not attached."""
+        return str(self._about.get("mode", ""))
+
+    def of(self, kind: type[M]) -> list[M]:
+        """All messages of a kind that can be read, in order."""
+        channel = _CHANNELS[kind]
+        decoded = (
+            self._decoded(entry, kind)
+            for entry in self.entries
+            if entry.channel == channel
+        )
+        return [message for message in decoded if message is not None]
+
+    def law_of(self, session: Session) -> str:
+        """Name of the controller that commanded.
+
+        Raises:
+            UsageError: nothing says so.
+        """
+        first, last = session.commands[0].tick, session.commands[-1].tick
+        for status in self.of(StabilizerStatus):
+            if first <= status.tick <= last:
+                return status.controller
+        if "controller" in self._about:
+            return str(self._about["controller"])
+        raise UsageError(
+            f"the record does not say which controller {session.commander} was; name "
+            "it with --law"
+        )
+
+    def _decoded(self, entry: Entry, kind: type[M]) -> M | None:
+        try:
+            return decode(
+                to_wire(entry.data, is_raw=self.raw[entry.channel]),
+                kind,
+                joint_count=self._robot.n_a,
+            )
+        except MessageError:
+            return None
+
+    def _settled(self, entries: list[Entry]) -> list[Entry]:
+        """Leave out commands that came so late that the record may lack their cause.
+
+        The recorder writes, a moment at a time, channel by channel with ``status`` as
+        the last. A command may be in one moment and its sensors in the next, which a
+        record that ends in the middle of a run need not hold whole.
+        """
+        statuses = [entry for entry in entries if entry.channel == "status"]
+        last = self._decoded(statuses[-1], RobotStatus) if statuses else None
+        if last is None or last.mode is RobotMode.OFF:
+            return entries
+        places = sorted(entry.place for entry in statuses)
+        moments = [place for place, later in pairwise(places) if later != place + 1]
+        end = moments[-1] if moments else 0
+        settled = [
+            entry
+            for entry in entries
+            if entry.channel != "joint_command" or entry.place < end
+        ]
+        if len(settled) < len(entries):
+            self.notes.append(
+                f"the record ends in mid-run: its last {len(entries) - len(settled)} "
+                "commands are left out, as what they answer may be missing"
+            )
+        return settled
+
+
+_CHANNELS: dict[type[Message], str] = {
+    JointCommand: "joint_command",
+    RobotStatus: "status",
+    StabilizerStatus: "stabilizer",
+    SettingsChange: "settings_change",
+    Reference: "reference",
+}
+
+
+def first_difference(outcome: ReplayOutcome) -> SessionOutcome | None:
+    """The session that differs first; None when all are equal."""
+    for session in outcome.sessions:
+        if session.differing:
+            return session
+    return None

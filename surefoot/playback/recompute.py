@@ -1,0 +1,212 @@
+"""Computes the commands of a session again, from the recorded sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+
+from surefoot.playback.sensors import RecordedSensors
+from surefoot.playback.sessions import Session
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import JointCommand, Reference, SettingsChange
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.controller import Controller, Tunable
+from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.safety.safety import Safety
+from surefoot.stabilizer.settings_ramp import SettingsRamp
+
+
+class Difference(msgspec.Struct, kw_only=True, frozen=True):
+    """A joint whose command was another one."""
+
+    tick: int
+    time_s: float
+    """Tick times the control period [s]."""
+    joint: str
+    recorded: float
+    """[rad]"""
+    computed: float
+    """[rad]"""
+
+    @property
+    def error(self) -> float:
+        """Computed less recorded [rad]."""
+        return self.computed - self.recorded
+
+
+class SessionOutcome(msgspec.Struct, kw_only=True):
+    """One stabilizer of the record."""
+
+    commander: str
+    controller: str
+    first_tick: int
+    last_tick: int
+    compared: int = 0
+    """Commands compared."""
+    differing: int = 0
+    """Commands that are not equal bit for bit."""
+    stale: int = 0
+    """Ticks compared for which the record lacks the message of a sensor."""
+    first: Difference | None = None
+    """The first that differs; of its joints the one that differs most."""
+    largest: Difference | None = None
+    """The largest difference of any joint at any tick."""
+
+
+class ReplayOutcome(msgspec.Struct, kw_only=True):
+    """The whole record."""
+
+    file: str
+    robot: str
+    is_cut_off: bool
+    is_equal: bool
+    """Whether all commands compared are equal bit for bit."""
+    compared: int
+    sessions: list[SessionOutcome]
+    notes: list[str]
+    """What was other than when the record was made, or could not be compared."""
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What a controller was given.
+
+    Attributes:
+        robot: its files.
+        settings: it was made with.
+        changes: of settings while it ran, in order.
+        references: of a planner, in order.
+    """
+
+    robot: Robot
+    settings: ControllerSettings
+    changes: Sequence[SettingsChange]
+    references: Sequence[Reference]
+
+
+def recompute(
+    session: Session,
+    sensors: RecordedSensors,
+    inputs: Inputs,
+    *,
+    controller: str,
+    on_tick: Callable[[int], None],
+) -> SessionOutcome:
+    """Answer the same ticks with the present code, and compare.
+
+    The robot does not follow the new commands: every tick has the sensors that were
+    recorded, whatever was answered before.
+
+    Args:
+        session: commands and starts; index 0 must be among the starts.
+        sensors: at or before the session's first tick.
+        inputs: what the controller was given besides.
+        controller: name of the law.
+        on_tick: told each tick.
+    """
+    commands = session.commands
+    outcome = SessionOutcome(
+        commander=session.commander,
+        controller=controller,
+        first_tick=commands[0].tick,
+        last_tick=commands[-1].tick,
+    )
+    law = make_controller(controller, inputs.robot, inputs.settings)
+    safety = Safety(law, inputs.robot, inputs.settings.safety)
+    gains = _Gains(law, inputs)
+    references = _References(inputs.references)
+    for index, command in enumerate(commands):
+        reading = sensors.at(command.tick)
+        if reading is None:
+            continue
+        start = session.starts.get(index)
+        if start is not None and index > 0:
+            gains.resume(command.tick)
+        gains.advance(command.tick)
+        if start is not None:
+            safety.start(reading.snapshot, np.array(start.q_held))
+        output = safety.step(
+            reading.snapshot, reading.ages, references.at(reading.snapshot.stamp_ns)
+        )
+        outcome.stale += any(reading.ages)
+        _compare(command, output.q_command, outcome, inputs.robot)
+        on_tick(command.tick)
+    return outcome
+
+
+def _compare(
+    command: JointCommand, computed: Array, outcome: SessionOutcome, robot: Robot
+) -> None:
+    recorded = np.array(command.q)
+    outcome.compared += 1
+    if recorded.tobytes() == computed.tobytes():
+        return
+    outcome.differing += 1
+    joint = int(np.argmax(np.abs(computed - recorded)))
+    found = Difference(
+        tick=command.tick,
+        time_s=command.tick * robot.period_s,
+        joint=robot.joint_names[joint],
+        recorded=float(recorded[joint]),
+        computed=float(computed[joint]),
+    )
+    outcome.first = outcome.first or found
+    if outcome.largest is None or abs(found.error) > abs(outcome.largest.error):
+        outcome.largest = found
+
+
+class _Gains:
+    """Leads the controller through the recorded changes of settings."""
+
+    def __init__(self, law: Controller, inputs: Inputs) -> None:
+        self._tunable = law if isinstance(law, Tunable) else None
+        self._ramp = SettingsRamp(inputs.settings, period_s=inputs.robot.period_s)
+        self._changes = list(inputs.changes)
+
+    def advance(self, tick: int) -> None:
+        """As the stabilizer does before it answers a tick."""
+        self._begin(before=tick + 1)
+        self._move()
+
+    def resume(self, tick: int) -> None:
+        """The tick at which a hold ended has moved the settings, and had no answer.
+
+        Args:
+            tick: the one answered next; what was asked before it was asked earlier.
+        """
+        self._begin(before=tick)
+        self._move()
+
+    def _begin(self, *, before: int) -> None:
+        while self._changes and self._changes[0].tick < before:
+            change = self._changes.pop(0)
+            self._ramp.begin(
+                change.after,
+                source=change.source,
+                tick=change.tick,
+                stamp_ns=change.stamp_ns,
+            )
+
+    def _move(self) -> None:
+        if self._tunable is None or not self._ramp.is_moving:
+            return
+        settings = self._ramp.advance()
+        if settings is not None:
+            self._tunable.retune(settings)
+
+
+class _References:
+    """The newest word of a planner when the sensors of a tick were taken."""
+
+    def __init__(self, references: Sequence[Reference]) -> None:
+        self._coming = list(references)
+        self._newest: Reference | None = None
+
+    def at(self, stamp_ns: int) -> Reference | None:
+        while self._coming and self._coming[0].stamp_ns <= stamp_ns:
+            self._newest = self._coming.pop(0)
+        return self._newest

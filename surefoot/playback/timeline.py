@@ -1,0 +1,165 @@
+"""The messages of a record in the order of the robot's ticks."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+from mcap.records import Message
+
+from surefoot.errors import UsageError
+from surefoot.recording.read import Record, read_record
+from surefoot.recording.write import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
+from surefoot.robot_io.robot import Robot, load_robot, make_robot
+from surefoot.schemas.robot_file import RobotFile
+from surefoot.schemas.topics import TICK_SENSORS, TOPICS, Direction
+
+REFERENCE = "reference"
+PLAYABLE = tuple(
+    entry.name
+    for entry in TOPICS
+    if entry.direction not in (Direction.SERVICE, Direction.STABILIZER_SERVICE)
+)
+"""Channels that carry messages; services are asked and leave none."""
+_RANKS = {
+    name: rank
+    for rank, name in enumerate(
+        (*TICK_SENSORS, *(name for name in PLAYABLE if name not in TICK_SENSORS))
+    )
+}
+
+
+class Entry(NamedTuple):
+    """A message of the record.
+
+    Attributes:
+        round: 0, and one more each time the robot's ticks began anew.
+        tick: the robot's tick it belongs to.
+        stamp_ns: clock of its sender [ns].
+        rank: of its channel within a tick.
+        place: in the file.
+        channel: its name in the topic table.
+        data: as recorded.
+    """
+
+    round: int
+    tick: int
+    stamp_ns: int
+    rank: int
+    place: int
+    channel: str
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """A record in order.
+
+    Attributes:
+        record: attachments, and whether it is cut off.
+        entries: messages in the order of round, tick and stamp. Ticks are what robot
+            and stabilizer have in common; their clocks may differ.
+        first_tick: of the sensors.
+        last_tick: of the last round.
+    """
+
+    record: Record
+    entries: list[Entry]
+    first_tick: int
+    last_tick: int
+
+
+def read_timeline(path: Path) -> Timeline:
+    """Read a record into memory and brings it in order.
+
+    The recorder writes what came in a moment channel by channel, so the order of the
+    file is not that of the bus.
+
+    Raises:
+        UsageError: it cannot be read, or holds no sensor messages.
+    """
+    collector = _Collector()
+    record = read_record(path, collector.take)
+    entries = sorted(collector.entries, key=_ORDER)
+    ticks = [entry.tick for entry in entries if entry.channel in TICK_SENSORS]
+    if not ticks:
+        raise UsageError(f"{path}: holds no sensor messages; there is nothing to play")
+    return Timeline(record, entries, ticks[0], ticks[-1])
+
+
+_ORDER = attrgetter("round", "tick", "stamp_ns", "rank", "place")
+
+
+class _Collector:
+    """Takes messages in the order of the file."""
+
+    def __init__(self) -> None:
+        self.entries: list[Entry] = []
+        self._rounds = dict.fromkeys(PLAYABLE, 0)
+        self._ticks = dict.fromkeys(PLAYABLE, 0)
+        self._place = 0
+
+    def take(self, channel: str, message: Message) -> None:
+        self._place += 1
+        if channel not in _RANKS:
+            return
+        tick = message.sequence
+        if channel == REFERENCE:
+            # A planner need not count the robot's ticks: what counts is when it came.
+            tick = max(self._ticks[name] for name in TICK_SENSORS)
+        if tick < self._ticks[channel]:
+            self._rounds[channel] += 1
+        self._ticks[channel] = tick
+        self.entries.append(
+            Entry(
+                self._rounds[channel],
+                tick,
+                message.log_time,
+                _RANKS[channel],
+                self._place,
+                channel,
+                message.data,
+            )
+        )
+
+
+@contextmanager
+def recorded_robot(record: Record, instead: str | None) -> Iterator[Robot]:
+    """The robot with its servo profile, as it was when the record was made.
+
+    Its URDF stands in a folder for the time of the context.
+
+    Args:
+        record: with attachments.
+        instead: name or path of a robot to use instead; None for the recorded one.
+
+    Raises:
+        UsageError: none is attached, or it cannot be read.
+        RobotFileError: what is attached contradicts itself.
+    """
+    if instead is not None:
+        yield load_robot(instead)
+        return
+    files = record.attachments
+    if ROBOT_JSON not in files or ROBOT_URDF not in files:
+        raise UsageError(
+            f"no {ROBOT_JSON} and {ROBOT_URDF} attached to this record; name the robot "
+            "with --robot"
+        )
+    try:
+        file = msgspec.json.decode(files[ROBOT_JSON], type=RobotFile)
+    except msgspec.DecodeError as error:
+        raise UsageError(
+            f"the attached {ROBOT_JSON} is none of this version ({error}); name the "
+            "robot with --robot"
+        ) from error
+    with tempfile.TemporaryDirectory(prefix="surefoot-replay-") as name:
+        urdf = Path(name) / ROBOT_URDF
+        urdf.write_bytes(files[ROBOT_URDF])
+        yield make_robot(file, path=Path(name) / ROBOT_TOML, urdf_path=urdf)

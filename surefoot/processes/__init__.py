@@ -1,0 +1,1 @@
+"""A run as processes of its own that meet on the bus."""

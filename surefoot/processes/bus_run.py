@@ -1,0 +1,288 @@
+"""A run as two processes that meet on the bus."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+from surefoot.endpoints import ENDPOINTS, loopback_endpoints, write_endpoints
+from surefoot.errors import ChildFailedError
+from surefoot.exit_codes import ExitCode
+from surefoot.processes.child import Child, Event, Exit, Ready, Said
+from surefoot.processes.supervise import failure, supervise
+from surefoot.run_folder import MARKER, RECORD, SCENARIO, SETTINGS, TICKS, read_struct
+from surefoot.run_plan import RunPlan
+from surefoot.run_result import Sides
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import ControllerResult, PlantResult, RelayResult
+
+_LOG = logging.getLogger("surefoot.run")
+
+_START_S = 60.0
+"""A robot that is still there may take so long to come up, on a busy machine [s]."""
+READY_S = 30.0
+"""How long the page may take to come up, on a busy machine [s]."""
+_READY_S = 20.0
+"""The stabilizer waits so long for the recorder, on a busy machine [s]."""
+_FINISH_S = 60.0
+"""After the run the recorder may take so long to write what it holds [s]."""
+
+
+def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
+    """Command line of the recorder.
+
+    Args:
+        plan: what is run.
+        folder: of the run; its settings, scenario and description are attached.
+        endpoints: file that says where the robot is.
+    """
+    profile = plan.servo_profile
+    return [
+        *("record", "--out", str(folder / RECORD), "--wait", str(_READY_S)),
+        *("--robot", plan.robot_name),
+        *(("--servo-profile", profile) if profile is not None else ()),
+        *(
+            word
+            for name in (MARKER, SETTINGS, SCENARIO)
+            for word in ("--attach", str(folder / name))
+        ),
+        *("--endpoints", str(endpoints)),
+    ]
+
+
+def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
+    """Wait until the recorder receives everything, or cannot be waited for.
+
+    Args:
+        recorder: just started.
+        events: of all children; those of others are kept for later.
+    """
+    others: list[Event] = []
+    end = time.monotonic() + _READY_S
+    while True:
+        try:
+            event = events.get(timeout=max(0.0, end - time.monotonic()))
+        except Empty:
+            _LOG.warning(
+                f"recorder: not ready within {_READY_S:g} s; the run begins without "
+                "it, and the start may be missing from the record"
+            )
+            break
+        if isinstance(event, Ready):
+            break
+        if not isinstance(event, Exit) or event.child is not recorder:
+            others.append(event)
+        # Of a recorder that has ended the user is told at the end of the run.
+        if isinstance(event, Exit):
+            break
+    for event in others:
+        events.put(event)
+
+
+def see_recorder_off(recorder: Child) -> None:
+    """Wait until the record is complete; says so if it is not."""
+    code = recorder.wait(_FINISH_S)
+    if code is None:
+        _LOG.warning(f"recorder: did not end within {_FINISH_S:g} s after the run")
+        return
+    # The folder takes another name at the end of the run.
+    here = f"{recorder.log.parent}/"
+    lines = [line.replace(here, "") for line in recorder.last_lines()]
+    if code == 0:
+        for line in lines:
+            if " WARNING " in line:
+                _LOG.warning(f"recorder: {line}")
+        return
+    how = (
+        f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
+    )
+    words = "".join(f"\n  {line}" for line in lines[-3:])
+    _LOG.warning(f"recorder: {how}; the run went on, its record is cut off{words}")
+
+
+def start_live_page(
+    plan: RunPlan,
+    folder: Path,
+    *,
+    endpoints: Path,
+    port: int,
+    events: SimpleQueue[Event],
+) -> Child:
+    """Start the page and wait until it is served, so that it misses nothing.
+
+    Args:
+        plan: names the robot.
+        folder: gets its log.
+        endpoints: file that says where it dials.
+        port: of the page.
+        events: of the run; nobody else has been started yet.
+
+    Returns:
+        The process; the run goes on whatever becomes of it.
+
+    Raises:
+        ChildFailedError: the page could not be served.
+    """
+    words = ["view", "--robot", plan.robot_name, "--port", str(port)]
+    words += ["--endpoints", str(endpoints)]
+    child = Child("view", words, log=folder / "view.log", events=events)
+    deadline = time.monotonic() + READY_S
+    try:
+        while True:
+            event = events.get(timeout=max(0.0, deadline - time.monotonic()))
+            if isinstance(event, Exit):
+                raise failure(child, event.code)
+            if isinstance(event, Said):
+                _LOG.info(f"live page: {event.url}")
+                return child
+    except Empty:
+        child.stop()
+        raise ChildFailedError(
+            f"view: the page was not there within {READY_S:g} s",
+            exit_code=ExitCode.FAILED,
+        ) from None
+    except BaseException:
+        child.stop()
+        raise
+
+
+def run_processes(
+    plan: RunPlan,
+    folder: Path,
+    *,
+    endpoints: Endpoints,
+    record: bool,
+    on_tick: Callable[[int], None],
+    view_port: int | None = None,
+    histogram: bool = False,
+    priority: int | None = None,
+) -> Sides:
+    """Start robot, recorder and stabilizer, waits for the end, stops all.
+
+    Neither waits a fixed time for the other: the stabilizer dials until the robot's
+    liveliness token is there, and the robot's clock starts with its commander.
+
+    Args:
+        plan: what to run.
+        folder: holds the settings file; gets logs and the record.
+        endpoints: where the two meet.
+        record: write every tick, and the bus by a recorder of its own. What happens to
+            the recorder is told, and never ends the run.
+        on_tick: told the robot's progress.
+        view_port: serve a live page of the run at this port; None for no page.
+        histogram: whether the results hold those of all times.
+        priority: of SCHED_FIFO for the two; None for ordinary processes.
+
+    Raises:
+        ChildFailedError: one of the two failed, or the relay between them.
+    """
+    plant_file, controller_file = folder / "plant.json", folder / "controller.json"
+    relay_file = folder / "relay.json"
+    beyond = endpoints if plan.relay_path is None else loopback_endpoints()
+    meeting, beyond_file = folder / ENDPOINTS, folder / f"beyond-{ENDPOINTS}"
+    write_endpoints(meeting, endpoints)
+    write_endpoints(beyond_file, beyond)
+    shared = _shared_argv(plan)
+    if histogram:
+        shared.append("--histogram")
+    if priority is not None:
+        shared += ["--realtime-priority", str(priority)]
+    robot_argv = [
+        *_robot_argv(plan),
+        *shared,
+        *("--endpoints", str(meeting)),
+        *("--result-file", str(plant_file)),
+    ]
+    if record:
+        robot_argv += ["--record-file", str(folder / TICKS)]
+    stabilizer_argv = [
+        *_stabilizer_argv(plan),
+        *shared,
+        *("--endpoints", str(beyond_file)),
+        *("--settings", str(folder / SETTINGS)),
+        *("--result-file", str(controller_file)),
+    ]
+    events: SimpleQueue[Event] = SimpleQueue()
+    children: list[Child] = []
+
+    def start(name: str, words: list[str]) -> Child:
+        child = Child(name, words, log=folder / f"{name}.log", events=events)
+        children.append(child)
+        return child
+
+    try:
+        if view_port is not None:
+            children += [
+                start_live_page(
+                    plan, folder, endpoints=meeting, port=view_port, events=events
+                )
+            ]
+        robot = start("robot", robot_argv)
+        recorder = None
+        if record:
+            recorder = start("recorder", recorder_argv(plan, folder, meeting))
+            await_recorder(recorder, events=events)
+        relay = None
+        if plan.relay_path is not None:
+            words = _relay_argv(plan, plan.relay_path, endpoints, beyond)
+            relay = start("relay", [*words, "--result-file", str(relay_file)])
+        stabilizer = start("stabilizer", stabilizer_argv)
+        supervise(robot, stabilizer, events=events, on_tick=on_tick, between=relay)
+        if recorder is not None:
+            see_recorder_off(recorder)
+    finally:
+        for child in children:
+            child.ask_to_end()
+        for child in children:
+            child.stop()
+    sides = Sides(
+        plant=read_struct(plant_file, PlantResult),
+        controller=read_struct(controller_file, ControllerResult),
+        relay=None if relay is None else _relay_result(relay, relay_file),
+    )
+    relay_file.unlink(missing_ok=True)
+    for file in (plant_file, controller_file, meeting, beyond_file):
+        file.unlink()
+    return sides
+
+
+def _relay_result(relay: Child, file: Path) -> RelayResult:
+    """What a relay counted, once it has ended.
+
+    Raises:
+        ChildFailedError: it ended without a word of it.
+    """
+    if not file.is_file():
+        raise failure(relay, relay.wait(0.0) or ExitCode.FAILED)
+    return read_struct(file, RelayResult)
+
+
+def _robot_argv(plan: RunPlan) -> list[str]:
+    return ["robot", str(plan.scenario_path), "--seed", str(plan.seed)]
+
+
+def _stabilizer_argv(plan: RunPlan) -> list[str]:
+    return ["stabilizer", "--controller", plan.controller, "--wait", str(_START_S)]
+
+
+def _relay_argv(
+    plan: RunPlan, relay_path: Path, robots: Endpoints, beyond: Endpoints
+) -> list[str]:
+    """Command line of the relay, which dials the robot and listens beyond."""
+    return [
+        *("relay", str(relay_path), "--robot", plan.robot_name),
+        *("--seed", str(plan.seed), "--wait", str(_START_S)),
+        *(word for locator in robots.connect for word in ("--connect", locator)),
+        *(word for locator in beyond.listen for word in ("--listen", locator)),
+    ]
+
+
+def _shared_argv(plan: RunPlan) -> list[str]:
+    profile = plan.servo_profile
+    return [
+        *("--robot", plan.robot_name, f"--{plan.mode}"),
+        *(("--servo-profile", profile) if profile is not None else ()),
+    ]

@@ -1,0 +1,1 @@
+"""Bus records: MCAP files written, read and exported."""

@@ -1,0 +1,231 @@
+"""The page about runs: a folder that opens offline."""
+
+from __future__ import annotations
+
+import shlex
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from surefoot.progress import CountBar, no_bar
+from surefoot.report.curves import BUCKETS, signals
+from surefoot.report.panels import RUN_COLOURS, marks_of, panel_groups
+from surefoot.report.run_data import RunData
+from surefoot.report.scene_page import frame_rows, scene_page
+from surefoot.report.tables import figure_rows, outcome, setting_rows
+from surefoot.report.video import draw_animation, draw_video
+from surefoot.run_folder import RunDirectory
+from surefoot.view.robot_shape import RobotShape
+from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP
+
+HERE = Path(__file__).parent
+REPORT_MARKER = "report.json"
+"""Every folder of a report holds this file; a folder without it is not overwritten."""
+LEGEND = (
+    (MEASURED, "measured force of the ground, 1 m per kN"),
+    (WANTED, "desired force, beside it; desired CoM"),
+    (COM, "centre of mass"),
+    (ZMP, "zero moment point, measured"),
+    (POLYGON, "support polygon"),
+)
+_NO_RECORD = (
+    "no record of the bus (run.mcap), as runs with --inline have none; its page lacks "
+    "what only the bus tells: measured and desired forces, the ankle's sensor, modes "
+    "and times."
+)
+_CUT_OFF = "its record of the bus is cut off; curves out of it end early."
+
+
+class Media(NamedTuple):
+    """Names of files of a run in the folder of the page; empty for none."""
+
+    scene: str
+    video: str = ""
+    thumbnail: str = ""
+    animation: str = ""
+
+
+def write_page(
+    folder: Path, runs: list[RunData], media: list[Media], *, shape: RobotShape
+) -> None:
+    """Write the page and its scripts.
+
+    Args:
+        folder: gets the files.
+        runs: what is told of.
+        media: of each run, already in the folder.
+        shape: of the robot.
+    """
+    from plotly.offline import get_plotlyjs
+
+    curves = [(run.label, list(signals(run, shape))) for run in runs]
+    groups = panel_groups(curves)
+    data = {
+        "groups": groups,
+        "runs": [
+            {"label": run.label, "colour": RUN_COLOURS[index]}
+            for index, run in enumerate(runs)
+        ],
+        "span": [0.0, max(float(run.ticks["time_s"][-1]) for run in runs)],
+        "marks": [mark._asdict() for mark in marks_of(runs)],
+    }
+    script = b"window.surefootReport = " + msgspec.json.encode(data) + b";\n"
+    (folder / "data.js").write_bytes(script)
+    (folder / "plotly.min.js").write_text(get_plotlyjs(), encoding="utf-8")
+    (folder / "report.js").write_bytes((HERE / "report.js").read_bytes())
+    page = _render(runs, media, groups)
+    (folder / "index.html").write_text(page, encoding="utf-8")
+    about = {
+        "runs": [run.label for run in runs],
+        "results": [msgspec.to_builtins(run.result) for run in runs],
+        "surefoot": version("surefoot"),
+    }
+    marker = msgspec.json.format(msgspec.json.encode(about))
+    (folder / REPORT_MARKER).write_bytes(marker + b"\n")
+
+
+def _render(
+    runs: list[RunData], media: list[Media], groups: list[dict[str, Any]]
+) -> str:
+    import jinja2
+
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    template = environment.from_string(
+        (HERE / "report.html.j2").read_text(encoding="utf-8")
+    )
+    settings = setting_rows(runs)
+    scenarios: dict[str, list[str]] = {}
+    for run in runs:
+        scenarios.setdefault(run.scenario_text, []).append(run.label)
+    return template.render(
+        title=_title(runs),
+        version=version("surefoot"),
+        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        several_scenarios=len(scenarios) > 1,
+        runs=[
+            {**_head(run), **files._asdict(), "colour": RUN_COLOURS[index]}
+            for index, (run, files) in enumerate(zip(runs, media, strict=True))
+        ],
+        legend=LEGEND,
+        figures=figure_rows([run.result for run in runs]),
+        buckets=BUCKETS,
+        groups=groups,
+        scenarios=scenarios,
+        settings=settings,
+        changed_settings=[row for row in settings if any(row.is_changed)],
+        versions=_versions(runs),
+    )
+
+
+def _title(runs: list[RunData]) -> str:
+    if len(runs) == 1:
+        return f"{runs[0].result.scenario}, {runs[0].result.controller}"
+    scenarios = dict.fromkeys(run.result.scenario for run in runs)
+    return f"{', '.join(scenarios)}: {' against '.join(run.label for run in runs)}"
+
+
+def _head(run: RunData) -> dict[str, Any]:
+    result, about, heard = run.result, run.about, run.heard
+    gap = _NO_RECORD if heard is None else _CUT_OFF if heard.is_cut_off else ""
+    return {
+        "label": run.label,
+        "outcome": outcome(result),
+        "fell": result.fell,
+        "scenario": result.scenario,
+        "controller": result.controller,
+        "robot": result.robot,
+        "servo_profile": about["servo_profile"],
+        "seed": result.seed,
+        "mode": result.mode,
+        "started": about.get("started", ""),
+        "command": shlex.join(about.get("command", [])),
+        "has_record": heard is not None,
+        "gap": gap,
+        "logs": run.logs,
+    }
+
+
+def _versions(runs: list[RunData]) -> dict[str, list[str]]:
+    """Name of a package, or what it ran on, to one value per run."""
+    names = dict.fromkeys(name for run in runs for name in run.about["packages"])
+    versions = {
+        name: [str(run.about["packages"].get(name, "")) for run in runs]
+        for name in names
+    }
+    for name in ("python", "platform"):
+        versions[name] = [str(run.about.get(name, "")) for run in runs]
+    return versions
+
+
+def write_report(
+    runs: list[RunData],
+    out: Path,
+    *,
+    video: bool = False,
+    animation: bool = False,
+    bar: CountBar = no_bar,
+) -> None:
+    """Write a report, whole or not at all.
+
+    Args:
+        runs: what it tells of.
+        out: its folder; a former report there is replaced.
+        video: also a video and a still of each run.
+        animation: also a short loop of each run.
+        bar: shows how many frames are drawn.
+
+    Raises:
+        UsageError: something else than a report stands there.
+    """
+    shape = RobotShape(runs[0].robot)
+    with RunDirectory(out, marker=REPORT_MARKER, content="a report") as folder:
+        media = [
+            _media(
+                folder.path,
+                index,
+                run,
+                shape=shape,
+                video=video,
+                animation=animation,
+                bar=bar,
+            )
+            for index, run in enumerate(runs, start=1)
+        ]
+        write_page(folder.path, runs, media, shape=shape)
+        folder.keep()
+
+
+def _media(
+    folder: Path,
+    index: int,
+    run: RunData,
+    *,
+    shape: RobotShape,
+    video: bool,
+    animation: bool,
+    bar: CountBar,
+) -> Media:
+    media = Media(scene=f"scene-{index}.html")
+    frames = len(frame_rows(run)) - 1
+    with bar(f"{run.label}: scene", total=frames, done=0, of="frames") as on_frame:
+        page = scene_page(run, shape, on_frame=on_frame)
+    (folder / media.scene).write_text(page, encoding="utf-8")
+    if video:
+        media = media._replace(
+            video=f"video-{index}.mp4", thumbnail=f"thumbnail-{index}.png"
+        )
+        draw_video(
+            run, folder / media.video, thumbnail=folder / media.thumbnail, bar=bar
+        )
+    if animation:
+        media = media._replace(animation=f"animation-{index}.webp")
+        draw_animation(run, folder / media.animation, bar=bar)
+    return media

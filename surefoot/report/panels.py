@@ -1,0 +1,189 @@
+"""Plots of a page: which there are, and the curves of all runs in each."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from surefoot.report import curves as s
+from surefoot.report.run_data import RunData
+from surefoot.schemas.arrays import Array
+
+BLUE, VERMILION, GREEN = "#0072b2", "#d55e00", "#009e73"
+ORANGE, PINK, SKY = "#e69f00", "#cc79a7", "#56b4e9"
+RUN_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PINK, SKY)
+"""One per run, in the order they were named; as many as a page takes."""
+GREY = "#8a929c"
+
+KIND_COLOURS = {
+    **{s.TRUE: BLUE, s.REPORTED: BLUE, s.EACH: BLUE, s.MEDIAN: BLUE},
+    **{s.MEASURED: VERMILION, s.ESTIMATED: VERMILION, s.P99: VERMILION},
+    s.DESIRED: GREEN,
+}
+"""Of a page about one run."""
+DASHES = {s.MEASURED: "dot", s.ESTIMATED: "dot", s.DESIRED: "dash", s.P99: "dash"}
+"""What tells kinds apart where colours tell runs; others are solid."""
+COM, BASE, FORCE = "Centre of mass", "Base", "Normal force"
+ANKLE, GROUND = "Left ankle", "Ground"
+MODE, TIME = "Mode and contact", "Time"
+GROUPS = {
+    COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
+    "in the world, from the simulator. Estimated: the stabilizer's own, from the "
+    "robot's sensors, in its frame between the feet.",
+    BASE: "True: the simulator's. Estimated: the inertial unit's own attitude, carried "
+    "over to the base link; the stabilizer does not tell its estimate of the base. "
+    "Places are counted from the start of the run.",
+    FORCE: "Of the ground on each sole, along the sole's normal. True: the "
+    "simulator's. Measured: the ankle's sensor, compensated to the sole. Desired: "
+    "what the first QP asks for.",
+    ANKLE: "What the force-torque sensor reports, in its own frame.",
+    GROUND: "Top centre of each platform, from where it stood at the start; axes that "
+    "do not move are left out.",
+    MODE: "Mode of the robot's command gate, the stabilizer's own state, and whether "
+    "each foot stands: truly, and as the stabilizer believes.",
+    TIME: "Wall clock. Controller tick: over the stabilizer's last ticks. Answer: from "
+    "the stamp of the sensors to the stamp of the command that answers them.",
+}
+"""Groups of plots in the order of the page, with what they show."""
+
+
+class Panel(NamedTuple):
+    """A plot.
+
+    Attributes:
+        group: under which heading.
+        title: what is plotted.
+        unit: of the values; empty for words.
+        words: what the values 0, 1, ... mean, for states; empty for numbers.
+    """
+
+    group: str
+    title: str
+    unit: str
+    words: tuple[str, ...] = ()
+
+
+PANELS = {
+    **{f"com_{a}": Panel(COM, f"CoM error {a}", "mm") for a in s.AXES},
+    **{f"base_{t}": Panel(BASE, f"base {t}", "deg") for t in s.TURNS},
+    **{f"base_{a}": Panel(BASE, f"base {a}", "mm") for a in s.AXES},
+    **{
+        f"force_{side}": Panel(FORCE, f"{side} foot F_z", "N")
+        for side in ("left", "right")
+    },
+    **{f"ankle_force_{a}": Panel(ANKLE, f"force {a}", "N") for a in s.AXES},
+    **{f"ankle_moment_{a}": Panel(ANKLE, f"moment {a}", "N m") for a in s.AXES},
+    "mode": Panel(MODE, "robot's mode", "", s.MODES),
+    "state": Panel(MODE, "stabilizer's state", "", s.STATES),
+    "contact_left": Panel(MODE, "left foot stands", "", s.CONTACT),
+    "contact_right": Panel(MODE, "right foot stands", "", s.CONTACT),
+    "tick": Panel(TIME, "controller tick", "ms"),
+    "answer": Panel(TIME, "answer to a tick", "ms"),
+}
+
+
+def panel_groups(runs: list[tuple[str, list[s.Signal]]]) -> list[dict[str, Any]]:
+    """Groups of plots for the page's script.
+
+    Args:
+        runs: label and curves of each run.
+
+    Returns:
+        Groups that hold anything: ``name``, ``about``, and ``panels``, each with
+        ``key``, ``title``, ``unit``, ``words`` and ``curves``.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for index, (label, curves) in enumerate(runs):
+        for signal in curves:
+            found.setdefault(signal.panel, []).append(
+                _curve(signal, index=index, label=label, alone=len(runs) == 1)
+            )
+    groups: dict[str, list[dict[str, Any]]] = {name: [] for name in GROUPS}
+    for key in _in_order(found):
+        panel = PANELS.get(key) or _platform_panel(key)
+        groups[panel.group].append(
+            {
+                "key": key,
+                "title": panel.title,
+                "unit": panel.unit,
+                "words": panel.words,
+                "curves": found[key],
+            }
+        )
+    return [
+        {"name": name, "about": GROUPS[name], "panels": panels}
+        for name, panels in groups.items()
+        if panels
+    ]
+
+
+def _curve(signal: s.Signal, *, index: int, label: str, alone: bool) -> dict[str, Any]:
+    kind = signal.kind
+    return {
+        "run": index,
+        "kind": kind,
+        "name": kind if alone else f"{label}, {kind}",
+        "colour": KIND_COLOURS[kind] if alone else RUN_COLOURS[index],
+        "dash": DASHES.get(kind, "solid"),
+        "x": _packed(signal.times),
+        "y": _packed(signal.values),
+    }
+
+
+def _packed(values: Array) -> dict[str, str]:
+    """Numbers as plotly's script reads them: a quarter of the size of their digits."""
+    data = np.ascontiguousarray(values, dtype="<f4").tobytes()
+    return {"dtype": "f4", "bdata": base64.b64encode(data).decode()}
+
+
+def _in_order(found: Iterable[str]) -> list[str]:
+    """Keys as in PANELS, then platforms by index and axis."""
+    known = [*PANELS]
+    axes = (*s.AXES, *s.TURNS)
+
+    def place(key: str) -> tuple[int, int, int]:
+        if key in PANELS:
+            return 0, known.index(key), 0
+        _, index, axis = key.split("_")
+        return 1, int(index), axes.index(axis)
+
+    return sorted(found, key=place)
+
+
+def _platform_panel(key: str) -> Panel:
+    _, index, axis = key.split("_")
+    unit = "mm" if axis in s.AXES else "deg"
+    return Panel(GROUND, f"platform {int(index) + 1} {axis}", unit)
+
+
+class Mark(NamedTuple):
+    """A moment: when [s], what happened, and the colour of its line."""
+
+    time: float
+    text: str
+    colour: str
+
+
+def marks_of(runs: list[RunData]) -> list[Mark]:
+    """Pushes, sensor faults, changes of settings and falls, each once."""
+    marks = []
+    for index, run in enumerate(runs):
+        colour = RUN_COLOURS[index] if len(runs) > 1 else GREY
+        period_s = run.robot.period_s
+        marks += [Mark(push.start_s, "push", GREY) for push in run.scenario.push]
+        marks += [
+            Mark(fault.start_s, f"{fault.sensor}: {fault.kind}", GREY)
+            for fault in run.scenario.fault
+        ]
+        result = run.result
+        marks += [Mark(p.tick * period_s, "push asked", colour) for p in result.pushes]
+        marks += [
+            Mark(change.tick * period_s, "settings", colour)
+            for change in result.settings_changes
+        ]
+        if result.fell_at_s is not None:
+            marks.append(Mark(result.fell_at_s, "fell", colour))
+    return list(dict.fromkeys(marks))

@@ -1,0 +1,175 @@
+"""Figures and settings of runs in columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import msgspec
+
+from surefoot.report.run_data import RunData
+from surefoot.schemas.result import RunResult
+from surefoot.schemas.settings import build_settings
+
+NO_SETTING = "-"
+
+
+class Cell(NamedTuple):
+    """One value of a table.
+
+    Attributes:
+        text: the value.
+        change: against the first run, with its sign; empty for the first run, for
+            words and for no change.
+    """
+
+    text: str
+    change: str
+
+
+class Row(NamedTuple):
+    """One line: what it is, in which unit, and a cell per run."""
+
+    name: str
+    unit: str
+    cells: list[Cell]
+
+
+class SettingRow(NamedTuple):
+    """One setting.
+
+    Attributes:
+        name: ``section.name``.
+        default: of this version.
+        values: one per run.
+        is_changed: one per run: whether it differs from the default.
+    """
+
+    name: str
+    default: str
+    values: list[str]
+    is_changed: list[bool]
+
+
+class _Figure(NamedTuple):
+    name: str
+    unit: str
+    decimals: int
+    value: Callable[[RunResult], float]
+
+
+def _parts(
+    name: str, unit: str, field: str, parts: tuple[str, ...], *, decimals: int = 1
+) -> list[_Figure]:
+    def value_of(index: int) -> Callable[[RunResult], float]:
+        return lambda result: float(getattr(result, field)[index])
+
+    return [
+        _Figure(f"{name} {part}", unit, decimals, value_of(index))
+        for index, part in enumerate(parts)
+    ]
+
+
+def _times(name: str, field: str) -> list[_Figure]:
+    def value_of(part: str) -> Callable[[RunResult], float]:
+        return lambda result: float(getattr(getattr(result, field), part))
+
+    return [
+        _Figure(f"{name}, {part}", "ms", 3, value_of(part))
+        for part in ("median", "p99", "max")
+    ]
+
+
+_XYZ, _SIDES = ("x", "y", "z"), ("left", "right")
+_FIGURES = [
+    _Figure("duration", "s", 2, lambda result: result.duration_s),
+    *_parts("CoM error rms", "mm", "com_error_rms_mm", _XYZ),
+    *_parts("CoM error max", "mm", "com_error_max_mm", _XYZ),
+    _Figure("base tilt max", "deg", 2, lambda result: result.base_tilt_max_deg),
+    *_parts("force peak", "N", "force_peak_n", _SIDES),
+    *_parts("F_z against desired rms", "N", "force_error_rms_n", _SIDES),
+    *_parts("F_z against half weight rms", "N", "force_deviation_rms_n", _SIDES),
+    *_parts("contact lost", "s", "contact_lost_s", _SIDES, decimals=3),
+    *_parts("longest without contact", "s", "contact_gap_s", _SIDES, decimals=3),
+    *_times("controller tick", "tick_ms"),
+    *_times("round trip", "round_trip_ms"),
+    *_times("period jitter", "period_jitter_ms"),
+    _Figure("real-time factor", "", 2, lambda result: result.real_time_factor),
+    _Figure("ticks", "", 0, lambda result: result.ticks),
+    _Figure("missed deadlines", "", 0, lambda result: result.deadline_misses),
+    _Figure("QP failures", "", 0, lambda result: result.qp_failures),
+    _Figure("ticks without a sensor", "", 0, lambda result: result.degraded_ticks),
+]
+_WORDS: list[tuple[str, Callable[[RunResult], str]]] = [
+    ("robot", lambda result: outcome(result)),
+    ("stabilizer", lambda result: result.reason),
+    ("commands refused", lambda result: _counts(result.refused)),
+    ("commands clipped", lambda result: _counts(result.clipped)),
+    ("log_sha256", lambda result: result.log_sha256[:16]),
+]
+
+
+def outcome(result: RunResult) -> str:
+    """Whether the robot stood."""
+    if result.fell:
+        return f"fell at {result.fell_at_s:.2f} s"
+    return f"stood {result.duration_s:g} s"
+
+
+def figure_rows(results: list[RunResult]) -> list[Row]:
+    """All figures of runs, changes against the first one."""
+    rows = [
+        Row(name, "", [Cell(said(result), "") for result in results])
+        for name, said in _WORDS
+    ]
+    numbers = [
+        Row(figure.name, figure.unit, _cells(figure, results)) for figure in _FIGURES
+    ]
+    return [rows[0], *numbers, *rows[1:]]
+
+
+def setting_rows(runs: list[RunData]) -> list[SettingRow]:
+    """All settings of runs, beside the defaults of this version."""
+    shipped = build_settings({}, overrides=[], source="defaults")
+    defaults = {
+        f"{section}.{name}": value
+        for section, table in msgspec.to_builtins(shipped).items()
+        for name, value in table.items()
+    }
+    names = [*defaults, *(name for run in runs for name in run.settings)]
+    return [
+        SettingRow(
+            name=name,
+            default=_text(defaults.get(name)),
+            values=[_text(run.settings.get(name)) for run in runs],
+            is_changed=[
+                _text(run.settings.get(name)) != _text(defaults.get(name))
+                for run in runs
+            ],
+        )
+        for name in dict.fromkeys(names)
+    ]
+
+
+def _cells(figure: _Figure, results: list[RunResult]) -> list[Cell]:
+    values = [figure.value(result) for result in results]
+    cells = []
+    for value in values:
+        change = f"{value - values[0]:+.{figure.decimals}f}"
+        is_same = float(change) == 0.0
+        cells.append(Cell(f"{value:.{figure.decimals}f}", "" if is_same else change))
+    return cells
+
+
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return NO_SETTING
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, float):
+        return f"{value:.10g}"
+    return str(value).lower() if isinstance(value, bool) else str(value)

@@ -1,0 +1,201 @@
+"""Moving pictures of a run, drawn by the simulator without a window."""
+
+from __future__ import annotations
+
+import ctypes.util
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import closing
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surefoot.errors import EnvironmentFailedError
+from surefoot.progress import CountBar, no_bar
+from surefoot.report.curves import STILL
+from surefoot.report.run_data import RunData
+from surefoot.schemas.arrays import Array
+
+VIDEO_SIZE, VIDEO_HZ = (960, 720), 25.0
+ANIMATION_SIZE, ANIMATION_HZ = (600, 450), 20.0
+ANIMATION_S = (4.0, 7.0)
+"""Between so short and so long, where it ends most like it began."""
+ANIMATION_QUALITY = 72
+MS_PER_S = 1000
+STEP_S = 0.02
+"""Moments are compared in such steps."""
+
+
+def best_loop(
+    poses: Array, *, period_s: float, length_s: tuple[float, float]
+) -> tuple[int, int]:
+    """The stretch that ends most like it began, in pose and in speed.
+
+    Args:
+        poses: (n, m) numbers that are alike when the pictures are.
+        period_s: from one row to the next [s].
+        length_s: shortest and longest stretch [s].
+
+    Returns:
+        First and last row; the whole motion if it is shorter than a stretch.
+    """
+    step = max(1, round(STEP_S / period_s))
+    coarse = poses[::step]
+    shortest, longest = (round(length / (step * period_s)) for length in length_s)
+    if len(coarse) <= shortest + 1:
+        return 0, len(poses) - 1
+    # Speed counts as the pose a tenth of a second later would.
+    speed = np.gradient(coarse, axis=0) * (0.1 / STEP_S)
+    seen = np.hstack((coarse, speed))
+    best, found = np.inf, (0, shortest)
+    for length in range(shortest, min(longest, len(coarse) - 1) + 1):
+        apart = np.sum((seen[length:] - seen[:-length]) ** 2, axis=1)
+        start = int(np.argmin(apart))
+        # A robot at rest is always alike: among equals, the one that moves most.
+        moved = np.ptp(coarse[start : start + length], axis=0).sum()
+        score = float(apart[start]) / (moved + 1e-9) ** 2
+        if score < best:
+            best, found = score, (start, start + length)
+    return found[0] * step, found[1] * step
+
+
+def load_drawing() -> None:
+    """Load what draws, without a display where there is none.
+
+    To be called before anything else loads it, since it reads ``MUJOCO_GL`` then; a
+    wish of the user's there stays.
+
+    Raises:
+        EnvironmentFailedError: it cannot be loaded; the message says what to install.
+    """
+    _choose_gl()
+    try:
+        import_module("surefoot.sim_robot.render")
+    except (ImportError, RuntimeError, AttributeError, OSError) as error:
+        # Each OpenGL back end that is not there fails in its own way.
+        raise EnvironmentFailedError(
+            f"no picture can be drawn: {error}. MUJOCO_GL is "
+            f"{os.environ.get('MUJOCO_GL', 'not set')}; set it to egl or osmesa; on "
+            "Debian: apt-get install libegl1 libgl1-mesa-dri (or libosmesa6)"
+        ) from error
+
+
+def _choose_gl() -> None:
+    if sys.platform != "linux" or "MUJOCO_GL" in os.environ:
+        return
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        return
+    for library, backend in (("EGL", "egl"), ("OSMesa", "osmesa")):
+        if ctypes.util.find_library(library):
+            os.environ["MUJOCO_GL"] = backend
+            return
+
+
+def check_drawing(run: RunData, *, video: bool) -> None:
+    """Make sure that pictures can be drawn, before any work is done.
+
+    Args:
+        run: one to draw.
+        video: whether a video is wanted, which needs an encoder.
+
+    Raises:
+        EnvironmentFailedError: this machine cannot; the message says what to install.
+    """
+    from surefoot.sim_robot.errors import RenderError
+
+    if video and find_spec("imageio_ffmpeg") is None:
+        raise EnvironmentFailedError(
+            "--video needs imageio-ffmpeg, which is not installed; "
+            "pip install 'surefoot[video]'"
+        )
+    try:
+        next(_pictures(run, np.array([0]), size=(64, 48)))
+    except RenderError as error:
+        raise EnvironmentFailedError(str(error)) from error
+
+
+def draw_video(
+    run: RunData, path: Path, *, thumbnail: Path, bar: CountBar = no_bar
+) -> None:
+    """Write a run as mp4 (H.264) at its own pace, and a picture of its middle."""
+    from imageio_ffmpeg import write_frames
+
+    from surefoot.sim_robot.png import write_png
+
+    rows = _rows(run, 0, len(run.ticks["time_s"]) - 1, rate_hz=VIDEO_HZ)
+    with (
+        closing(write_frames(str(path), VIDEO_SIZE, fps=VIDEO_HZ, quality=7)) as film,
+        bar(f"{run.label}: video", total=len(rows), done=0, of="frames") as on_frame,
+    ):
+        film.send(None)  # starts the encoder
+        for index, picture in enumerate(_pictures(run, rows, size=VIDEO_SIZE)):
+            film.send(picture)
+            if index == len(rows) // 2:
+                write_png(thumbnail, picture)
+            on_frame()
+
+
+def draw_animation(run: RunData, path: Path, *, bar: CountBar = no_bar) -> None:
+    """Write some seconds of a run as an endless WebP, small enough for a web page."""
+    from PIL import Image
+
+    start, end = best_loop(
+        _pose(run), period_s=run.robot.period_s, length_s=ANIMATION_S
+    )
+    rows = _rows(run, start, end, rate_hz=ANIMATION_HZ)[:-1]  # the last is the first
+    with bar(
+        f"{run.label}: animation", total=len(rows), done=0, of="frames"
+    ) as on_frame:
+        frames = []
+        for picture in _pictures(run, rows, size=ANIMATION_SIZE):
+            frames.append(Image.fromarray(picture))
+            on_frame()
+    frames[0].save(
+        path,
+        save_all=True,
+        append_images=frames[1:],
+        duration=round(MS_PER_S / ANIMATION_HZ),
+        loop=0,
+        quality=ANIMATION_QUALITY,
+        method=6,
+    )
+
+
+def _pose(run: RunData) -> Array:
+    """(n, m) what a picture shows, as numbers that are alike when it is alike.
+
+    Where the ground moves, the ground alone: its jerk is what would be seen.
+    """
+    ticks = run.ticks
+    count = len(ticks["time_s"])
+    ground = np.hstack(
+        (
+            ticks["platform_position"].reshape(count, -1),
+            ticks["platform_quat_xyzw"].reshape(count, -1),
+        )
+    )
+    if ground.size and np.ptp(ground, axis=0).max() > STILL:
+        return ground
+    return np.hstack((ticks["base_position"], ticks["base_quat_xyzw"], ticks["q"]))
+
+
+def _rows(run: RunData, start: int, end: int, *, rate_hz: float) -> NDArray[np.int64]:
+    frames = int((end - start) * run.robot.period_s * rate_hz) + 1
+    return np.linspace(start, end, max(frames, 2)).astype(np.int64)
+
+
+def _pictures(
+    run: RunData, rows: NDArray[np.int64], *, size: tuple[int, int]
+) -> Iterator[NDArray[np.uint8]]:
+    from surefoot.sim_robot.render import Renderer
+
+    width, height = size
+    with Renderer(
+        run.robot, run.scenario, width=width, height=height, quick=True
+    ) as renderer:
+        for row in rows:
+            yield renderer.draw_recorded(run.ticks, row=int(row))

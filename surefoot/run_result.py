@@ -1,0 +1,71 @@
+"""What the two sides of a run measured, joined into the object scripts read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from surefoot.run_plan import RunPlan
+from surefoot.schemas.result import (
+    ControllerResult,
+    PlantResult,
+    RelayResult,
+    RunResult,
+)
+
+
+class Sides(NamedTuple):
+    """What the two sides of a run measured."""
+
+    plant: PlantResult
+    controller: ControllerResult
+    relay: RelayResult | None = None
+
+
+def join_result(
+    plan: RunPlan,
+    plant: PlantResult,
+    controller: ControllerResult,
+    *,
+    out: Path | None,
+    relay: RelayResult | None = None,
+) -> RunResult:
+    """Join both sides of a run into the object scripts read."""
+    return RunResult(
+        scenario=plan.scenario_name,
+        controller=plan.controller,
+        robot=plan.robot.file.name,
+        seed=plan.seed,
+        mode=plan.mode,
+        fell=plant.fell,
+        fell_at_s=plant.fell_at_s,
+        duration_s=plant.duration_s,
+        com_error_rms_mm=plant.com_error_rms_mm,
+        com_error_max_mm=plant.com_error_max_mm,
+        base_tilt_max_deg=plant.base_tilt_max_deg,
+        force_error_rms_n=controller.force_error_rms_n,
+        force_deviation_rms_n=plant.force_deviation_rms_n,
+        force_peak_n=plant.force_peak_n,
+        contact_lost_s=plant.contact_lost_s,
+        contact_gap_s=plant.contact_gap_s,
+        real_time_factor=plant.real_time_factor,
+        tick_ms=controller.tick_ms,
+        round_trip_ms=plant.round_trip_ms,
+        period_jitter_ms=plant.period_jitter_ms,
+        deadline_misses=plant.deadline_misses,
+        qp_failures=controller.qp_failures,
+        degraded_ticks=controller.degraded_ticks,
+        reason=controller.reason,
+        refused=plant.refused,
+        clipped=plant.clipped,
+        ticks=plant.ticks,
+        log_sha256=plant.log_sha256,
+        out=None if out is None else str(out),
+        pushes=plant.pushes,
+        settings_changes=controller.settings_changes,
+        end_to_end_ms=plant.end_to_end_ms,
+        skipped_ticks=controller.skipped_ticks,
+        slow_ticks=controller.slow_ticks,
+        histograms={**plant.histograms, **controller.histograms},
+        relay=relay,
+    )

@@ -1,0 +1,1 @@
+"""Many runs: cells, execution, store, summaries, the paper's evaluation."""

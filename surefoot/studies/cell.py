@@ -1,0 +1,200 @@
+"""One run of a study, and how it is told from all others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from surefoot.errors import UsageError
+from surefoot.run_plan import load_settings
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.factory import CONTROLLERS
+
+Row = dict[str, Any]
+FIGURES = (
+    "fell",
+    "fell_at_s",
+    "duration_s",
+    "com_error_rms_mm",
+    "com_error_max_mm",
+    "base_tilt_max_deg",
+    "force_error_rms_n",
+    "force_deviation_rms_n",
+    "force_peak_n",
+    "contact_lost_s",
+    "contact_gap_s",
+    "qp_failures",
+    "log_sha256",
+)
+
+
+class Group(NamedTuple):
+    """Runs that differ by their seed only."""
+
+    scenario: str
+    values: tuple[tuple[str, Any], ...]
+    variant: str
+    servo_profile: str
+
+    @property
+    def case(self) -> str:
+        """Scenario and what was varied, in words."""
+        words = ", ".join(f"{name} {value:g}" for name, value in self.values)
+        return f"{self.scenario} ({words})" if words else self.scenario
+
+
+@dataclass(frozen=True)
+class Cell:
+    """What is run, and with which seed.
+
+    Attributes:
+        group: scenario, its varied values, controller and servo profile.
+        seed: of the sensor noise.
+    """
+
+    group: Group
+    seed: int
+
+    @property
+    def key(self) -> str:
+        """Unique in a study, and readable."""
+        group = self.group
+        values = ",".join(f"{name}={value!r}" for name, value in group.values)
+        parts = (group.scenario, values, group.variant, group.servo_profile)
+        return "|".join((*parts, str(self.seed)))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A controller with settings.
+
+    Attributes:
+        name: as in tables and plots.
+        controller: of the command line.
+        settings: name or path of a settings file, if any.
+        settings_of: other settings files by the servo profile they were made for.
+        overrides: texts ``section.name=value``.
+        about: what it gets, in words.
+    """
+
+    name: str
+    controller: str
+    settings: str | None = None
+    settings_of: Mapping[str, str] = field(default_factory=dict)
+    overrides: tuple[str, ...] = ()
+    about: str = ""
+
+    def resolve(
+        self, servo_profile: str, *, extra: tuple[str, ...] = ()
+    ) -> ControllerSettings:
+        """All of its settings.
+
+        Args:
+            servo_profile: of the robot it will command.
+            extra: further texts ``section.name=value``.
+
+        Raises:
+            FileFormatError: a file or an override is malformed.
+        """
+        name = self.settings_of.get(servo_profile, self.settings)
+        file = None if name is None else Path(name)
+        return load_settings(file, overrides=[*self.overrides, *extra])
+
+
+_KNOWN = (
+    Variant("whole-body", "whole-body", about="default settings"),
+    Variant(
+        "paper",
+        "whole-body",
+        overrides=("whole_body.preset=paper",),
+        about="the published law alone: nothing fed forward",
+    ),
+    Variant(
+        "zmp-tuned",
+        "zmp",
+        "zmp-tuned",
+        {"harmonic": "zmp-tuned-harmonic"},
+        about="best of a search on other scenarios, one for each servo profile",
+    ),
+    Variant("zmp-stock", "zmp", "zmp-stock", about="published gains and clamps"),
+)
+VARIANTS = {variant.name: variant for variant in _KNOWN}
+
+
+def find_variant(name: str) -> Variant:
+    """A variant by its name, or a controller with default settings.
+
+    Raises:
+        UsageError: no such variant; the message lists all.
+    """
+    if name in VARIANTS:
+        return VARIANTS[name]
+    if name in CONTROLLERS:
+        return Variant(name, name, about="default settings")
+    names = dict.fromkeys([*VARIANTS, *CONTROLLERS])
+    raise UsageError(f"no controller {name!r}; expected one of {', '.join(names)}")
+
+
+def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
+    """The run's plan, as ``surefoot run --inline`` would make it.
+
+    Raises:
+        FileFormatError: a value does not fit the scenario.
+    """
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.run_plan import RunPlan
+    from surefoot.schemas.scenario import load_scenario
+    from surefoot.schemas.scenario_paths import override_scenario
+    from surefoot.sim_robot.catalogue import find_scenario
+    from surefoot.studies.cell import find_variant
+
+    group = cell.group
+    path = find_scenario(group.scenario)
+    variant = find_variant(group.variant)
+    scenario = override_scenario(load_scenario(path), dict(group.values))
+    return RunPlan(
+        scenario_path=path,
+        scenario=scenario,
+        robot_name=robot,
+        robot=load_robot(robot, servo_profile=group.servo_profile),
+        servo_profile=group.servo_profile,
+        controller=variant.controller,
+        settings=variant.resolve(group.servo_profile, extra=overrides),
+        seed=cell.seed,
+        mode="inline",
+    )
+
+
+def run_cell(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Row:
+    """Run a cell and return its row: what was run, and the figures."""
+    from surefoot.run_result import join_result
+    from surefoot.simulation import run_inline
+
+    plan = plan_of(cell, robot=robot, overrides=overrides)
+    sides = run_inline(plan, Path(), record=False, on_tick=_nobody_watches)
+    result = join_result(plan, sides.plant, sides.controller, out=None)
+    figures = msgspec.to_builtins(result)
+    group = cell.group
+    return {
+        "key": cell.key,
+        "scenario": group.scenario,
+        "values": dict(group.values),
+        "variant": group.variant,
+        "servo_profile": group.servo_profile,
+        "seed": cell.seed,
+        **{name: figures[name] for name in FIGURES},
+    }
+
+
+def group_of(row: Row) -> Group:
+    """Which group a row belongs to."""
+    values = tuple(row["values"].items())
+    return Group(row["scenario"], values, row["variant"], row["servo_profile"])
+
+
+def _nobody_watches(tick: int) -> None:
+    del tick

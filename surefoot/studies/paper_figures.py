@@ -1,0 +1,87 @@
+"""The paper's figures: base pose and left-foot wrench over time, per controller."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from surefoot.schemas.arrays import Array
+from surefoot.studies import paper as d
+from surefoot.studies.cell import Cell, Group, plan_of
+
+SHOWN = {
+    "moving-platform-slow": "One platform, slow",
+    "moving-platform-fast": "One platform, fast",
+    "two-platforms-fast": "A platform per foot, fast",
+    "falling-platform-80": "The left platform falls by 80 mm",
+}
+COMPARED = (d.WHOLE_BODY, d.TUNED)
+EVERY_TICKS = 10
+
+
+def record(scenario: str, variant: str) -> dict[str, Array]:
+    """Every tick of one run with seed 0 and the ideal servo; see RunRecord."""
+    from surefoot.run_folder import TICKS
+    from surefoot.simulation import run_inline
+
+    cell = Cell(Group(scenario, (), variant, d.IDEAL), seed=0)
+    plan = plan_of(cell, robot="walker", overrides=())
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        run_inline(plan, Path(folder), record=True, on_tick=lambda tick: None)
+        with np.load(Path(folder) / TICKS) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+
+
+def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
+    """Draw base position and rotation, force and moment of the left sole.
+
+    Args:
+        title: of the scenario.
+        runs: arrays by controller.
+
+    Returns:
+        SVG.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 7.2), layout="constrained")
+    figure.suptitle(title)
+    grid: Any = figure.subplots(4, len(runs), sharex=True, sharey="row", squeeze=False)
+    for column, (variant, arrays) in enumerate(runs.items()):
+        time_s = arrays["time_s"][::EVERY_TICKS]
+        panels = (
+            (1e3 * (arrays["base_position"] - arrays["base_position"][0]), "xyz"),
+            (np.degrees(_roll_pitch_yaw(arrays["base_quat_xyzw"])), "rpy"),
+            (arrays["F_left"][:, :3], "xyz"),
+            (arrays["F_left"][:, 3:], "xyz"),
+        )
+        for row, (values, names) in enumerate(panels):
+            axes = grid[row, column]
+            for index, name in enumerate(names):
+                label = {"r": "roll", "p": "pitch"}.get(name, name)
+                label = "yaw" if names == "rpy" and index == 2 else label
+                axes.plot(time_s, values[::EVERY_TICKS, index], lw=0.9, label=label)
+            axes.grid(alpha=0.3)
+            if row < 2:
+                axes.legend(fontsize="x-small", ncols=3, loc="upper left")
+        grid[0, column].set_title(variant)
+        grid[-1, column].set_xlabel("time [s]")
+    labels = ("base position [mm]", "base rotation [deg]", "force [N]", "moment [N m]")
+    for row, label in enumerate(labels):
+        grid[row, 0].set_ylabel(label)
+    buffer = BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def _roll_pitch_yaw(quat_xyzw: Array) -> Array:
+    """(n, 3) angles about x, y, z in turn [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    angles: Array = Rotation.from_quat(quat_xyzw).as_euler("xyz")
+    return angles

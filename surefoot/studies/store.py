@@ -1,0 +1,121 @@
+"""Keeps the runs of a study in a folder, so that it can go on after any end."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, BinaryIO, Self
+
+import msgspec
+
+from surefoot.errors import UsageError
+from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.run_folder import make_out_folder
+from surefoot.studies.cell import Row
+
+STUDY, RUNS = "study.json", "runs.jsonl"
+_PACKAGES = ("schemas", "robot_io", "stabilizer", "sim_robot")
+_SUFFIXES = (".py", ".toml", ".urdf")
+
+
+class StudyStore:
+    """A folder of finished runs, one JSON line each.
+
+    A run is written when it is done and never changed; a line that was cut off when
+    the process was killed is left out, and that run is done again.
+
+    Attributes:
+        rows: finished runs by key.
+    """
+
+    def __init__(self, folder: Path, *, about: dict[str, Any]) -> None:
+        """Open a new or a former study.
+
+        Args:
+            folder: made if need be.
+            about: what all runs share, such as overrides; the code is added.
+
+        Raises:
+            UsageError: the folder holds runs of other code or settings, or something
+                else altogether.
+            EnvironmentFailedError: nothing can be written there.
+        """
+        self.rows: dict[str, Row] = {}
+        self._path = folder / RUNS
+        self._file: BinaryIO | None = None
+        about = {**about, "code": code_fingerprint()}
+        self.about = about
+        marker = folder / STUDY
+        if marker.is_file():
+            self._compare(msgspec.json.decode(marker.read_bytes()), folder)
+        elif folder.is_dir() and any(folder.iterdir()):
+            raise UsageError(f"{folder}: not empty and no study; name another folder")
+        make_out_folder(folder, out=folder)
+        with atomic_file(marker) as file:
+            file.write(msgspec.json.format(msgspec.json.encode(about)) + b"\n")
+        self.rows = {row["key"]: row for row in read_rows(folder)}
+
+    def __enter__(self) -> Self:
+        """Open the file of runs for more, without a line that was cut off."""
+        with atomic_file(self._path) as file:
+            for row in self.rows.values():
+                file.write(msgspec.json.encode(row) + b"\n")
+        self._file = self._path.open("ab")
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def add(self, row: Row) -> None:
+        """Keep a finished run."""
+        assert self._file is not None
+        self._file.write(msgspec.json.encode(row) + b"\n")
+        self._file.flush()
+        self.rows[row["key"]] = row
+
+    def _compare(self, former: dict[str, Any], folder: Path) -> None:
+        differing = [
+            name
+            for name in {**self.about, **former}
+            if self.about.get(name) != former.get(name)
+        ]
+        if differing:
+            raise UsageError(
+                f"{folder}: holds runs of another study (differing: "
+                f"{', '.join(sorted(differing))}); runs of both would be mixed. Name "
+                "another folder, or remove this one"
+            )
+
+
+def read_rows(folder: Path) -> Iterable[Row]:
+    """Finished runs of a folder, a line that was cut off left out."""
+    path = folder / RUNS
+    if not path.is_file():
+        return
+    for line in path.read_bytes().splitlines():
+        try:
+            row: Row = msgspec.json.decode(line)
+        except msgspec.DecodeError:
+            continue
+        yield row
+
+
+def code_fingerprint() -> str:
+    """SHA-256 of everything a run depends on in our own packages."""
+    root = Path(__file__).parents[2]
+    digest = hashlib.sha256()
+    for package in _PACKAGES:
+        for path in sorted((root / package).rglob("*")):
+            if path.suffix in _SUFFIXES:
+                digest.update(str(path.relative_to(root)).encode())
+                digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,217 @@
+"""Tables of a study: for the terminal, as CSV, as Markdown."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+
+import msgspec
+
+from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.studies.cell import Group
+from surefoot.studies.summary import GroupSummary, success_limit
+
+Summaries = dict[Group, GroupSummary]
+NONE = "-"
+COLUMNS = (
+    "case",
+    "controller",
+    "servo",
+    "up",
+    "up, 95 %",
+    "CoM rms x, y, z [mm]",
+    "force deviation [N]",
+    "force peak [N]",
+    "longest without ground [s]",
+)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Success of one controller over one value.
+
+    Attributes:
+        label: controller and servo profile.
+        levels: the value, rising.
+        rates: success rate at each.
+        low: lower end of its interval.
+        high: upper end.
+    """
+
+    label: str
+    levels: Sequence[float]
+    rates: Sequence[float]
+    low: Sequence[float]
+    high: Sequence[float]
+
+    @property
+    def limit(self) -> float | None:
+        """Where half the runs fall; None when beyond what was tried."""
+        return success_limit(self.levels, self.rates)
+
+
+def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve]:
+    """Curves of a scenario over one varied value, all else equal."""
+    found: dict[str, list[tuple[float, float, float, float]]] = {}
+    for group, summary in summaries.items():
+        values = dict(group.values)
+        if group.scenario != scenario or name not in values:
+            continue
+        others = [f"{k} {v:g}" for k, v in values.items() if k != name]
+        label = ", ".join([group.variant, group.servo_profile, *others])
+        rate = summary.up / summary.runs
+        point = (float(values[name]), rate, summary.up_from, summary.up_to)
+        found.setdefault(label, []).append(point)
+    return [
+        Curve(label, *zip(*sorted(points), strict=True))
+        for label, points in found.items()
+    ]
+
+
+def draw_curves(
+    curves: list[Curve], *, xlabel: str, title: str, mark: tuple[float, str] | None
+) -> bytes:
+    """Draw success curves.
+
+    Args:
+        curves: one line each.
+        xlabel: of what was varied.
+        title: of the plot.
+        mark: a level to point out, and its name.
+
+    Returns:
+        SVG.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.2, 3.4), layout="constrained")
+    axes = figure.add_subplot()
+    for index, curve in enumerate(curves):
+        # Curves on top of each other stay visible: later ones are drawn smaller.
+        size = 10.0 - 8.0 * index / len(curves)
+        (line,) = axes.plot(
+            curve.levels, curve.rates, marker="o", markersize=size, label=curve.label
+        )
+        axes.fill_between(
+            curve.levels, curve.low, curve.high, color=line.get_color(), alpha=0.15
+        )
+    if mark is not None:
+        axes.axvline(mark[0], color="gray", linestyle="--", linewidth=1.0)
+        axes.annotate(
+            mark[1], (mark[0], 0.03), xytext=(4, 0), textcoords="offset points"
+        )
+    axes.set(xlabel=xlabel, ylabel="stayed up", title=title, ylim=(-0.03, 1.03))
+    axes.grid(alpha=0.3)
+    # Beside the plot: inside it would cover curves that lie at 0 or 1.
+    figure.legend(loc="outside right upper", fontsize="small")
+    buffer = BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def cells_of(group: Group, summary: GroupSummary) -> list[str]:
+    """A group's row, as text."""
+    com = summary.com_rms_mm
+    return [
+        group.case,
+        group.variant,
+        group.servo_profile,
+        f"{summary.up} of {summary.runs}",
+        f"{summary.up_from:.2f} to {summary.up_to:.2f}",
+        NONE if com is None else ", ".join(f"{value:.1f}" for value in com),
+        _text(summary.force_deviation_n, ".0f"),
+        _text(summary.force_peak_n, ".0f"),
+        _text(summary.contact_gap_s, ".3f"),
+    ]
+
+
+def markdown_table(summaries: Summaries) -> str:
+    """For a page."""
+    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
+    lines += [
+        "| " + " | ".join(cells_of(group, summary)) + " |"
+        for group, summary in summaries.items()
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def write_csv(path: Path, summaries: Summaries) -> None:
+    """One line a group, one number a column."""
+    with atomic_file(path) as raw:
+        text = io.TextIOWrapper(raw, encoding="utf-8", newline="", write_through=True)
+        writer = csv.writer(text)
+        header: list[str] | None = None
+        for group, summary in summaries.items():
+            flat = _flat(group, summary)
+            if header is None:
+                header = list(flat)
+                writer.writerow(header)
+            writer.writerow(flat.values())
+        text.detach()
+
+
+def _flat(group: Group, summary: GroupSummary) -> dict[str, object]:
+    nothing: list[float | None] = [None] * 3
+    com = summary.com_rms_mm or nothing
+    largest = summary.com_max_mm or nothing
+    return {
+        "scenario": group.scenario,
+        "values": "; ".join(f"{name}={value}" for name, value in group.values),
+        "controller": group.variant,
+        "servo_profile": group.servo_profile,
+        "runs": summary.runs,
+        "up": summary.up,
+        "up_from": summary.up_from,
+        "up_to": summary.up_to,
+        **{f"com_rms_{a}_mm": v for a, v in zip("xyz", com, strict=True)},
+        **{f"com_max_{a}_mm": v for a, v in zip("xyz", largest, strict=True)},
+        "tilt_max_deg": summary.tilt_max_deg,
+        "force_deviation_n": summary.force_deviation_n,
+        "force_peak_n": summary.force_peak_n,
+        "contact_gap_s": summary.contact_gap_s,
+    }
+
+
+def _text(value: float | None, form: str) -> str:
+    return NONE if value is None else format(value, form)
+
+
+def write_summary(folder: Path, summaries: Summaries) -> list[dict[str, object]]:
+    """Write summary.csv, summary.json and a success curve per varied value.
+
+    Returns:
+        What summary.json holds.
+    """
+    write_csv(folder / "summary.csv", summaries)
+    rows: list[dict[str, object]] = [
+        {
+            "scenario": group.scenario,
+            "values": dict(group.values),
+            "controller": group.variant,
+            "servo_profile": group.servo_profile,
+            **summary.as_dict(),
+        }
+        for group, summary in summaries.items()
+    ]
+    _write(folder / "summary.json", msgspec.json.format(msgspec.json.encode(rows)))
+    varied = {
+        (group.scenario, name)
+        for group in summaries
+        for name, value in group.values
+        if isinstance(value, (int, float)) and not isinstance(value, bool)
+    }
+    for scenario, name in sorted(varied):
+        curves = curves_over(summaries, scenario=scenario, name=name)
+        svg = draw_curves(curves, xlabel=name, title=scenario, mark=None)
+        stem = Path(scenario).stem
+        _write(folder / f"success-{stem}-{name.replace('*', 'all')}.svg", svg)
+    return rows
+
+
+def _write(path: Path, data: bytes) -> None:
+    with atomic_file(path) as file:
+        file.write(data)

@@ -1,0 +1,261 @@
+"""Buttons of the live page: e-stop, hold, resume, push."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from queue import SimpleQueue
+from typing import Any, NamedTuple
+
+from surefoot.robot_io.client_side.requests import Requests
+from surefoot.robot_io.errors import RequestRefusedError, RobotIoError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.errors import SchemaError
+
+_LOG = logging.getLogger("surefoot")
+
+DIRECTIONS = {
+    "forward": (1.0, 0.0),
+    "back": (-1.0, 0.0),
+    "left": (0.0, 1.0),
+    "right": (0.0, -1.0),
+}
+MAX_PUSH_N = 300.0
+RED = (216, 54, 66)
+GREY = (94, 104, 116)
+Request = Callable[[Requests], object]
+SETTLED_S = 0.25
+"""A slider at rest for so long is taken at its word."""
+SAME = 1e-9
+
+
+class Asker:
+    """A thread that asks, so that a slow answer never holds up the picture.
+
+    Attributes:
+        notes: what was asked last and what came of it, newest last.
+    """
+
+    NOTES_KEPT = 4
+
+    def __init__(self) -> None:
+        """Start the thread; it ends with the process."""
+        self.notes: list[str] = []
+        self._requests: Requests | None = None
+        self._queue: SimpleQueue[tuple[str, Request]] = SimpleQueue()
+        threading.Thread(target=self._work, name="asker", daemon=True).start()
+
+    def through(self, requests: Requests | None) -> None:
+        """Ask this way from now on; None when there is no robot."""
+        self._requests = requests
+
+    def ask(self, what: str, request: Request) -> None:
+        """Queue a request.
+
+        Args:
+            what: in words, for the page and the log.
+            request: called with the way to ask, on the asker's thread.
+        """
+        self._queue.put((what, request))
+
+    def ask_now(self, what: str, request: Request) -> None:
+        """Ask at once on the calling thread, past everything queued."""
+        stamp_ns = time.monotonic_ns()
+        requests = self._requests
+        if requests is None:
+            self._note(f"{what}: no robot to ask")
+            return
+        try:
+            request(requests)
+        except RequestRefusedError as error:
+            self._note(f"{what}: refused, {error.reason}")
+        except (RobotIoError, SchemaError) as error:
+            self._note(f"{what}: {error}")
+        else:
+            self._note(f"{what}: done (asked at {stamp_ns} ns)", shown=f"{what}: done")
+
+    def _work(self) -> None:
+        while True:
+            self.ask_now(*self._queue.get())
+
+    def _note(self, text: str, *, shown: str | None = None) -> None:
+        _LOG.info(text)
+        self.notes = [*self.notes, shown or text][-self.NOTES_KEPT :]
+
+
+def add_controls(gui: Any, asker: Asker) -> None:
+    """Add the buttons that stop and start.
+
+    Args:
+        gui: ``server.gui`` of viser.
+        asker: does what is pressed.
+    """
+    estop = gui.add_button(
+        "E-STOP", color=RED, hint="The robot keeps its posture until it is reset."
+    )
+    hold = gui.add_button(
+        "Hold",
+        color=GREY,
+        hint="The robot keeps its posture; the stabilizer keeps command.",
+    )
+    resume = gui.add_button("Resume", color=GREY, hint="Balance again after a hold.")
+
+    # viser gives its decorators no types.
+    @estop.on_click  # type: ignore[untyped-decorator]
+    def _(event: Any) -> None:
+        asker.ask_now("e-stop", lambda requests: requests.stop_robot())
+
+    @hold.on_click  # type: ignore[untyped-decorator]
+    def _(event: Any) -> None:
+        asker.ask("hold", lambda requests: requests.control("hold"))
+
+    @resume.on_click  # type: ignore[untyped-decorator]
+    def _(event: Any) -> None:
+        asker.ask("resume", lambda requests: requests.control("resume"))
+
+
+def add_push(gui: Any, asker: Asker, robot: Robot) -> None:
+    """Add the push, which only a simulated robot can be given.
+
+    Args:
+        gui: ``server.gui`` of viser.
+        asker: does what is pressed.
+        robot: whose base link is pushed.
+    """
+    with gui.add_folder("Push (simulator only)"):
+        force = gui.add_slider(
+            "Force [N]", min=10, max=MAX_PUSH_N, step=10, initial_value=120
+        )
+        duration = gui.add_slider(
+            "Duration [s]", min=0.05, max=0.5, step=0.05, initial_value=0.1
+        )
+        directions = gui.add_button_group("Push", tuple(DIRECTIONS))
+
+    @directions.on_click  # type: ignore[untyped-decorator]
+    def _(event: Any) -> None:
+        x, y = DIRECTIONS[directions.value]
+        newtons, seconds = float(force.value), float(duration.value)
+        asker.ask(
+            f"push {directions.value}, {newtons:g} N for {seconds:g} s",
+            lambda requests: requests.push(
+                robot.file.base_link,
+                [x * newtons, y * newtons, 0.0],
+                duration_s=seconds,
+            ),
+        )
+
+
+class Gain(NamedTuple):
+    """A slider: the setting it moves, on all its axes.
+
+    Attributes:
+        name: the setting.
+        label: what people call it, with unit.
+        low: end of the slider.
+        high: other end.
+        step: of the slider.
+        sign: -1 for a setting that is negative by convention.
+    """
+
+    name: str
+    label: str
+    low: float
+    high: float
+    step: float
+    sign: float = 1.0
+
+
+GAINS = (
+    Gain("tsid.com_kp", "CoM stiffness [1/s²]", 5.0, 120.0, 1.0),
+    Gain("tsid.com_kd", "CoM damping [1/s]", 1.0, 40.0, 0.5),
+    Gain("tsid.base_kp", "Base stiffness [1/s²]", 10.0, 300.0, 5.0),
+    Gain("tsid.base_kd", "Base damping [1/s]", 2.0, 60.0, 1.0),
+    Gain("dik.k_force", "Foot stiffness |K|", 20.0, 200.0, 5.0, -1.0),
+    Gain("dik.com_gain", "CoM position gain [1/s]", 0.5, 6.0, 0.1),
+    Gain("dik.base_gain", "Base position gain [1/s]", 0.5, 6.0, 0.1),
+)
+
+
+class GainSliders:
+    """Sliders that show the stabilizer's own values and change them."""
+
+    def __init__(self, gui: Any, asker: Asker) -> None:
+        """Add the sliders, disabled until the stabilizer's values are known.
+
+        Args:
+            gui: ``server.gui`` of viser.
+            asker: sends what is moved.
+        """
+        self._asker = asker
+        self._lock = threading.Lock()
+        self._known: dict[str, float] = {}
+        self._moved: dict[str, float] = {}
+        self._moved_at_s = 0.0
+        self._handles: dict[str, Any] = {}
+        with gui.add_folder("Gains (ramped over 0.5 s, recorded)"):
+            for gain in GAINS:
+                self._handles[gain.name] = handle = gui.add_slider(
+                    gain.label,
+                    min=gain.low,
+                    max=gain.high,
+                    step=gain.step,
+                    initial_value=gain.low,
+                    disabled=True,
+                    hint=gain.name,
+                )
+                handle.on_update(self._note_move(gain))
+
+    @property
+    def are_known(self) -> bool:
+        """Whether the stabilizer's values are shown."""
+        return bool(self._known)
+
+    def forget(self) -> None:
+        """The stabilizer went away: another one may have other values."""
+        with self._lock:
+            self._known, self._moved = {}, {}
+        for handle in self._handles.values():
+            handle.disabled = True
+
+    def learn(self, requests: Requests) -> None:
+        """Ask the stabilizer for its values and show them."""
+        reply = requests.change_settings({})
+        values = reply.settings
+        for gain in GAINS:
+            if gain.name not in values:
+                continue
+            numbers = values[gain.name]
+            mean = gain.sign * sum(numbers) / len(numbers)
+            shown = min(max(mean, gain.low), gain.high)
+            with self._lock:
+                self._known[gain.name] = shown
+            handle = self._handles[gain.name]
+            handle.value = shown
+            handle.disabled = False
+
+    def send(self) -> None:
+        """Send what was moved once the hand is off; called now and then."""
+        with self._lock:
+            if not self._moved or time.monotonic() - self._moved_at_s < SETTLED_S:
+                return
+            moved, self._moved = self._moved, {}
+            self._known.update(moved)
+        signs = {gain.name: gain.sign for gain in GAINS}
+        changes = {name: [signs[name] * value] for name, value in moved.items()}
+        text = ", ".join(f"{name} = {value[0]:g}" for name, value in changes.items())
+        self._asker.ask(text, lambda requests: requests.change_settings(changes))
+
+    def _note_move(self, gain: Gain) -> Any:
+        def on_update(event: Any) -> None:
+            value = float(self._handles[gain.name].value)
+            with self._lock:
+                known = self._known.get(gain.name)
+                if known is None or abs(value - known) < SAME:
+                    self._moved.pop(gain.name, None)
+                    return
+                self._moved[gain.name] = value
+                self._moved_at_s = time.monotonic()
+
+        return on_update

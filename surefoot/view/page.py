@@ -1,0 +1,340 @@
+"""The live page: looks at the bus thirty times a second and shows what it sees."""
+
+from __future__ import annotations
+
+import contextlib
+import html
+import io
+import socket
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from surefoot.errors import EnvironmentFailedError
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.observer import (
+    VIEWER_CHANNELS,
+    LatestMessages,
+    Observer,
+)
+from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode
+from surefoot.view.controls import Asker, GainSliders, add_controls, add_push
+from surefoot.view.plots import PLOTS, RollingPlot
+from surefoot.view.robot_shape import RobotShape
+from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP, Scene
+from surefoot.view.scene_state import SceneState, state_of
+
+FRAME_S = 1.0 / 30.0
+WORDS_S = 0.25
+PLOTS_S = 0.2
+IDENTITY = "live-page"
+DIAL_S = 1.0
+"""The page says that there is no robot, and tries again, so often."""
+MM_PER_M = 1e3
+_NOTHING = LatestMessages()
+GREEN, AMBER, RED, GREY = "#1a9c5f", "#c77700", "#d8434e", "#7a828c"
+
+
+class Headline(NamedTuple):
+    """How the robot fares, in a headline and a sentence.
+
+    Attributes:
+        headline: a word or two.
+        colour: of its badge.
+        detail: why, or what to do.
+    """
+
+    headline: str
+    colour: str
+    detail: str
+
+
+def verdict(
+    sight: LatestMessages, *, robot_is_here: bool, stabilizer_is_here: bool, where: str
+) -> Headline:
+    """Say in words what was seen.
+
+    Args:
+        sight: newest messages.
+        robot_is_here: whether its process is alive.
+        stabilizer_is_here: whether a stabilizer's is.
+        where: locators dialed.
+    """
+    status, stabilizer = sight.status, sight.stabilizer
+    if not robot_is_here:
+        if status is None:
+            return Headline("waiting", GREY, f"for a robot at {where}")
+        detail = status.reason or "its process has ended"
+        return Headline("robot gone", GREY, f"last word: {detail}")
+    if status is None:
+        return Headline("waiting", GREY, "the robot has not said anything yet")
+    if status.mode is RobotMode.FAULT:
+        return Headline(
+            "FAULT", RED, f"{status.fault}; the posture is kept until reset"
+        )
+    if status.mode is RobotMode.OFF:
+        return Headline("off", GREY, status.reason or "follows nobody")
+    if status.mode is RobotMode.HOLD:
+        return Headline("HOLD", AMBER, status.reason or "keeps its posture")
+    if not stabilizer_is_here:
+        return Headline("no stabilizer", RED, "nobody answers the robot's ticks")
+    if stabilizer is not None and stabilizer.state != "active":
+        return Headline(stabilizer.state, AMBER, stabilizer.reason)
+    lost = _feet_in_the_air(sight)
+    if lost:
+        return Headline("balancing", AMBER, f"{lost} without contact")
+    return Headline("balancing", GREEN, "both feet stand, both QPs solved")
+
+
+def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> str:
+    """A badge, the sentence, and who does what.
+
+    Args:
+        words: the verdict.
+        sight: newest messages.
+        period_s: control period [s].
+    """
+    status, stabilizer = sight.status, sight.stabilizer
+    rows = []
+    if status is not None:
+        rows.append(("time", f"{status.tick * period_s:.1f} s"))
+        rows.append(("commander", status.commander or "nobody"))
+        if status.reason and status.reason not in words.detail:
+            rows.append(("robot says", status.reason))
+        rows.append(("refused", _counts(status.refused)))
+        rows.append(("clipped", _counts(status.clipped)))
+        rows.append(("missed ticks", str(status.deadline_misses)))
+    if stabilizer is not None:
+        rows.append(("QPs", stabilizer.qp_status))
+    table = "".join(
+        f"<tr><td style='color:#7a828c;padding-right:1em'>{name}</td>"
+        f"<td>{html.escape(text)}</td></tr>"
+        for name, text in rows
+    )
+    return (
+        "<div style='padding:0.2em 0.8em 0.4em;font-size:0.82em;line-height:1.45'>"
+        f"<div id='surefoot-state'><span style='background:{words.colour};color:#fff;"
+        "border-radius:4px;padding:0.15em 0.6em;font-weight:600;font-size:1.1em'>"
+        f"{html.escape(words.headline)}</span> &nbsp;{html.escape(words.detail)}</div>"
+        f"<table style='margin-top:0.5em'>{table}</table></div>"
+    )
+
+
+def _feet_in_the_air(sight: LatestMessages) -> str:
+    if sight.stabilizer is None:
+        return ""
+    sides = zip(("left foot", "right foot"), sight.stabilizer.in_contact, strict=True)
+    return " and ".join(side for side, stands in sides if not stands)
+
+
+def _counts(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
+
+
+class LivePage:
+    """Server, scene and panel. Nothing here can hold up robot or stabilizer."""
+
+    def __init__(self, robot: Robot, *, endpoints: Endpoints, port: int) -> None:
+        """Serve the page on the loopback interface.
+
+        Args:
+            robot: what its files say.
+            endpoints: where to dial.
+            port: of the page; must be free.
+        """
+        import viser
+
+        self._robot, self._endpoints = robot, endpoints
+        self._where = ", ".join(endpoints.connect)
+        with contextlib.redirect_stdout(io.StringIO()):  # its own banner
+            self._server = viser.ViserServer(
+                host="127.0.0.1", port=port, label="Surefoot", verbose=False
+            )
+        self._shape = RobotShape(robot)
+        self._asker = Asker()
+        self._words_due_s = self._plots_due_s = 0.0
+        self._seen: tuple[int, ...] = ()
+        self._build()
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return f"http://127.0.0.1:{self._server.get_port()}"
+
+    def run(self, stop: StopRequest) -> None:
+        """Show until asked to stop; waits for the robot as long as it takes."""
+        try:
+            while not stop.is_set:
+                self._tell(_NOTHING, None)
+                try:
+                    with Observer(
+                        self._robot,
+                        endpoints=self._endpoints,
+                        channels=VIEWER_CHANNELS,
+                        identity=IDENTITY,
+                    ) as observer:
+                        observer.connect(timeout_s=DIAL_S)
+                        self._watch(observer, stop)
+                except RobotUnreachableError:
+                    continue
+        finally:
+            self._asker.through(None)
+            self._server.stop()
+
+    def _watch(self, observer: Observer, stop: StopRequest) -> None:
+        self._asker.through(observer.requests)
+        due_s = time.monotonic()
+        had_stabilizer = False
+        while not stop.is_set:
+            sight = observer.latest_messages()
+            has_stabilizer = bool(observer.stabilizers)
+            if has_stabilizer and not had_stabilizer:
+                self._asker.ask("present gains", self._gains.learn)
+            elif had_stabilizer and not has_stabilizer:
+                self._gains.forget()
+            had_stabilizer = has_stabilizer
+            self._draw(sight)
+            self._gains.send()
+            self._tell(sight, observer)
+            due_s += FRAME_S
+            pause_s = due_s - time.monotonic()
+            if pause_s < 0.0:  # behind: leave frames out, never catch up in a burst
+                due_s, pause_s = time.monotonic(), 0.001
+            time.sleep(pause_s)  # the pace of the frames
+
+    def _draw(self, sight: LatestMessages) -> None:
+        ticks = tuple(-1 if message is None else message.tick for message in sight)
+        if ticks == self._seen:
+            return
+        self._seen = ticks
+        state = state_of(sight, self._robot, self._shape)
+        if state is None:
+            return
+        with self._server.atomic():
+            self._scene.update(state)
+        self._plot(sight, state)
+
+    def _plot(self, sight: LatestMessages, state: SceneState) -> None:
+        stabilizer = sight.stabilizer
+        if sight.joints is None or stabilizer is None:
+            return
+        error = MM_PER_M * (
+            np.array(stabilizer.com) - np.array(stabilizer.com_reference)
+        )
+        roll, pitch = Rotation.from_matrix(state.base[:3, :3]).as_euler(
+            "xyz", degrees=True
+        )[:2]
+        rows: tuple[tuple[float, ...], ...] = (
+            tuple(error),
+            (
+                stabilizer.F_meas_left[2],
+                stabilizer.F_id_left[2],
+                stabilizer.F_meas_right[2],
+                stabilizer.F_id_right[2],
+            ),
+            (roll, pitch),
+            (stabilizer.tick_median_ms, stabilizer.tick_p99_ms),
+        )
+        time_s = stabilizer.tick * self._robot.period_s
+        for plot, row in zip(self._plots, rows, strict=True):
+            plot.add(time_s, row)
+        now_s = time.monotonic()
+        if now_s >= self._plots_due_s:
+            self._plots_due_s = now_s + PLOTS_S
+            with self._server.atomic():
+                for plot in self._plots:
+                    plot.draw()
+
+    def _tell(self, sight: LatestMessages, observer: Observer | None) -> None:
+        now_s = time.monotonic()
+        if now_s < self._words_due_s:
+            return
+        self._words_due_s = now_s + WORDS_S
+        words = verdict(
+            sight,
+            robot_is_here=observer is not None and observer.robot_is_here,
+            stabilizer_is_here=observer is not None and bool(observer.stabilizers),
+            where=self._where,
+        )
+        text = status_html(words, sight, period_s=self._robot.period_s)
+        if text != self._status.content:
+            self._status.content = text
+        notes = "  \n".join(reversed(self._asker.notes)) or "nothing asked yet"
+        if notes != self._notes.content:
+            self._notes.content = notes
+
+    def _build(self) -> None:
+        server, gui = self._server, self._server.gui
+        gui.configure_theme(
+            control_layout="fixed",
+            control_width="large",
+            show_logo=False,
+            show_share_button=False,
+            brand_color=MEASURED,
+        )
+        gui.set_panel_label(f"Surefoot: {self._robot.file.name}")
+        self._scene = Scene(server.scene, self._robot, self._shape)
+        server.initial_camera.position = (1.45, -1.05, 0.95)
+        server.initial_camera.look_at = (0.0, -0.05, 0.5)
+        self._status = gui.add_html("")
+        add_controls(gui, self._asker)
+        with gui.add_folder("Plots"):
+            self._plots = [RollingPlot(gui, plot) for plot in PLOTS]
+        add_push(gui, self._asker, self._robot)
+        self._gains = GainSliders(gui, self._asker)
+        with gui.add_folder("Asked", expand_by_default=True):
+            self._notes = gui.add_markdown("nothing asked yet")
+        self._add_scene_options(gui)
+
+    def _add_scene_options(self, gui: Any) -> None:
+        with gui.add_folder("Scene"):
+            gui.add_html(_LEGEND)
+            ghost = gui.add_checkbox("Commanded posture (ghost)", True)
+            forces = gui.add_checkbox("Forces", True)
+        ghost.on_update(lambda event: self._scene.show_ghost(ghost.value))
+        forces.on_update(lambda event: self._scene.show_forces(forces.value))
+
+
+def _swatch(colour: tuple[int, int, int], text: str) -> str:
+    return (
+        f"<div><span style='color:rgb{colour};font-size:1.2em'>&#9679;</span> "
+        f"{text}</div>"
+    )
+
+
+_LEGEND = (
+    "<div style='padding:0.2em 0.8em;font-size:0.8em'>"
+    + _swatch(MEASURED, "measured force of the ground, 1 m per kN")
+    + _swatch(WANTED, "wanted force, beside it; wanted CoM")
+    + _swatch(COM, "centre of mass")
+    + _swatch(ZMP, "zero moment point, measured")
+    + _swatch(POLYGON, "support polygon")
+    + "</div>"
+)
+
+
+def free_port(port: int) -> int:
+    """Make sure that a port of the loopback interface is free.
+
+    Args:
+        port: wanted; 0 for any.
+
+    Returns:
+        The port.
+
+    Raises:
+        EnvironmentFailedError: somebody else serves there.
+    """
+    try:
+        with socket.create_server(("127.0.0.1", port)) as server:
+            return int(server.getsockname()[1])
+    except OSError as error:
+        raise EnvironmentFailedError(
+            f"cannot serve the page at 127.0.0.1:{port}: {error.strerror or error}; "
+            "stop who serves there, or choose another with --port"
+        ) from error

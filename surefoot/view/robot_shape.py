@@ -1,0 +1,132 @@
+"""A robot's look and kinematics from its URDF, for pictures only."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat
+
+
+class _Joint(NamedTuple):
+    """One joint of the tree.
+
+    Attributes:
+        parent: link above.
+        child: link below.
+        origin: (4, 4) parent from joint at zero.
+        axis: (3, 3) cross-product matrix of the axis.
+        bus_index: in bus order; None for a fixed joint.
+        slides: whether it is prismatic.
+    """
+
+    parent: str
+    child: str
+    origin: Mat
+    axis: Mat
+    bus_index: int | None
+    slides: bool
+
+
+class RobotShape:
+    """One mesh per link, and where the links are at a posture.
+
+    Attributes:
+        meshes: link to its shape in link axes (a trimesh), links without one left out.
+    """
+
+    def __init__(self, robot: Robot) -> None:
+        """Read the URDF.
+
+        Args:
+            robot: names the file and the order of the joints.
+        """
+        import yourdfpy
+
+        urdf = yourdfpy.URDF.load(
+            str(robot.urdf_path), build_scene_graph=True, load_meshes=True
+        )
+        self._base = robot.file.base_link
+        self._joints = _sorted_joints(urdf, robot)
+        self.meshes = _link_meshes(urdf)
+
+    def poses(self, q: Array) -> dict[str, Mat]:
+        """Where the links are.
+
+        Args:
+            q: (n_a,) in bus order [rad].
+
+        Returns:
+            Link to (4, 4) base from link.
+        """
+        found: dict[str, Mat] = {self._base: np.eye(4)}
+        for joint in self._joints:
+            pose = found[joint.parent] @ joint.origin
+            if joint.bus_index is not None:
+                pose = pose @ _motion(joint, float(q[joint.bus_index]))
+            found[joint.child] = pose
+        return found
+
+
+def _motion(joint: _Joint, position: float) -> Mat:
+    """(4, 4) of a joint off its zero, by Rodrigues' formula."""
+    K = joint.axis
+    motion = np.eye(4)
+    if joint.slides:
+        motion[:3, 3] = position * np.array([K[2, 1], K[0, 2], K[1, 0]])
+    else:
+        motion[:3, :3] += np.sin(position) * K + (1.0 - np.cos(position)) * (K @ K)
+    return motion
+
+
+def _sorted_joints(urdf: Any, robot: Robot) -> list[_Joint]:
+    """Parents before children."""
+    index = {name: i for i, name in enumerate(robot.joint_names)}
+    children: dict[str, list[Any]] = {}
+    for joint in urdf.robot.joints:
+        children.setdefault(joint.parent, []).append(joint)
+    joints, links = [], [robot.file.base_link]
+    while links:
+        for joint in children.get(links.pop(), []):
+            links.append(joint.child)
+            x, y, z = (1.0, 0.0, 0.0) if joint.axis is None else joint.axis
+            joints.append(
+                _Joint(
+                    parent=joint.parent,
+                    child=joint.child,
+                    origin=np.eye(4) if joint.origin is None else joint.origin,
+                    axis=np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]),
+                    bus_index=index.get(joint.name),
+                    slides=joint.type == "prismatic",
+                )
+            )
+    return joints
+
+
+def _link_meshes(urdf: Any) -> dict[str, Any]:
+    """All visuals of a link as one mesh."""
+    import trimesh
+
+    parts: dict[str, list[Any]] = {}
+    graph = urdf.scene.graph
+    for node in graph.nodes_geometry:
+        link = graph.transforms.parents[node]
+        pose, name = graph.get(node, link)
+        mesh = urdf.scene.geometry[name].copy()
+        # Primitives recompute their vertices; a plain mesh keeps what is applied.
+        plain = trimesh.Trimesh(
+            mesh.vertices, mesh.faces, face_colors=_colour(mesh), process=False
+        )
+        plain.apply_transform(pose)
+        parts.setdefault(link, []).append(plain)
+    return {link: trimesh.util.concatenate(found) for link, found in parts.items()}
+
+
+def _colour(mesh: Any) -> Any:
+    visual: Any = mesh.visual
+    material = getattr(visual, "material", None)
+    if material is not None:
+        return material.main_color
+    return visual.main_color if visual.kind is None else visual.face_colors

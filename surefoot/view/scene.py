@@ -1,0 +1,276 @@
+"""Robot, ground, ghost and forces in a viser scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.sim_robot.platforms import (
+    HALF_THICKNESS_M,
+    MIDLINE_GAP_M,
+    SHARED_HALF_SIZE_M,
+    SINGLE_HALF_LENGTH_M,
+    SINGLE_OUTWARD_M,
+)
+from surefoot.view.robot_shape import RobotShape
+from surefoot.view.scene_state import (
+    SceneState,
+    pressure_point,
+    sole_corners,
+    support_polygon,
+    zero_moment_point,
+)
+
+METRES_PER_NEWTON = 1e-3
+MEASURED_BESIDE_M = 0.09
+WANTED_BESIDE_M = 0.13
+"""Forces are drawn so far outside their place, or the legs would hide them."""
+GHOST_SKIN_M = 0.006
+"""The ghost is so much thicker than the robot, or it would vanish within it."""
+CORNERS = 8
+"""Of two soles: at most so many bound the support polygon."""
+FLOOR_M = -0.35
+"""Far below, so that moving ground does not dip into it."""
+SHARED_WITHIN_M = 0.02
+"""A platform whose centre is so near the midline is under both feet."""
+MEASURED = (20, 105, 220)
+WANTED = (240, 150, 20)
+GHOST = (70, 160, 255)
+COM = (225, 60, 70)
+ZMP = (130, 60, 200)
+POLYGON = (25, 160, 95)
+GROUND = (196, 201, 208)
+GHOST_OPACITY = 0.16
+POLYGON_LIFT_M = 0.012
+"""Clear of the ground it lies on."""
+_AWAY = (0.0, 0.0, -50.0)
+
+
+class Scene:
+    """Nodes made once, moved with every state.
+
+    Works on a live server and on one that only records for a replay.
+    """
+
+    def __init__(self, scene: Any, robot: Robot, shape: RobotShape) -> None:
+        """Add all nodes.
+
+        Args:
+            scene: ``server.scene`` of viser.
+            robot: feet and base.
+            shape: meshes and kinematics.
+        """
+        self._scene, self._robot, self._shape = scene, robot, shape
+        self._platforms: list[Any] = []
+        self._set_stage()
+        self._base = scene.add_frame("/robot", show_axes=False)
+        self._ghost = scene.add_frame("/ghost", show_axes=False)
+        self._links = {
+            link: scene.add_mesh_trimesh(f"/robot/{link}", mesh)
+            for link, mesh in shape.meshes.items()
+        }
+        self._ghost_links = {
+            link: scene.add_mesh_simple(
+                f"/ghost/{link}",
+                np.asarray(mesh.vertices + GHOST_SKIN_M * mesh.vertex_normals),
+                np.asarray(mesh.faces),
+                color=GHOST,
+                opacity=GHOST_OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            for link, mesh in shape.meshes.items()
+        }
+        nothing = np.zeros((2, 2, 3)) + _AWAY
+        self._measured = scene.add_arrows(
+            "/forces/measured",
+            nothing,
+            MEASURED,
+            shaft_radius=0.009,
+            head_radius=0.021,
+            head_length=0.045,
+        )
+        self._wanted = scene.add_arrows(
+            "/forces/wanted",
+            nothing,
+            WANTED,
+            shaft_radius=0.006,
+            head_radius=0.016,
+            head_length=0.04,
+        )
+        self._stance = scene.add_frame("/stance", show_axes=False)
+        self._polygon = scene.add_line_segments(
+            "/stance/polygon", np.zeros((CORNERS, 2, 3)), POLYGON, thickness=0.012
+        )
+        self._plumb = scene.add_line_segments(
+            "/balance/plumb", nothing, COM, thickness=0.004
+        )
+        self._com = scene.add_icosphere("/balance/com", 0.028, COM, position=_AWAY)
+        self._reference = scene.add_icosphere(
+            "/balance/com_reference", 0.036, WANTED, opacity=0.4, position=_AWAY
+        )
+        self._zmp = scene.add_cylinder("/balance/zmp", 0.03, 0.006, ZMP, position=_AWAY)
+        self._below = scene.add_icosphere("/balance/below", 0.014, COM, position=_AWAY)
+
+    def show_ghost(self, wanted: bool) -> None:
+        """Show or hides the commanded posture."""
+        self._ghost.visible = wanted
+
+    def show_forces(self, wanted: bool) -> None:
+        """Show or hides the wrench arrows."""
+        self._measured.visible = self._wanted.visible = wanted
+
+    def update(self, state: SceneState) -> None:
+        """Move everything to a state."""
+        _place(self._base, state.base)
+        _place(self._ghost, state.base)
+        links = self._shape.poses(state.q)
+        for link, node in self._links.items():
+            _place(node, links[link])
+        ghost = self._shape.poses(state.q_command)
+        for link, node in self._ghost_links.items():
+            _place(node, ghost[link])
+        self._move_platforms(state.platforms)
+        left, right = (
+            state.base @ links[foot.sole_frame] for foot in self._robot.file.foot
+        )
+        self._draw_forces(state, (left, right))
+        self._draw_balance(state, (left, right))
+
+    def _draw_forces(self, state: SceneState, soles: tuple[Mat, Mat]) -> None:
+        if state.F_meas is not None:
+            self._measured.points = _arrows(
+                state.F_meas, soles, beside=MEASURED_BESIDE_M
+            )
+        if state.F_id is not None:
+            self._wanted.points = _arrows(state.F_id, soles, beside=WANTED_BESIDE_M)
+
+    def _draw_balance(self, state: SceneState, soles: tuple[Mat, Mat]) -> None:
+        standing = [
+            sole_corners(foot, sole)
+            for foot, sole, stands in zip(
+                self._robot.file.foot, soles, state.in_contact, strict=True
+            )
+            if stands
+        ]
+        if self._polygon.visible is not bool(standing):
+            self._polygon.visible = bool(standing)
+        if standing:
+            # Always as many edges: the browser makes a line of another length anew,
+            # and shows nothing meanwhile. Surplus corners repeat the last one.
+            hull = support_polygon(np.vstack(standing))
+            missing = CORNERS - len(hull)
+            hull = np.vstack((hull, np.repeat(hull[-1:], missing, axis=0)))
+            edges = np.stack((hull, np.roll(hull, -1, axis=0)), axis=1)
+            # Relative to the ground: browsers move nodes at once, but new points
+            # some frames later, when the ground is somewhere else.
+            ground = soles[0].copy()
+            ground[:3, 3] = 0.5 * (soles[0][:3, 3] + soles[1][:3, 3])
+            _place(self._stance, ground)
+            lifted = edges + np.array([0.0, 0.0, POLYGON_LIFT_M])
+            self._polygon.points = (lifted - ground[:3, 3]) @ ground[:3, :3]
+        zmp = None
+        if state.F_meas is not None:
+            zmp = zero_moment_point(state.F_meas, soles)
+        self._zmp.position = _AWAY if zmp is None else tuple(zmp)
+        if state.com is not None:
+            self._com.position = tuple(state.com)
+            foot = state.com.copy()
+            foot[2] = 0.5 * (soles[0][2, 3] + soles[1][2, 3])
+            self._plumb.points = np.array([[state.com, foot]])
+            self._below.position = tuple(foot)
+        if state.com_reference is not None:
+            self._reference.position = tuple(state.com_reference)
+
+    def _move_platforms(self, poses: list[Mat]) -> None:
+        while len(self._platforms) < len(poses):
+            index = len(self._platforms)
+            if index == 0:
+                self._ground.visible = False
+            self._platforms.append(self._add_platform(index, poses[index]))
+        for node, platform in zip(self._platforms, poses, strict=False):
+            _place(node, platform)
+
+    def _add_platform(self, index: int, pose: Mat) -> Any:
+        """A frame in the middle of the top, the box below it."""
+        name = f"/ground/platform_{index}"
+        frame = self._scene.add_frame(name, show_axes=False)
+        y_foot = float(pose[1, 3])
+        half_length, half_width = SHARED_HALF_SIZE_M
+        y_centre = 0.0
+        if abs(y_foot) > SHARED_WITHIN_M:
+            inner = MIDLINE_GAP_M - abs(y_foot)
+            half_length = SINGLE_HALF_LENGTH_M
+            half_width = 0.5 * (SINGLE_OUTWARD_M - inner)
+            y_centre = 0.5 * (SINGLE_OUTWARD_M + inner) * (1.0 if y_foot > 0 else -1.0)
+        self._scene.add_box(
+            f"{name}/box",
+            GROUND,
+            (2 * half_length, 2 * half_width, 2 * HALF_THICKNESS_M),
+            position=(0.0, y_centre, -HALF_THICKNESS_M),
+        )
+        return frame
+
+    def _set_stage(self) -> None:
+        scene = self._scene
+        scene.set_up_direction("+z")
+        # The environment maps of viser come from the internet; plain lights do not.
+        scene.configure_environment_map(hdri=None)
+        scene.configure_default_lights(enabled=False)
+        scene.add_light_ambient("/lights/all", intensity=1.1)
+        for name, position, intensity, shadow in (
+            ("key", (2.5, 1.5, 4.0), 2.2, True),
+            ("fill", (-2.0, -3.0, 2.5), 1.0, False),
+        ):
+            scene.add_light_directional(
+                f"/lights/{name}",
+                intensity=intensity,
+                position=position,
+                cast_shadow=shadow,
+            )
+        scene.add_grid(
+            "/floor",
+            width=6.0,
+            height=6.0,
+            cell_size=0.25,
+            section_size=1.0,
+            cell_color=(225, 228, 232),
+            section_color=(200, 205, 212),
+            position=(0.0, 0.0, FLOOR_M),
+        )
+        half_length, half_width = SHARED_HALF_SIZE_M
+        self._ground = scene.add_box(
+            "/ground/fixed",
+            GROUND,
+            (2 * half_length, 2 * half_width, 2 * HALF_THICKNESS_M),
+            position=(0.0, 0.0, -HALF_THICKNESS_M),
+        )
+
+
+def _place(node: Any, T: Mat) -> None:
+    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
+    node.wxyz = (w, x, y, z)
+    node.position = tuple(T[:3, 3])
+
+
+def _arrows(wrenches: Array, soles: tuple[Mat, Mat], *, beside: float) -> Array:
+    """(2, 2, 3) start and end of the force at each sole's pressure point [m].
+
+    Args:
+        wrenches: (12,) at left and right sole, sole frames.
+        soles: (4, 4) world from sole.
+        beside: shift away from the midline [m].
+    """
+    arrows = np.empty((2, 2, 3))
+    for i, (F, sole) in enumerate(
+        zip((wrenches[:6], wrenches[6:]), soles, strict=True)
+    ):
+        outward: Vec3 = pressure_point(F)
+        outward[1] += beside if i == 0 else -beside
+        start = sole[:3, :3] @ outward + sole[:3, 3]
+        arrows[i] = start, start + METRES_PER_NEWTON * (sole[:3, :3] @ F[:3])
+    return arrows

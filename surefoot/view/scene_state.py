@@ -1,0 +1,180 @@
+"""What a scene shows at one moment, whether live or from a record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from surefoot.robot_io.client_side.observer import LatestMessages
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat, Vec3, Vec6
+from surefoot.schemas.robot_file import Foot
+from surefoot.view.robot_shape import RobotShape
+
+F_Z, M_X, M_Y = 2, 3, 4
+LEAST_FORCE_N = 20.0
+"""Below it a foot's centre of pressure is noise."""
+
+
+@dataclass(frozen=True)
+class SceneState:
+    """Poses and forces of one moment, in the world.
+
+    Attributes:
+        base: (4, 4) world from base link.
+        q: (n_a,) measured posture, bus order [rad].
+        q_command: (n_a,) commanded posture [rad].
+        platforms: (4, 4) world from platform, top centre.
+        F_meas: (12,) measured wrenches at the soles, sole frames; None if unknown.
+        F_id: (12,) wanted wrenches; None if unknown.
+        in_contact: whether left and right foot stand.
+        com: (3,) centre of mass [m]; None if unknown.
+        com_reference: (3,) where it should be [m]; None if unknown.
+    """
+
+    base: Mat
+    q: Array
+    q_command: Array
+    platforms: list[Mat]
+    F_meas: Array | None
+    F_id: Array | None
+    in_contact: tuple[bool, bool]
+    com: Vec3 | None
+    com_reference: Vec3 | None
+
+
+def pose(position: list[float] | Vec3, quat_xyzw: list[float] | Array) -> Mat:
+    """(4, 4) from position [m] and quaternion."""
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_quat(np.asarray(quat_xyzw)).as_matrix()
+    T[:3, 3] = position
+    return T
+
+
+def state_of(
+    sight: LatestMessages, robot: Robot, shape: RobotShape
+) -> SceneState | None:
+    """What was seen on the bus, as a scene.
+
+    The base is where the simulator's truth says; without one, its attitude is the
+    inertial unit's and its place such that the soles stand around the origin.
+
+    Args:
+        sight: newest messages.
+        robot: names the frames.
+        shape: where the soles are.
+
+    Returns:
+        None until the robot has said where its joints are.
+    """
+    if sight.joints is None:
+        return None
+    q = np.array(sight.joints.q)
+    links = shape.poses(q)
+    soles = [links[foot.sole_frame] for foot in robot.file.foot]
+    truth, stabilizer = sight.truth, sight.stabilizer
+    if truth is not None:
+        base = pose(truth.base_position, truth.base_quat_xyzw)
+    else:
+        base = _standing_base(sight, robot, links, soles)
+    middle = 0.5 * ((base @ soles[0])[:3, 3] + (base @ soles[1])[:3, 3])
+    ground = middle * (1.0, 1.0, 0.0)
+    com = reference = F_meas = F_id = None
+    contact = (True, True)
+    if stabilizer is not None:
+        # The stance frame stands midway between the soles; its height is the world's.
+        com = np.array(stabilizer.com) + ground
+        reference = np.array(stabilizer.com_reference) + ground
+        F_meas = np.array(stabilizer.F_meas_left + stabilizer.F_meas_right)
+        F_id = np.array(stabilizer.F_id_left + stabilizer.F_id_right)
+        contact = (stabilizer.in_contact[0], stabilizer.in_contact[1])
+    if truth is not None:
+        com = np.array(truth.com)
+    return SceneState(
+        base=base,
+        q=q,
+        q_command=q if sight.status is None else np.array(sight.status.q_command),
+        platforms=[]
+        if truth is None
+        else [pose(p.position, p.quat_xyzw) for p in truth.platforms],
+        F_meas=F_meas,
+        F_id=F_id,
+        in_contact=contact,
+        com=com,
+        com_reference=reference,
+    )
+
+
+def _standing_base(
+    sight: LatestMessages, robot: Robot, links: dict[str, Mat], soles: list[Mat]
+) -> Mat:
+    base = np.eye(4)
+    if sight.imu is not None:
+        unit = links[robot.file.imu.frame][:3, :3]
+        attitude = Rotation.from_quat(sight.imu.quat_xyzw).as_matrix() @ unit.T
+        yaw = np.arctan2(attitude[1, 0], attitude[0, 0])
+        base[:3, :3] = Rotation.from_euler("z", -yaw).as_matrix() @ attitude
+    base[:3, 3] = -base[:3, :3] @ (0.5 * (soles[0] + soles[1]))[:3, 3]
+    return base
+
+
+def pressure_point(F: Vec6) -> Vec3:
+    """Centre of pressure of a foot.
+
+    Args:
+        F: (6,) wrench of the ground at the sole, sole frame.
+
+    Returns:
+        (3,) in the sole frame [m]; its origin when hardly anything presses.
+    """
+    if F[F_Z] < LEAST_FORCE_N:
+        return np.zeros(3)
+    return np.array([-F[M_Y] / F[F_Z], F[M_X] / F[F_Z], 0.0])
+
+
+def zero_moment_point(wrenches: Array, soles: tuple[Mat, Mat]) -> Vec3 | None:
+    """Pressure of both feet in one point.
+
+    Args:
+        wrenches: (12,) of the ground at left and right sole, sole frames.
+        soles: (4, 4) world from sole, left and right.
+
+    Returns:
+        (3,) in the world [m]; None while nothing presses.
+    """
+    total, weighted = 0.0, np.zeros(3)
+    for F, sole in zip((wrenches[:6], wrenches[6:]), soles, strict=True):
+        force = max(float(F[F_Z]), 0.0)
+        total += force
+        weighted += force * (sole[:3, :3] @ pressure_point(F) + sole[:3, 3])
+    return None if total < LEAST_FORCE_N else weighted / total
+
+
+def sole_corners(foot: Foot, sole: Mat) -> Mat:
+    """(4, 3) corners of a sole in the world [m].
+
+    Args:
+        foot: its rectangle.
+        sole: (4, 4) world from sole.
+    """
+    signs = np.array([[1, 1, 0], [1, -1, 0], [-1, -1, 0], [-1, 1, 0]])
+    corners = signs * np.array([foot.half_length_m, foot.half_width_m, 0.0])
+    moved: Mat = corners @ sole[:3, :3].T + sole[:3, 3]
+    return moved
+
+
+def support_polygon(corners: Mat) -> Mat:
+    """Hull of what stands on the ground, seen from above.
+
+    Args:
+        corners: (m, 3) of all soles that stand, m at least 3.
+
+    Returns:
+        (k, 3) the corners that bound it, in order.
+    """
+    from scipy.spatial import ConvexHull
+
+    hull: Mat = corners[ConvexHull(corners[:, :2]).vertices]
+    return hull
