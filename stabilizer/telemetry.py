@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from surefoot.robot_io.timing import TimingLog
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from surefoot.schemas.result import ControllerResult, Distribution
 from surefoot.stabilizer.control.controller import ControllerOutput
@@ -72,8 +73,12 @@ class ControllerTelemetry:
         self._ticks += 1
         self._stale += is_stale
         self._qp_failures += output.qp_status != GOOD
-        if self._ticks > self._settled_ticks:
-            wanted, measured = output.F_id, output.F_meas
+        wanted, measured = output.F_id, output.F_meas
+        if (
+            self._ticks > self._settled_ticks
+            and wanted is not None
+            and measured is not None
+        ):
             left = float(measured[F_Z] - wanted[F_Z])
             right = float(measured[WRENCH + F_Z] - wanted[WRENCH + F_Z])
             self._squares_left += left * left
@@ -112,6 +117,7 @@ class ControllerTelemetry:
         state, reason = _state(output, stale)
         if self._state != "active":
             state, reason = self._state, self._why
+        F_id, F_meas = _numbers(output.F_id, 12), _numbers(output.F_meas, 12)
         return StabilizerStatus(
             schema=SCHEMA_VERSION,
             tick=tick,
@@ -119,13 +125,13 @@ class ControllerTelemetry:
             controller=self._name,
             state=state,
             reason=reason,
-            com=output.com.tolist(),
-            com_reference=output.com_reference.tolist(),
-            F_id_left=output.F_id[:WRENCH].tolist(),
-            F_id_right=output.F_id[WRENCH:].tolist(),
-            F_meas_left=output.F_meas[:WRENCH].tolist(),
-            F_meas_right=output.F_meas[WRENCH:].tolist(),
-            in_contact=list(output.in_contact),
+            com=_numbers(output.com, 3),
+            com_reference=_numbers(output.com_reference, 3),
+            F_id_left=F_id[:WRENCH],
+            F_id_right=F_id[WRENCH:],
+            F_meas_left=F_meas[:WRENCH],
+            F_meas_right=F_meas[WRENCH:],
+            in_contact=list(output.in_contact or (True, True)),
             qp_status=output.qp_status,
             tick_median_ms=self._recent_ms.median,
             tick_p99_ms=self._recent_ms.p99,
@@ -157,6 +163,11 @@ class ControllerTelemetry:
             restarts=self.restarts,
             histograms={name: log.histogram() for name, log in ticks.items()},
         )
+
+
+def _numbers(values: Array | None, size: int) -> list[float]:
+    """An array of the output for a message; zeros where there is none."""
+    return [0.0] * size if values is None else values.tolist()
 
 
 def _state(output: ControllerOutput, stale: tuple[str, ...]) -> tuple[str, str]:

@@ -14,44 +14,48 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.qp import QpData
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class ControllerOutput:
-    """Answer to one tick; arrays are reused by the next, do not keep or write them.
+    """Answer to one tick. Arrays are reused by the next one: copy what you keep.
+
+    Only ``q_command`` must be given. What a controller does not know stays None, and is
+    left out of status, plots and ticks files.
 
     Attributes:
         q_command: (n_a,) joint positions to follow, bus order [rad].
-        F_id: (12,) wanted wrenches at left and right sole, sole frames [N, N m].
+        F_id: (12,) wanted wrenches of the ground on left and right sole, sole frames
+            [N, N m].
         F_meas: (12,) measured wrenches there.
         com: (3,) estimated centre of mass in the stance frame [m].
         com_reference: (3,) where it should be [m].
         in_contact: whether left and right foot stand.
-        qp_status: ``ok``, or which QP failed and how.
+        base_pose: (7,) estimated base in the stance frame: position [m], quat_xyzw.
+        base_twist: (6,) its twist in the base frame [m/s, rad/s].
+        r: (12,) wanted sole twists, sole frames [m/s, rad/s].
+        v_joint: (n_a,) joint velocities of the second QP, model order [rad/s].
+        wrench_qp: status of the QP that gives F_id; ``ok`` when solved.
+        motion_qp: status of the QP that gives joint velocities; ``ok`` when solved.
     """
 
     q_command: Array
-    F_id: Array
-    F_meas: Array
-    com: Vec3
-    com_reference: Vec3
-    in_contact: tuple[bool, bool]
-    qp_status: str
+    F_id: Array | None = None
+    F_meas: Array | None = None
+    com: Vec3 | None = None
+    com_reference: Vec3 | None = None
+    in_contact: tuple[bool, bool] | None = None
+    base_pose: Array | None = None
+    base_twist: Array | None = None
+    r: Array | None = None
+    v_joint: Array | None = None
+    wrench_qp: str = "ok"
+    motion_qp: str = "ok"
 
-    @classmethod
-    def holding(cls, q_command: Array) -> ControllerOutput:
-        """An answer that holds a posture and tells nothing of wrenches.
-
-        Args:
-            q_command: (n_a,) the posture, bus order [rad]; kept, not copied.
-        """
-        return cls(
-            q_command=q_command,
-            F_id=np.zeros(12),
-            F_meas=np.zeros(12),
-            com=np.zeros(3),
-            com_reference=np.zeros(3),
-            in_contact=(True, True),
-            qp_status="ok",
-        )
+    @property
+    def qp_status(self) -> str:
+        """``ok``, or which QP failed and how."""
+        if self.wrench_qp != "ok":
+            return f"wrenches: {self.wrench_qp}"
+        return "ok" if self.motion_qp == "ok" else f"motion: {self.motion_qp}"
 
 
 class Controller(Protocol):
@@ -103,7 +107,7 @@ class HoldController:
         Args:
             joint_count: n_a.
         """
-        self._output = ControllerOutput.holding(np.zeros(joint_count))
+        self._output = ControllerOutput(np.zeros(joint_count))
         self.failure: QpData | None = None
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
@@ -114,7 +118,7 @@ class HoldController:
             q_command: (n_a,) posture the servos hold [rad].
         """
         del snapshot
-        self._output = ControllerOutput.holding(q_command.copy())
+        self._output = ControllerOutput(q_command.copy())
 
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None

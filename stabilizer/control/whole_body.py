@@ -66,6 +66,7 @@ class WholeBodyController:
         self.dik = Dik(self.model, settings.dik)
         self.failure: QpData | None = None
         self._q_command: Array = np.zeros(self.model.n_a)
+        self._v_joint: Array = np.zeros(self.model.n_a)
         self._weight = weight
         self._normals = [0.5 * weight] * 2
         self._lost = (False, False)
@@ -136,7 +137,7 @@ class WholeBodyController:
             Joint command in bus order, and what led to it.
         """
         if not is_finite(snapshot):
-            return self._answer("sensors not finite")
+            return self._answer(wrench_qp="sensors not finite")
         if reference is not None and reference is not self._reference:
             self.stance.set(reference, self.model)
             self._reference = reference
@@ -153,10 +154,12 @@ class WholeBodyController:
             self.estimator.ground_height, travel=self.model.com_travel
         )
         self.stance.compare_base(self.estimator.R_world_base)
-        qp_status = self._command(F_meas)
-        return self._answer(qp_status)
+        wrench_qp, motion_qp = self._command(F_meas)
+        return self._answer(wrench_qp=wrench_qp, motion_qp=motion_qp)
 
-    def _answer(self, qp_status: str) -> ControllerOutput:
+    def _answer(
+        self, *, wrench_qp: str = "ok", motion_qp: str = "ok"
+    ) -> ControllerOutput:
         """The answer as it stands: the command, old or new, and what led to it."""
         return ControllerOutput(
             q_command=self._q_command[self.model.to_bus],
@@ -165,7 +168,12 @@ class WholeBodyController:
             com=self.dynamics.p_com,
             com_reference=self.stance.com,
             in_contact=(self.contacts.in_contact[0], self.contacts.in_contact[1]),
-            qp_status=qp_status,
+            base_pose=self.estimator.q[:7],
+            base_twist=self.estimator.v[:6],
+            r=self.law.r,
+            v_joint=self._v_joint,
+            wrench_qp=wrench_qp,
+            motion_qp=motion_qp,
         )
 
     def _estimate(self, snapshot: Snapshot) -> None:
@@ -186,7 +194,7 @@ class WholeBodyController:
                     rest = self._weight - max(normals[1 - side], 0.0)
                     F_meas[rows.start + NORMAL] = max(rest, 0.0)
 
-    def _command(self, F_meas: Array) -> str:
+    def _command(self, F_meas: Array) -> tuple[str, str]:
         """Both QPs and the integration; the posture is held when one fails."""
         contacts, dynamics, stance = self.contacts, self.dynamics, self.stance
         tsid = self.tsid.solve(
@@ -194,7 +202,7 @@ class WholeBodyController:
         )
         if not tsid.ok and tsid.status != NO_CONTACT:
             self._keep_failure(self.tsid.problem(contacts.in_contact).data(tsid.status))
-            return f"tsid {tsid.status}"
+            return tsid.status, "not tried"
         for side, rows in enumerate(SOLE_ROWS):
             if self._lost[side]:
                 F_meas[rows] = self.tsid.F_id[rows]  # no error, no force term
@@ -208,9 +216,10 @@ class WholeBodyController:
         dik = self.dik.solve(dynamics, stance, r=r, q_command=self._q_command)
         if not dik.ok:
             self._keep_failure(self.dik.qp.data(dik.status))
-            return f"dik {dik.status}"
-        self._integrate(dik.x[N_BASE_V:])
-        return "ok"
+            return "ok", dik.status
+        self._v_joint[:] = dik.x[N_BASE_V:]
+        self._integrate(self._v_joint)
+        return "ok", "ok"
 
     def _integrate(self, v_joint: Array) -> None:
         """q_command += v_J dt, faded in at the start, never far from the robot."""

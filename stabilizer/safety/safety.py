@@ -270,7 +270,7 @@ class Safety:
         self._command = self._command + share * self._motion
         before = self._output
         if before is None:
-            before = ControllerOutput.holding(self._command)
+            before = ControllerOutput(self._command)
         self._output = replace(before, q_command=self._command)
         return self._output
 

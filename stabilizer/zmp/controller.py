@@ -80,6 +80,7 @@ class ZmpController:
         )
         self.failure: QpData | None = None
         self._velocity: Vec3 = np.zeros(3)
+        self._twist: Array = np.zeros(12)
         self._velocity_blend = min(1.0, self._dt / zmp.com_velocity_lag_s)
         self._height = self.stance.com_height
         self._lift = 0.0
@@ -112,7 +113,7 @@ class ZmpController:
             Joint command in bus order, and what led to it.
         """
         if not is_finite(snapshot):
-            return self._answer("sensors not finite")
+            return self._answer(wrench_qp="sensors not finite")
         if reference is not None and reference is not self._reference:
             self.stance.set(reference, self.model)
             self._reference = reference
@@ -126,8 +127,9 @@ class ZmpController:
         self._velocity += self._velocity_blend * (self.measured.v_com - self._velocity)
         self._follow_height()
         if calibrating:
-            return self._answer("ok")
-        return self._answer(self._command(F_meas))
+            return self._answer()
+        wrench_qp, motion_qp = self._command(F_meas)
+        return self._answer(wrench_qp=wrench_qp, motion_qp=motion_qp)
 
     def _estimate(self, snapshot: Snapshot) -> bool:
         """Update the observer; whether it is still being calibrated."""
@@ -153,7 +155,7 @@ class ZmpController:
         self._lift_rate += self._dt / GROUND_SPEED_LAG_S * (rate - self._lift_rate)
         self._lift = lift
 
-    def _command(self, F_meas: Array) -> str:
+    def _command(self, F_meas: Array) -> tuple[str, str]:
         """All laws and the integration; the posture is held when a QP fails."""
         in_contact, commanded = self.contacts.in_contact, self.commanded
         target = self.stance.com.copy()
@@ -161,8 +163,8 @@ class ZmpController:
         self.pendulum.update(target)
         status = self._distribute(F_meas)
         if status != "ok":
-            return status
-        twist = self.feet.update(
+            return status, "not tried"
+        self._twist = twist = self.feet.update(
             F_meas=F_meas,
             F_wanted=self.distribution.F,
             in_contact=in_contact,
@@ -180,11 +182,11 @@ class ZmpController:
         )
         if not ik.ok:
             self._keep_failure(commanded.qp.data(ik.status))
-            return f"zmp ik {ik.status}"
+            return "ok", ik.status
         active_s = self._since_start_s - self._settings.estimator.calibration_s
         fade = min(max(active_s / self._settings.dik.ramp_in_s, 0.0), 1.0)
         commanded.integrate(ik.x, self.estimator.q[N_BASE_V + 1 :], fade=fade)
-        return "ok"
+        return "ok", "ok"
 
     def _distribute(self, F_meas: Array) -> str:
         """DCM feedback, distribution, and the CoM admittance between them."""
@@ -212,7 +214,7 @@ class ZmpController:
         if solution is not None and not solution.ok:
             problem = self.distribution.problem(in_contact)
             self._keep_failure(problem.data(solution.status))
-            return f"distribution {solution.status}"
+            return solution.status
         shared = net_wrench(self.distribution.F, R, p, plane.origin)
         distributed = zero_moment_point(shared, plane, otherwise=nowhere)
         self.com_admittance.update(
@@ -244,7 +246,9 @@ class ZmpController:
         turned: Mat = anchor @ pin.exp3(share * pin.log3(anchor.T @ self.stance.R_base))
         return turned
 
-    def _answer(self, qp_status: str) -> ControllerOutput:
+    def _answer(
+        self, *, wrench_qp: str = "ok", motion_qp: str = "ok"
+    ) -> ControllerOutput:
         """The answer as it stands: the command, old or new, and what led to it."""
         return ControllerOutput(
             q_command=self.commanded.q[N_BASE_V + 1 :][self.model.to_bus],
@@ -253,7 +257,11 @@ class ZmpController:
             com=self.measured.p_com,
             com_reference=self.stance.com,
             in_contact=(self.contacts.in_contact[0], self.contacts.in_contact[1]),
-            qp_status=qp_status,
+            base_pose=self.estimator.q[:7],
+            base_twist=self.estimator.v[:6],
+            r=self._twist,
+            wrench_qp=wrench_qp,
+            motion_qp=motion_qp,
         )
 
     def _keep_failure(self, data: QpData) -> None:

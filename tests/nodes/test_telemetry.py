@@ -34,7 +34,6 @@ def output(*, left_n: float = 0.0, right_n: float = 0.0) -> ControllerOutput:
         com=np.array([0.0, 0.0, 0.9]),
         com_reference=np.array([0.0, 0.0, 1.0]),
         in_contact=(True, False),
-        qp_status="ok",
     )
 
 

@@ -108,7 +108,7 @@ def test_mad_reference_is_a_status_and_the_posture_is_held(
     before = controller.step(snapshot).q_command
     reference = reference_with(controller.model, mad)
     outputs = [controller.step(snapshot, reference) for _ in range(BAD_TICKS)]
-    assert all(output.qp_status.startswith("tsid") for output in outputs)
+    assert all(output.qp_status.startswith("wrenches") for output in outputs)
     np.testing.assert_array_equal(
         commands(outputs), np.broadcast_to(before, (BAD_TICKS, before.size))
     )
@@ -144,10 +144,11 @@ def test_first_failure_is_kept_and_fails_again_on_replay(
     controller: WholeBodyController, snapshot: Snapshot, mad: dict[str, list[float]]
 ) -> None:
     reference = reference_with(controller.model, mad)
-    status = controller.step(snapshot, reference).qp_status
+    output = controller.step(snapshot, reference)
     first = controller.failure
     assert first is not None
-    assert status == f"{first.name} {first.status}"
+    statuses = {"tsid": output.wrench_qp, "dik": output.motion_qp}
+    assert statuses[first.name] == first.status
     controller.step(snapshot, reference)
     assert controller.failure is first
     m, n = first.G.shape
@@ -165,7 +166,7 @@ def test_limits_that_contradict_each_other_are_a_status(
     controller = WholeBodyController(walker, heavy)
     controller.start(snapshot, walker.nominal)
     outputs = [controller.step(snapshot) for _ in range(WARM_TICKS)]
-    assert all(output.qp_status.startswith("tsid") for output in outputs)
+    assert all(output.qp_status.startswith("wrenches") for output in outputs)
     assert controller.failure is not None
     np.testing.assert_array_equal(
         commands(outputs), np.broadcast_to(walker.nominal, (WARM_TICKS, walker.n_a))

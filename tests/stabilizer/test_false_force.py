@@ -68,7 +68,7 @@ class Creeping:
     ) -> ControllerOutput:
         del snapshot, reference
         self.q = self.q + STEP_RAD
-        return ControllerOutput.holding(self.q)
+        return ControllerOutput(self.q)
 
     def degrade(self, lost: tuple[bool, bool]) -> None:
         del lost
