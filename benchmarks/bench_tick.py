@@ -20,7 +20,7 @@ import numpy as np
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas import codec, messages
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 
@@ -66,7 +66,7 @@ class Stopwatch:
 def run(scenario_name: str, *, ticks: int) -> str:
     """Run a scenario and report the stages."""
     robot = load_robot("walker")
-    simulated = SimulatedRobot(robot, open_scenario(scenario_name), seed=0)
+    simulated = SimulatedRobot(robot, load_scenario(scenario_name), seed=0)
     controller = WholeBodyController(robot, ControllerSettings())
     watch = Stopwatch()
     step = watch.timed(controller.step, "controller tick")

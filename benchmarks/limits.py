@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,9 +22,9 @@ from typing import Any
 import numpy as np
 
 from surefoot.robot_io.robot import load_robot
-from surefoot.run_folder import TICKS
 from surefoot.schemas.arrays import Array
-from surefoot.simulation import run_inline
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.factory import make_controller
 from surefoot.studies.cell import Cell, Group, Row, plan_of, run_cell
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
@@ -226,10 +225,9 @@ def push(grid: Any) -> None:
 
 def _record(group: Group) -> dict[str, Array]:
     plan = plan_of(Cell(group, seed=0), robot="walker", overrides=())
-    with tempfile.TemporaryDirectory() as folder:
-        run_inline(plan, Path(folder), record=True, on_tick=lambda tick: None)
-        with np.load(Path(folder) / TICKS) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+    sim = Simulation.of_plan(plan, record=True)
+    sim.run(make_controller(plan.controller, plan.robot, plan.settings))
+    return sim.simulated.recording()
 
 
 def _pressure_mm(arrays: dict[str, Array]) -> Array:

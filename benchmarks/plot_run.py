@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from surefoot.robot_io.robot import load_robot
-from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.plant import Plant
 
 MM = 1e3
@@ -46,7 +46,7 @@ def draw(run: Path, picture: Path) -> None:
     import matplotlib.pyplot as plt
 
     ticks = np.load(run / "ticks.npz")
-    scenario = open_scenario(str(run / "scenario.toml"))
+    scenario = load_scenario(str(run / "scenario.toml"))
     about = json.loads((run / "run.json").read_text(encoding="utf-8"))
     reference = Plant(load_robot(about["robot"]), scenario, seed=0).com_reference
     time_s = ticks["time_s"]

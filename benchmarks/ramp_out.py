@@ -27,7 +27,7 @@ import numpy as np
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.snapshot import Delivery
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.stabilizer.factory import make_controller
 
@@ -71,7 +71,7 @@ class Run:
     def __init__(self, scenario: str, seed: int) -> None:
         """Start a run of a shipped scenario."""
         self.robot = load_robot("walker")
-        self.plant = SimulatedRobot(self.robot, open_scenario(scenario), seed=seed)
+        self.plant = SimulatedRobot(self.robot, load_scenario(scenario), seed=seed)
         self._controller = make_controller(
             "whole-body", self.robot, ControllerSettings()
         )
@@ -142,7 +142,7 @@ def study(scenario: str, moments: int, seed: int) -> None:
     """Print the table of a scenario."""
     run = Run(scenario, seed)
     rng = np.random.default_rng(seed)
-    latest_s = min(LATEST_S, open_scenario(scenario).duration_s - WATCHED_S - 1.0)
+    latest_s = min(LATEST_S, load_scenario(scenario).duration_s - WATCHED_S - 1.0)
     found: dict[tuple[str, float], list[Ending]] = {way: [] for way in WAYS}
     for moment_s in np.sort(rng.uniform(EARLIEST_S, latest_s, moments)):
         while run.plant.time_s < moment_s and not run.plant.finished:

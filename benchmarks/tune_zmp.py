@@ -28,8 +28,8 @@ from pathlib import Path
 from typing import Any
 
 from surefoot.run_plan import make_plan
+from surefoot.runs import run_inline
 from surefoot.schemas.toml_file import read_toml
-from surefoot.simulation import run_inline
 from surefoot.stabilizer.factory import find_settings
 
 TRAINING = sorted((Path(__file__).parent / "training").glob("*.toml"))
@@ -70,12 +70,12 @@ def run_once(
         robot="walker",
         servo_profile=servo_profile,
         controller="zmp",
-        settings_file=START,
+        settings=START,
         overrides=[f"zmp.{name}={value}" for name, value in point.items()],
         seed=seed,
         mode="inline",
     )
-    plant = run_inline(plan, Path(), record=False, on_tick=lambda _: None).plant
+    plant = run_inline(plan).result
     com = sum(plant.com_error_rms_mm) / 3.0
     return plant.fell, com, sum(plant.force_deviation_rms_n) / 2.0
 

@@ -34,7 +34,7 @@ from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.result import Distribution
-from surefoot.sim_robot.catalogue import open_scenario
+from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.robot_loop import RobotLoop
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 
@@ -161,7 +161,7 @@ def run(
     claim = () if priority is None else ("--realtime-priority", str(priority))
     claim_processor(cpu=None, priority=priority)
     robot, endpoints, stop = load_robot("walker"), loopback_endpoints(), StopRequest()
-    world = msgspec.structs.replace(open_scenario(scenario), duration_s=LONGEST_S)
+    world = msgspec.structs.replace(load_scenario(scenario), duration_s=LONGEST_S)
     simulated = SimulatedRobot(robot, world, seed=0, record=False)
     gate = CommandGate(robot, simulated.held_posture)
     trips = RoundTrips()

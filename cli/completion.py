@@ -34,6 +34,13 @@ def complete_robot(incomplete: str) -> list[str]:
     return names + _files(incomplete)
 
 
+def complete_controller(incomplete: str) -> list[str]:
+    """Shipped and installed controllers."""
+    from surefoot.stabilizer.factory import controller_names
+
+    return [name for name in controller_names() if name.startswith(incomplete)]
+
+
 def complete_setting(incomplete: str) -> list[str]:
     """Settings that ``--set`` knows, up to the equals sign."""
     from surefoot.schemas.settings import setting_names

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from surefoot.cli.completion import complete_robot, complete_scenario, complete_setting
-
-
-class ControllerName(StrEnum):
-    """Controllers there are."""
-
-    WHOLE_BODY = "whole-body"
-    ZMP = "zmp"
-    HOLD = "hold"
-
+from surefoot.cli.completion import (
+    complete_controller,
+    complete_robot,
+    complete_scenario,
+    complete_setting,
+)
 
 _BUS = "Bus"
 _CONTROLLER = "Controller"
@@ -61,8 +56,15 @@ LockstepOption = Annotated[
     ),
 ]
 ControllerOption = Annotated[
-    ControllerName,
-    typer.Option("--controller", help="Control law.", rich_help_panel=_CONTROLLER),
+    str,
+    typer.Option(
+        "--controller",
+        metavar="NAME",
+        help="Control law: whole-body, zmp, hold, an installed one, or your own as "
+        "package.module:Class or path/to/file.py:Class.",
+        autocompletion=complete_controller,
+        rich_help_panel=_CONTROLLER,
+    ),
 ]
 SettingsOption = Annotated[
     Path | None,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surefoot.cli import options
+from surefoot.cli.completion import complete_controller
 from surefoot.errors import UsageError
 from surefoot.exit_codes import ExitCode
 
@@ -81,10 +82,12 @@ def replay(
         ),
     ] = None,
     law: Annotated[
-        options.ControllerName | None,
+        str | None,
         typer.Option(
             "--law",
-            help="Control law to take instead of the recorded one.",
+            metavar="NAME",
+            help="Control law to take instead of the recorded one; as for `run`.",
+            autocompletion=complete_controller,
             rich_help_panel=_CONTROLLER,
         ),
     ] = None,
@@ -181,12 +184,12 @@ def _check(
     )
     from surefoot.cli.replay_tables import outcome_table, verdict
     from surefoot.playback.check import check, recorded_settings
-    from surefoot.run_plan import load_settings
+    from surefoot.run_plan import resolve_settings
 
     resolved = (
         recorded_settings(timeline, overrides)
         if settings is None
-        else load_settings(settings, overrides=overrides)
+        else resolve_settings(settings, overrides=overrides)
     )
     first = timeline.first_tick
     with progress_bar(

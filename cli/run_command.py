@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surefoot.cli import options
-from surefoot.errors import ChildFailedError, UsageError
+from surefoot.errors import UsageError
 from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from surefoot.run_plan import Mode, RunPlan
-    from surefoot.run_result import Sides
+    from surefoot.run_plan import Mode
     from surefoot.schemas.endpoints import Endpoints
-    from surefoot.schemas.result import RunResult
 
 
 def run(
     scenario: options.ScenarioArgument,
-    controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
+    controller: options.ControllerOption = "whole-body",
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     seed: options.SeedOption = 0,
@@ -72,10 +67,11 @@ def run(
 
     Exits with 5 when the robot fell, with 1 when the stabilizer lost command of it.
     """
-    from surefoot.cli.console import print_json, print_table, show_notes
+    from surefoot.cli.console import print_json, print_table, progress_bar, show_notes
     from surefoot.cli.scheduling import check_priority
     from surefoot.cli.summary import histogram_table, run_table
     from surefoot.run_plan import make_plan
+    from surefoot.runs import execute
 
     show_notes("surefoot.run")
     plan = make_plan(
@@ -83,7 +79,7 @@ def run(
         robot=robot,
         servo_profile=servo_profile,
         controller=controller,
-        settings_file=settings,
+        settings=settings,
         overrides=overrides or [],
         seed=seed,
         mode=_mode(lockstep=lockstep, inline=inline),
@@ -97,14 +93,18 @@ def run(
     if inline and view:
         raise UsageError("--inline uses no bus, so a page would see nothing")
     check_priority(realtime_priority, lockstep=lockstep)
-    result = _execute(
-        plan,
-        meeting,
-        out=out,
-        view_port=view_port if view else None,
-        histogram=histogram,
-        priority=realtime_priority,
-    )
+    with progress_bar(
+        plan.scenario_name, ticks=plan.total_ticks, period_s=plan.robot.period_s
+    ) as on_tick:
+        result = execute(
+            plan,
+            out=out,
+            endpoints=meeting,
+            view_port=view_port if view else None,
+            histogram=histogram,
+            priority=realtime_priority,
+            on_tick=on_tick,
+        ).result
     if as_json:
         print_json(result)
     else:
@@ -140,99 +140,3 @@ def _meeting(
             "surefoot robot and surefoot stabilizer, each with its own file"
         )
     return meeting
-
-
-def _execute(
-    plan: RunPlan,
-    meeting: Endpoints | None,
-    *,
-    out: Path | None,
-    view_port: int | None,
-    histogram: bool,
-    priority: int | None,
-) -> RunResult:
-    """Run the plan and fill the folder of the run."""
-    from surefoot.cli.console import progress_bar
-    from surefoot.run_folder import RESULT, RunDirectory, write_inputs, write_struct
-    from surefoot.run_result import join_result
-
-    with RunDirectory(out) as folder:
-        write_inputs(folder.path, plan)
-        try:
-            with progress_bar(
-                plan.scenario_name,
-                ticks=plan.total_ticks,
-                period_s=plan.robot.period_s,
-            ) as on_tick:
-                sides = _run_sides(
-                    plan,
-                    meeting,
-                    folder.path,
-                    record=out is not None,
-                    on_tick=on_tick,
-                    view_port=view_port,
-                    histogram=histogram,
-                    priority=priority,
-                )
-        except ChildFailedError:
-            # The logs of a failed run are what its user needs next.
-            folder.keep()
-            raise
-        result = join_result(
-            plan, sides.plant, sides.controller, out=out, relay=sides.relay
-        )
-        write_struct(folder.path / RESULT, result)
-        folder.keep()
-    return result
-
-
-def _run_sides(
-    plan: RunPlan,
-    meeting: Endpoints | None,
-    folder: Path,
-    *,
-    record: bool,
-    on_tick: Callable[[int], None],
-    view_port: int | None,
-    histogram: bool,
-    priority: int | None,
-) -> Sides:
-    if plan.mode == "inline":
-        return _run_inline(
-            plan, folder, record=record, on_tick=on_tick, histogram=histogram
-        )
-    from surefoot.endpoints import private_bus
-    from surefoot.processes.bus_run import run_processes
-
-    with private_bus() if meeting is None else nullcontext(meeting) as endpoints:
-        return run_processes(
-            plan,
-            folder,
-            endpoints=endpoints,
-            record=record,
-            on_tick=on_tick,
-            view_port=view_port,
-            histogram=histogram,
-            priority=priority,
-        )
-
-
-def _run_inline(
-    plan: RunPlan,
-    folder: Path,
-    *,
-    record: bool,
-    on_tick: Callable[[int], None],
-    histogram: bool,
-) -> Sides:
-    if plan.relay_path is None:
-        from surefoot.simulation import run_inline
-
-        return run_inline(
-            plan, folder, record=record, on_tick=on_tick, histogram=histogram
-        )
-    from surefoot.relayed_simulation import run_inline_relayed
-    from surefoot.schemas.relay_plan import load_relay_plan
-
-    faults = load_relay_plan(plan.relay_path)
-    return run_inline_relayed(plan, faults, folder, record=record, on_tick=on_tick)

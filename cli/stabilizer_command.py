@@ -15,7 +15,7 @@ IN_ORDER = ("held", "lost command", "the robot is in fault")
 
 
 def stabilizer(
-    controller: options.ControllerOption = options.ControllerName.WHOLE_BODY,
+    controller: options.ControllerOption = "whole-body",
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     lockstep: options.LockstepOption = True,
@@ -60,14 +60,14 @@ def stabilizer(
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_folder import QP_FAILURE, write_struct
-    from surefoot.run_plan import load_settings
+    from surefoot.run_plan import resolve_settings
 
     set_up_logging("stabilizer")
     if child:
         begin_as_child()
     check_priority(realtime_priority, lockstep=lockstep)
     model = load_robot(robot, servo_profile=servo_profile)
-    resolved = load_settings(settings, overrides=overrides or [])
+    resolved = resolve_settings(settings, overrides=overrides or [])
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     log_note(
         f"{controller} for {model.file.name} dials "

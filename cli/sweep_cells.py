@@ -8,9 +8,8 @@ from typing import Any
 
 from surefoot.errors import UsageError
 from surefoot.schemas.scenario_paths import parse_override, parse_value
-from surefoot.studies.cell import Cell, Group, find_variant
-
-Values = tuple[tuple[str, Any], ...]
+from surefoot.studies.cell import Cell
+from surefoot.studies.study import make_cells
 
 
 def parse_seeds(text: str) -> list[int]:
@@ -80,13 +79,10 @@ def all_cells(
     Raises:
         UsageError: a name or a text that cannot be read.
     """
-    names = [find_variant(name).name for name in variants]
-    combinations: list[Values] = list(product(*(parse_vary(text) for text in vary)))
-    groups = [
-        Group(scenario, values, variant, profile)
-        for scenario in scenarios
-        for values in combinations
-        for profile in servo_profiles
-        for variant in names
-    ]
-    return [Cell(group, seed) for seed in seeds for group in groups]
+    return make_cells(
+        scenarios,
+        combinations=list(product(*(parse_vary(text) for text in vary))),
+        controllers=variants,
+        servo_profiles=servo_profiles,
+        seeds=seeds,
+    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -63,10 +62,8 @@ def sweep(
     from surefoot.cli.console import count_bar, print_json, print_table
     from surefoot.cli.summary import study_tables
     from surefoot.cli.sweep_cells import all_cells, parse_seeds
-    from surefoot.studies.execute import execute
-    from surefoot.studies.store import StudyStore
-    from surefoot.studies.summary import summarise
-    from surefoot.studies.tables import write_summary
+    from surefoot.studies.study import run_study
+    from surefoot.studies.tables import summary_rows
 
     cells = all_cells(
         scenarios,
@@ -75,21 +72,15 @@ def sweep(
         servo_profiles=servo_profiles.split(","),
         seeds=parse_seeds(seeds),
     )
-    shared = tuple(overrides or [])
-    with StudyStore(out, about={"robot": robot, "set": list(shared)}) as store:
-        execute(
-            cells,
-            store,
-            robot=robot,
-            overrides=shared,
-            jobs=jobs or os.cpu_count() or 1,
-            title="sweep",
-            bar=count_bar,
-        )
-        rows = [store.rows[cell.key] for cell in cells]
-    summaries = summarise(rows)
-    rows_out = write_summary(out, summaries)
+    done = run_study(
+        cells,
+        out,
+        robot=robot,
+        overrides=tuple(overrides or []),
+        jobs=jobs,
+        bar=count_bar,
+    )
     if as_json:
-        print_json(rows_out)
+        print_json(summary_rows(done.summaries))
     else:
-        print_table(study_tables(summaries))
+        print_table(study_tables(done.summaries))

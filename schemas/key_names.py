@@ -12,6 +12,16 @@ import msgspec.inspect
 _INDEX = re.compile(r"\[[^\]]*\]")
 
 
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Word a hint for an unknown name.
+
+    Returns:
+        ``; did you mean 'standing'?`` when a known name is near; otherwise nothing.
+    """
+    near = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
 def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
     """Words a hint for an unknown key.
 

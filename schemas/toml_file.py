@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
+import tomli_w
 
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.finite import find_non_finite
@@ -71,30 +71,28 @@ def load(path: Path, kind: type[_T]) -> _T:
     return convert(read_toml(path), kind, source=str(path))
 
 
-def toml_text(tables: dict[str, dict[str, Any]]) -> str:
-    """Write tables of numbers, texts, booleans and lists of them.
+def toml_text(table: dict[str, Any]) -> str:
+    """Write a table, also with tables and lists of tables in it, as TOML.
 
     Args:
-        tables: table name to its keys; both plain names.
+        table: texts, numbers, booleans, lists and tables; keys without a value (None)
+            are left out.
 
     Returns:
-        TOML that reads back as the same tables.
+        TOML that reads back as the same table.
     """
-    blocks = []
-    for name, table in tables.items():
-        blocks.append(f"[{name}]\n{toml_keys(table)}")
-    return "\n\n".join(blocks) + "\n"
+    return tomli_w.dumps(_without_none(table))
 
 
-def toml_keys(table: dict[str, Any]) -> str:
-    """Write the keys of one table, without its name."""
-    return "\n".join(f"{key} = {_value(value)}" for key, value in table.items())
+def struct_table(value: FileStruct) -> dict[str, Any]:
+    """The table of a file that reads back as a struct."""
+    table: dict[str, Any] = _without_none(msgspec.to_builtins(value))
+    return table
 
 
-def _value(value: Any) -> str:
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_none(v) for k, v in value.items() if v is not None}
     if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_value, value))}]"
-    # JSON and TOML write booleans, finite numbers and escapes alike; but TOML wants
-    # characters beyond the 16-bit plane as they are, and DEL escaped.
-    text = json.dumps(value, allow_nan=False, ensure_ascii=False)
-    return text.replace("\x7f", "\\u007F")
+        return [_without_none(item) for item in value]
+    return value

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from surefoot.schemas.scenario import Scenario, load_scenario
+from surefoot.schemas import scenario as scenario_file
+from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import ScenarioError
 
 SCENARIOS_DIR = Path(__file__).parent / "scenarios"
@@ -36,14 +37,14 @@ def find_scenario(name_or_path: str) -> Path:
     )
 
 
-def open_scenario(name_or_path: str) -> Scenario:
+def load_scenario(name_or_path: str | Path) -> Scenario:
     """Load a scenario by shipped name or path.
 
     Raises:
         ScenarioError: no such scenario.
         FileFormatError: the file is malformed.
     """
-    return load_scenario(find_scenario(name_or_path))
+    return scenario_file.load_scenario(find_scenario(str(name_or_path)))
 
 
 @contextmanager

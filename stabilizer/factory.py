@@ -1,18 +1,34 @@
-"""Makes controllers by the name they have on the command line."""
+"""Finds controllers: shipped, installed by other packages, or from a file."""
 
 from __future__ import annotations
 
+import hashlib
+import importlib
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable
+from importlib.metadata import entry_points
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.key_names import nearest
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.control.controller import Controller, HoldController
-from surefoot.stabilizer.control.whole_body import WholeBodyController
-from surefoot.stabilizer.zmp.controller import ZmpController
+from surefoot.stabilizer.control.controller import Controller
+from surefoot.stabilizer.control.foreign import ForeignController
+from surefoot.stabilizer.errors import ControllerError
 
-CONTROLLERS = (WholeBodyController.name, ZmpController.name, HoldController.name)
+CONTROLLERS = ("whole-body", "zmp", "hold")
+"""Names of the shipped controllers."""
+ENTRY_POINTS = "surefoot.controllers"
+"""Entry-point group in which other packages offer controllers by name."""
 PRESETS_DIR = Path(__file__).parent / "presets"
+
+ControllerMaker = Callable[[Robot, ControllerSettings], Controller]
+"""Makes a new controller, ready to be started once."""
 
 
 def make_controller(
@@ -21,22 +37,182 @@ def make_controller(
     """Make a controller, ready to be started.
 
     Args:
-        name: one of CONTROLLERS.
+        name: as for :func:`find_controller`.
         robot: what its files say.
         settings: of all controllers.
 
     Raises:
-        ValueError: there is no such controller.
+        ControllerError: there is no such controller, or it cannot be made.
     """
-    if name == WholeBodyController.name:
-        return WholeBodyController(robot, settings)
-    if name == ZmpController.name:
-        return ZmpController(robot, settings)
-    if name == HoldController.name:
-        return HoldController(robot.n_a)
-    raise ValueError(
-        f"controller: got {name!r}, expected one of {', '.join(CONTROLLERS)}"
+    return find_controller(name)(robot, settings)
+
+
+def controller_names() -> list[str]:
+    """Names of all controllers: shipped ones and installed entry points."""
+    installed = {entry.name for entry in entry_points(group=ENTRY_POINTS)}
+    return [*CONTROLLERS, *sorted(installed - set(CONTROLLERS))]
+
+
+def find_controller(name: str) -> ControllerMaker:
+    """Find what makes a controller.
+
+    Args:
+        name: a shipped controller (``whole-body``), the name of an entry point in
+            the group ``surefoot.controllers``, ``package.module:Class``, or
+            ``path/to/file.py:Class``.
+
+    Returns:
+        A function of robot and settings. A class from outside is called with as many
+        of the two as its constructor takes.
+
+    Raises:
+        ControllerError: there is no such controller.
+    """
+    if name in CONTROLLERS:
+        return _shipped(name)
+    place, colon, attribute = name.rpartition(":")
+    if colon:
+        module = _module(place)
+        target = getattr(module, attribute, None)
+        if target is None:
+            offered = [n for n, value in vars(module).items() if inspect.isclass(value)]
+            raise ControllerError(
+                f"controller {name!r}: {place} has no {attribute!r}"
+                f"{nearest(attribute, offered)}"
+            )
+        return maker_of(name, target)
+    for entry in entry_points(group=ENTRY_POINTS):
+        if entry.name == name:
+            return maker_of(name, entry.load())
+    known = controller_names()
+    raise ControllerError(
+        f"controller: got {name!r}{nearest(name, known)}; expected one of "
+        f"{', '.join(known)}, package.module:Class or path/to/file.py:Class"
     )
+
+
+def check_controller(name: str) -> None:
+    """Refuse a name that no controller has, without loading the shipped ones.
+
+    Raises:
+        ControllerError: there is no such controller.
+    """
+    if name not in CONTROLLERS:
+        find_controller(name)
+
+
+def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controller:
+    """Hold an object with ``start`` and ``step`` to the controller protocol.
+
+    Args:
+        controller: a controller of ours is given back as it is.
+        robot: gives the number of joints.
+        name: for status and results; the object's own ``name``, or its class's,
+            when None.
+
+    Raises:
+        ControllerError: it has no ``start`` or ``step``.
+    """
+    if isinstance(controller, ForeignController) or _is_ours(controller):
+        ours: Controller = controller
+        return ours
+    return ForeignController(controller, n_a=robot.n_a, name=name)
+
+
+def _is_ours(controller: Any) -> bool:
+    return type(controller).__module__.startswith("surefoot.stabilizer.")
+
+
+def _shipped(name: str) -> ControllerMaker:
+    """Imported only when asked for: Pinocchio takes a while to load."""
+    if name == "whole-body":
+        from surefoot.stabilizer.control.whole_body import WholeBodyController
+
+        return WholeBodyController
+    if name == "zmp":
+        from surefoot.stabilizer.zmp.controller import ZmpController
+
+        return ZmpController
+    from surefoot.stabilizer.control.controller import HoldController
+
+    return lambda robot, settings: HoldController(robot.n_a)
+
+
+def maker_of(name: str, target: Any) -> ControllerMaker:
+    """What makes a controller from a class or a function of robot and settings.
+
+    Args:
+        name: for status and results.
+        target: called with as many of the two as it takes.
+
+    Raises:
+        ControllerError: it cannot be called.
+    """
+    if not callable(target):
+        raise ControllerError(
+            f"controller {name!r}: got {type(target).__name__}, expected a class with "
+            "start(snapshot, q_command) and step(snapshot, reference)"
+        )
+    try:
+        takes = _positional(inspect.signature(target))
+    except ValueError:
+        takes = 2
+
+    def make(robot: Robot, settings: ControllerSettings) -> Controller:
+        return adapt(target(*(robot, settings)[:takes]), robot, name=name)
+
+    return make
+
+
+def _positional(signature: inspect.Signature) -> int:
+    """How many arguments can be given by place; at most two are."""
+    kinds = [parameter.kind for parameter in signature.parameters.values()]
+    if inspect.Parameter.VAR_POSITIONAL in kinds:
+        return 2
+    places = (
+        inspect.Parameter.POSITIONAL_ONLY,
+        inspect.Parameter.POSITIONAL_OR_KEYWORD,
+    )
+    return min(2, sum(kind in places for kind in kinds))
+
+
+def _module(place: str) -> ModuleType:
+    if place.endswith(".py"):
+        return _module_of_file(Path(place))
+    try:
+        return importlib.import_module(place)
+    except ModuleNotFoundError as error:
+        missing = error.name or ""
+        if place != missing and not place.startswith(f"{missing}."):
+            raise  # found, but something it imports is missing
+        raise ControllerError(
+            f"controller: no module {place!r}; name a module that Python finds, or a "
+            "file: path/to/file.py:Class"
+        ) from error
+
+
+def _module_of_file(path: Path) -> ModuleType:
+    """The module of a file, loaded once per process and findable for pickle."""
+    if not path.is_file():
+        raise ControllerError(
+            f"controller: {path}: no such file; expected path/to/file.py:Class"
+        )
+    whole = path.resolve()
+    digest = hashlib.sha256(str(whole).encode()).hexdigest()[:8]
+    name = f"surefoot_controller_{whole.stem}_{digest}"
+    if name in sys.modules:
+        return sys.modules[name]
+    spec = importlib.util.spec_from_file_location(name, whole)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
 
 
 def shipped_settings() -> list[str]:

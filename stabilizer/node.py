@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import os
+import re
 import socket
 import threading
 import time
@@ -102,8 +103,10 @@ def run_stabilizer(
 
 
 def _made_up_identity(controller_name: str) -> str:
+    """One word: a controller from a file is called by its class."""
     host = socket.gethostname().split(".")[0]
-    return f"{controller_name}-{host}-{os.getpid()}"
+    law = re.sub(r"[^\w-]+", "-", controller_name.rpartition(":")[2])
+    return f"{law}-{host}-{os.getpid()}"
 
 
 class _Node:

@@ -1,1 +1,119 @@
-"""Surefoot: force-feedback whole-body stabilizer for position-controlled humanoids."""
+"""Surefoot: a force-feedback whole-body stabilizer for position-controlled humanoids.
+
+::
+
+    import surefoot as sf
+
+    run = sf.simulate("walker", "moving-platform-slow", seed=3)
+    print(run.outcome, run.result.com_error_rms_mm)
+
+The names in ``__all__`` are the public API; each is imported when it is first used, so
+``import surefoot`` is quick and needs none of the extras.
+"""
+
+from __future__ import annotations
+
+import os
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+# Algebra of 34 x 34 is slower with threads, and its tail far worse. Read when numpy
+# and its libraries load, so it stands before any of them.
+for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
+_HOMES = {
+    "robot_io.robot": ("Robot", "load_robot", "list_robots"),
+    "robot_io.snapshot": ("Snapshot",),
+    "robot_io.errors": ("RobotFileError", "RobotIoError", "RobotUnreachableError"),
+    "schemas.errors": ("FileFormatError", "SchemaError"),
+    "schemas.messages": ("Reference",),
+    "schemas.result": ("RunResult",),
+    "schemas.scenario": (
+        *("Scenario", "Platform", "SineMotion", "RampMotion", "DropMotion", "Push"),
+        *("Sensors", "Delay", "ModelError", "SensorFault"),
+    ),
+    "schemas.settings": ("ControllerSettings",),
+    "sim_robot.catalogue": ("list_scenarios", "load_scenario"),
+    "sim_robot.errors": ("ScenarioError",),
+    "stabilizer.control.controller": ("Controller", "ControllerOutput"),
+    "stabilizer.errors": ("ControllerError",),
+    "errors": (
+        *("SurefootError", "UsageError", "EnvironmentFailedError"),
+        "ChildFailedError",
+    ),
+    "controllers": ("make_controller", "list_controllers"),
+    "simulation": ("Simulation",),
+    "runs": ("Run", "simulate", "run", "load_run"),
+    "recording.read": ("Record", "read_record"),
+    "playback.replay": ("ReplayOutcome", "replay"),
+    "studies.study": ("Study", "study"),
+    "hardware": ("drive",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+__all__ = sorted(_HOME_OF)
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"module 'surefoot' has no attribute {name!r}")
+    value = getattr(import_module(f"surefoot.{home}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+if TYPE_CHECKING:
+    from surefoot.controllers import list_controllers as list_controllers
+    from surefoot.controllers import make_controller as make_controller
+    from surefoot.errors import ChildFailedError as ChildFailedError
+    from surefoot.errors import EnvironmentFailedError as EnvironmentFailedError
+    from surefoot.errors import SurefootError as SurefootError
+    from surefoot.errors import UsageError as UsageError
+    from surefoot.hardware import drive as drive
+    from surefoot.playback.replay import ReplayOutcome as ReplayOutcome
+    from surefoot.playback.replay import replay as replay
+    from surefoot.recording.read import Record as Record
+    from surefoot.recording.read import read_record as read_record
+    from surefoot.robot_io.errors import RobotFileError as RobotFileError
+    from surefoot.robot_io.errors import RobotIoError as RobotIoError
+    from surefoot.robot_io.errors import RobotUnreachableError as RobotUnreachableError
+    from surefoot.robot_io.robot import Robot as Robot
+    from surefoot.robot_io.robot import list_robots as list_robots
+    from surefoot.robot_io.robot import load_robot as load_robot
+    from surefoot.robot_io.snapshot import Snapshot as Snapshot
+    from surefoot.runs import Run as Run
+    from surefoot.runs import load_run as load_run
+    from surefoot.runs import run as run
+    from surefoot.runs import simulate as simulate
+    from surefoot.schemas.errors import FileFormatError as FileFormatError
+    from surefoot.schemas.errors import SchemaError as SchemaError
+    from surefoot.schemas.messages import Reference as Reference
+    from surefoot.schemas.result import RunResult as RunResult
+    from surefoot.schemas.scenario import Delay as Delay
+    from surefoot.schemas.scenario import DropMotion as DropMotion
+    from surefoot.schemas.scenario import ModelError as ModelError
+    from surefoot.schemas.scenario import Platform as Platform
+    from surefoot.schemas.scenario import Push as Push
+    from surefoot.schemas.scenario import RampMotion as RampMotion
+    from surefoot.schemas.scenario import Scenario as Scenario
+    from surefoot.schemas.scenario import SensorFault as SensorFault
+    from surefoot.schemas.scenario import Sensors as Sensors
+    from surefoot.schemas.scenario import SineMotion as SineMotion
+    from surefoot.schemas.settings import ControllerSettings as ControllerSettings
+    from surefoot.sim_robot.catalogue import list_scenarios as list_scenarios
+    from surefoot.sim_robot.catalogue import load_scenario as load_scenario
+    from surefoot.sim_robot.errors import ScenarioError as ScenarioError
+    from surefoot.simulation import Simulation as Simulation
+    from surefoot.stabilizer.control.controller import Controller as Controller
+    from surefoot.stabilizer.control.controller import (
+        ControllerOutput as ControllerOutput,
+    )
+    from surefoot.stabilizer.errors import ControllerError as ControllerError
+    from surefoot.studies.study import Study as Study
+    from surefoot.studies.study import study as study

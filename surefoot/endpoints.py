@@ -12,7 +12,7 @@ from pathlib import Path
 import msgspec
 
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
-from surefoot.schemas.toml_file import toml_keys, toml_text
+from surefoot.schemas.toml_file import toml_text
 
 ENDPOINTS = "endpoints.toml"
 
@@ -86,8 +86,6 @@ def write_endpoints(path: Path, endpoints: Endpoints) -> None:
         endpoints: what to write; paths of certificates would be relative to the file.
     """
     keys = msgspec.to_builtins(endpoints)
-    access = keys.pop("access")
     if keys.pop("tls") is not None:
         raise ValueError("endpoints: got certificates, expected none to be copied")
-    text = toml_keys(keys) + "\n\n" + toml_text({"access": access})
-    path.write_text(text, encoding="utf-8")
+    path.write_text(toml_text(keys), encoding="utf-8")

@@ -6,19 +6,19 @@ ERROR_PREFIX = "surefoot:"
 """What every error of a command begins with; a parent finds its children's by it."""
 
 
-class CliError(RuntimeError):
-    """A command cannot do what it was asked for."""
+class SurefootError(RuntimeError):
+    """Base of the library's own errors: it cannot do what it was asked for."""
 
 
-class UsageError(CliError, ValueError):
+class UsageError(SurefootError, ValueError):
     """Options contradict each other, or point at something that is not there."""
 
 
-class EnvironmentFailedError(CliError, OSError):
+class EnvironmentFailedError(SurefootError, OSError):
     """This machine lacks something: a free port, a library, a package."""
 
 
-class ChildFailedError(CliError):
+class ChildFailedError(SurefootError):
     """One of the processes of a run failed.
 
     Attributes:

@@ -41,6 +41,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     )
     from surefoot.schemas.errors import SchemaError
     from surefoot.sim_robot.errors import ScenarioError, SimulationError
+    from surefoot.stabilizer.errors import ControllerError
 
     if isinstance(error, ChildFailedError):
         return ExitCode(error.exit_code)
@@ -50,7 +51,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
         return ExitCode.UNREACHABLE
     if isinstance(error, (UsageError, SchemaError, RobotFileError, ScenarioError)):
         return ExitCode.USAGE
-    if isinstance(error, (LocatorError, CertificateError)):
+    if isinstance(error, (LocatorError, CertificateError, ControllerError)):
         return ExitCode.USAGE
     if isinstance(error, EndpointError):
         return ExitCode.ENVIRONMENT

@@ -6,19 +6,21 @@ import platform
 import shutil
 import sys
 import tempfile
+from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import TracebackType
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.run_plan import RunPlan, settings_text
+from surefoot.run_plan import RunPlan, make_plan, settings_text
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.result import RunResult
 
 RESULT = "result.json"
 SETTINGS = "settings.toml"
@@ -138,7 +140,7 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
     With the scenario, the settings and the seed in ``run.json`` the run can be done
     again.
     """
-    shutil.copyfile(plan.scenario_path, folder / SCENARIO)
+    (folder / SCENARIO).write_text(plan.scenario_text, encoding="utf-8")
     (folder / SETTINGS).write_text(settings_text(plan.settings), encoding="utf-8")
     if plan.relay_path is not None:
         shutil.copyfile(plan.relay_path, folder / RELAY)
@@ -157,6 +159,56 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
         "packages": {name: _version(name) for name in _PACKAGES},
     }
     (folder / MARKER).write_bytes(msgspec.json.format(msgspec.json.encode(about)))
+
+
+def write_result(folder: RunDirectory, result: RunResult) -> RunResult:
+    """Write the figures of a run and put its folder in place.
+
+    Returns:
+        The figures, with the folder's name in them.
+    """
+    out = None if folder.out is None else str(folder.out)
+    result = msgspec.structs.replace(result, out=out)
+    write_struct(folder.path / RESULT, result)
+    folder.keep()
+    return result
+
+
+def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
+    """Figures of a finished run, and what was run.
+
+    Raises:
+        UsageError: it is no finished run, or damaged.
+    """
+    if not folder.is_dir():
+        raise UsageError(
+            f"{folder}: no such folder; `surefoot run SCENARIO --out {folder}` makes "
+            "one"
+        )
+    for name, why in (
+        (MARKER, "not the folder of a run; name what `surefoot run --out` was given"),
+        (RESULT, "the run did not finish; its logs (*.log) say why"),
+    ):
+        if not (folder / name).is_file():
+            raise UsageError(f"{folder}: {name} is missing: {why}")
+    try:
+        result = read_struct(folder / RESULT, RunResult)
+        about: dict[str, Any] = msgspec.json.decode((folder / MARKER).read_bytes())
+        plan = make_plan(
+            folder / SCENARIO,
+            robot=about["robot"],
+            servo_profile=about["servo_profile"],
+            controller=about["controller"],
+            settings=folder / SETTINGS,
+            seed=about["seed"],
+        )
+        plan = replace(plan, mode=about["mode"], scenario_name=about["scenario"])
+    except (msgspec.DecodeError, KeyError, TypeError) as error:
+        raise UsageError(
+            f"{folder}: {RESULT} or {MARKER} is damaged, or of another version of "
+            f"surefoot ({error}); make the run again"
+        ) from error
+    return result, plan
 
 
 def write_struct(path: Path, value: msgspec.Struct) -> None:

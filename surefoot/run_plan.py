@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -11,14 +12,17 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.robot_io.relay.catalogue import find_plan
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.schemas.relay_plan import load_relay_plan
-from surefoot.schemas.scenario import Scenario, load_scenario
+from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan
+from surefoot.schemas.scenario import Scenario, load_scenario, scenario_from_table
 from surefoot.schemas.settings import ControllerSettings, build_settings
-from surefoot.schemas.toml_file import read_toml, toml_text
+from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
 from surefoot.sim_robot.catalogue import find_scenario
 from surefoot.stabilizer.factory import find_settings
 
 Mode = Literal["lockstep", "realtime", "inline"]
+Settings = ControllerSettings | Mapping[str, Any] | str | Path | None
+"""Settings as they may be given: resolved, ``{"tsid.base_kp": 120.0}``, the name of
+shipped settings, a file, or None for the defaults."""
 
 
 @dataclass(frozen=True)
@@ -26,53 +30,70 @@ class RunPlan:
     """What is run.
 
     Attributes:
-        scenario_path: the scenario's file.
-        scenario: its content.
+        scenario: what happens.
+        scenario_name: shipped name, name of the file without its suffix, or the
+            scenario's own name where it was built in Python.
+        scenario_path: the scenario's file; None where it was built in Python.
+        robot: its files, with the servo profile in use.
         robot_name: as given: a shipped name or a path.
-        robot: its files.
-        servo_profile: profile to use instead of the file's, if any.
-        controller: name of the control law.
+        controller: name of the control law; see
+            :func:`surefoot.stabilizer.factory.find_controller`.
         settings: resolved: defaults, file and overrides.
         seed: of the sensor noise.
         mode: how the two sides are paced.
-        relay_path: file of the relay's plan, if there is a relay between them.
+        relay: faults of a relay between the two, if there is one.
+        relay_path: the file of these faults.
     """
 
-    scenario_path: Path
     scenario: Scenario
-    robot_name: str
+    scenario_name: str
+    scenario_path: Path | None
     robot: Robot
-    servo_profile: str | None
+    robot_name: str
     controller: str
     settings: ControllerSettings
     seed: int
     mode: Mode
+    relay: RelayPlan | None = None
     relay_path: Path | None = None
-
-    @property
-    def scenario_name(self) -> str:
-        """Shipped name, or name of the file without its suffix."""
-        return self.scenario_path.stem
 
     @property
     def total_ticks(self) -> int:
         """Ticks of the whole scenario."""
         return round(self.scenario.duration_s / self.robot.period_s)
 
+    @property
+    def scenario_text(self) -> str:
+        """The scenario as TOML: its file as it stands, or written from the struct."""
+        if self.scenario_path is not None:
+            return self.scenario_path.read_text(encoding="utf-8")
+        return toml_text(struct_table(self.scenario))
+
 
 def make_plan(
-    scenario: str,
+    scenario: str | Path | Scenario,
     *,
-    robot: str,
-    servo_profile: str | None,
-    controller: str,
-    settings_file: Path | None,
-    overrides: list[str],
-    seed: int,
-    mode: Mode,
+    robot: str | Path | Robot = "walker",
+    servo_profile: str | None = None,
+    controller: str = "whole-body",
+    settings: Settings = None,
+    overrides: Sequence[str] = (),
+    seed: int = 0,
+    mode: Mode = "inline",
     relay: str | None = None,
 ) -> RunPlan:
     """Load all files a run depends on.
+
+    Args:
+        scenario: shipped name, path of a TOML, or a scenario built in Python.
+        robot: shipped name, path of a TOML, or a robot that was loaded.
+        servo_profile: a profile of the robot file to use instead of its own choice.
+        controller: name of the control law.
+        settings: see :data:`Settings`.
+        overrides: further settings as texts ``section.name=value``.
+        seed: of the sensor noise, 0 or more.
+        mode: how the two sides are paced.
+        relay: a shipped relay plan or the path of one, for a relay between them.
 
     Raises:
         UsageError: a relay in lockstep.
@@ -80,19 +101,41 @@ def make_plan(
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed.
     """
-    path = find_scenario(scenario)
+    relay_path = None if relay is None else _find_relay_plan(relay, mode)
+    path = None if isinstance(scenario, Scenario) else find_scenario(str(scenario))
+    loaded = _checked(scenario) if isinstance(scenario, Scenario) else None
+    model = _robot(robot, servo_profile)
     return RunPlan(
+        scenario=loaded or load_scenario(_not_none(path)),
+        scenario_name=loaded.name if loaded else _not_none(path).stem,
         scenario_path=path,
-        scenario=load_scenario(path),
-        robot_name=robot,
-        robot=load_robot(robot, servo_profile=servo_profile),
-        servo_profile=servo_profile,
+        robot=model,
+        robot_name=str(model.path) if isinstance(robot, Robot) else str(robot),
         controller=controller,
-        settings=load_settings(settings_file, overrides=overrides),
+        settings=resolve_settings(settings, overrides=overrides),
         seed=seed,
         mode=mode,
-        relay_path=None if relay is None else _find_relay_plan(relay, mode),
+        relay=None if relay_path is None else load_relay_plan(relay_path),
+        relay_path=relay_path,
     )
+
+
+def _not_none(path: Path | None) -> Path:
+    assert path is not None
+    return path
+
+
+def _checked(scenario: Scenario) -> Scenario:
+    """A scenario built in Python, held to what a file must be."""
+    return scenario_from_table(struct_table(scenario), source=repr(scenario.name))
+
+
+def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:
+    if not isinstance(robot, Robot):
+        return load_robot(str(robot), servo_profile=servo_profile)
+    if servo_profile is None or servo_profile == robot.file.servo.profile:
+        return robot
+    return load_robot(str(robot.path), servo_profile=servo_profile)
 
 
 def _find_relay_plan(relay: str, mode: Mode) -> Path:
@@ -103,28 +146,48 @@ def _find_relay_plan(relay: str, mode: Mode) -> Path:
             "the robot's time stands still until a command comes, so that nothing is "
             "ever late, and what is lost stops it"
         )
-    path = find_plan(relay)
-    load_relay_plan(path)
-    return path
+    return find_plan(relay)
 
 
-def load_settings(file: Path | None, *, overrides: list[str]) -> ControllerSettings:
-    """Join defaults, a settings file and overrides ``section.name=value``.
+def resolve_settings(
+    settings: Settings = None, *, overrides: Sequence[str] = ()
+) -> ControllerSettings:
+    """Join defaults, given settings and overrides ``section.name=value``.
 
     Args:
-        file: path, or name of shipped settings.
+        settings: see :data:`Settings`.
         overrides: texts ``section.name=value``.
 
     Raises:
         FileFormatError: an unknown key, a wrong type, a value out of range.
     """
-    if file is None:
-        return build_settings({}, overrides=overrides, source="--set")
-    path = find_settings(file)
-    return build_settings(read_toml(path), overrides=overrides, source=str(path))
+    texts = list(overrides)
+    if settings is None:
+        return build_settings({}, overrides=texts, source="--set")
+    if isinstance(settings, ControllerSettings):
+        if not texts:
+            return settings
+        table = msgspec.to_builtins(settings)
+        return build_settings(table, overrides=texts, source="settings")
+    if isinstance(settings, Mapping):
+        return build_settings(_sections(settings), overrides=texts, source="settings")
+    path = find_settings(Path(settings))
+    return build_settings(read_toml(path), overrides=texts, source=str(path))
+
+
+def _sections(values: Mapping[str, Any]) -> dict[str, Any]:
+    """``{"tsid.base_kp": 120.0}`` as tables; tables themselves stay as they are."""
+    tables: dict[str, Any] = {}
+    for name, value in values.items():
+        section, dot, key = name.partition(".")
+        if not dot:
+            tables[name] = value
+            continue
+        part = tables.setdefault(section, {})
+        part[key] = list(value) if isinstance(value, tuple) else value
+    return tables
 
 
 def settings_text(settings: ControllerSettings) -> str:
     """Settings as a file that ``--settings`` reads back."""
-    tables: dict[str, dict[str, Any]] = msgspec.to_builtins(settings)
-    return toml_text(tables)
+    return toml_text(msgspec.to_builtins(settings))

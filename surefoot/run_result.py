@@ -22,15 +22,15 @@ class Sides(NamedTuple):
     relay: RelayResult | None = None
 
 
-def join_result(
-    plan: RunPlan,
-    plant: PlantResult,
-    controller: ControllerResult,
-    *,
-    out: Path | None,
-    relay: RelayResult | None = None,
-) -> RunResult:
-    """Join both sides of a run into the object scripts read."""
+def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunResult:
+    """Join both sides of a run into the object scripts read.
+
+    Args:
+        plan: what was run.
+        sides: what was measured.
+        out: folder of the run, if it is kept.
+    """
+    plant, controller, relay = sides
     return RunResult(
         scenario=plan.scenario_name,
         controller=plan.controller,

@@ -1,135 +1,283 @@
-"""A run without the bus: plant, gate and controller in one loop."""
+"""A run without the bus: plant, gate and controller in one process, tick by tick.
+
+Sensors, commands, gate and delays are those of lockstep on the bus, in the same order:
+the run is the same bit for bit.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Self
 
 from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
-from surefoot.robot_io.snapshot import Delivery
+from surefoot.robot_io.snapshot import Delivery, Snapshot
 from surefoot.run_folder import QP_FAILURE, TICKS, write_arrays
-from surefoot.run_plan import RunPlan
-from surefoot.run_result import Sides
-from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand
+from surefoot.run_plan import RunPlan, Settings, make_plan
+from surefoot.run_result import Sides, join_result
+from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, Reference
 from surefoot.schemas.result import (
-    ControllerResult,
     Distribution,
     PlantResult,
+    RunResult,
 )
+from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
-from surefoot.stabilizer.factory import make_controller
+from surefoot.sim_robot.truth import PlantTruth
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.factory import adapt
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry
 
 COMMANDER = "inline"
-PROGRESS_EVERY_TICKS = 100
+NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
 
 
-def run_inline(
-    plan: RunPlan,
-    folder: Path,
-    *,
-    record: bool,
-    on_tick: Callable[[int], None],
-    histogram: bool = False,
-) -> Sides:
-    """Run a plan in this process.
+class Simulation:
+    """A robot in a scenario, advanced tick by tick by any controller.
 
-    Sensors, commands, gate and delays are those of lockstep on the bus, in the same
-    order: the run is the same bit for bit.
+    ::
 
-    Args:
-        plan: what to run.
-        folder: gets the record.
-        record: write every tick.
-        on_tick: told the present tick now and then.
-        histogram: whether the result holds one of the controller's times.
+        sim = Simulation("walker", "standing", seed=0)
+        controller = make_controller("whole-body", sim.robot)
+        while not sim.finished:
+            sim.step(controller)
+        print(sim.result().outcome)
+
+    Attributes:
+        plan: robot, scenario, settings and seed, resolved.
+        simulated: the robot with its plant; for reading.
+        gate: the command gate between controller and servos; for reading.
     """
-    loop = _InlineLoop(plan, record=record)
-    began_s = time.monotonic()
-    with quiet_interpreter():
-        while not loop.simulated.finished:
-            loop.tick()
-            if loop.simulated.tick % PROGRESS_EVERY_TICKS == 0:
-                on_tick(loop.simulated.tick)
-    elapsed_s = time.monotonic() - began_s
-    if record:
-        write_arrays(folder / TICKS, loop.simulated.recording())
-    if loop.controller.failure is not None:
-        save_failure(loop.controller.failure, folder / QP_FAILURE)
-    reason = loop.safety.reason or "run over"
-    controller = loop.telemetry.result(reason, histogram=histogram)
-    return Sides(loop.plant_result(controller, elapsed_s=elapsed_s), controller)
 
+    def __init__(
+        self,
+        robot: str | Path | Robot = "walker",
+        scenario: str | Path | Scenario = "standing",
+        *,
+        servo_profile: str | None = None,
+        settings: Settings = None,
+        seed: int = 0,
+        record: bool = False,
+    ) -> None:
+        """Build the plant; it stands at rest at tick 0.
 
-class _InlineLoop:
-    """Sense, control, guard, step."""
+        Args:
+            robot: shipped name, path of a robot file, or a loaded robot.
+            scenario: shipped name, path of a TOML, or a scenario built in Python.
+            servo_profile: a profile of the robot file to use instead of its own.
+            settings: of the safety layer around the controller; a controller brings
+                its own. See :data:`surefoot.run_plan.Settings`.
+            seed: of the sensor noise.
+            record: keep every tick's signals.
 
-    def __init__(self, plan: RunPlan, *, record: bool) -> None:
-        """Build both sides and enable the robot."""
+        Raises:
+            ScenarioError: no such scenario, or it does not fit the robot.
+            RobotFileError: no such robot, or its files contradict each other.
+            FileFormatError: a file or the settings are malformed.
+        """
+        plan = make_plan(
+            scenario,
+            robot=robot,
+            servo_profile=servo_profile,
+            settings=settings,
+            seed=seed,
+        )
+        self._build(plan, record=record)
+
+    @classmethod
+    def of_plan(cls, plan: RunPlan, *, record: bool = False) -> Self:
+        """Build from a plan."""
+        made = cls.__new__(cls)
+        made._build(plan, record=record)
+        return made
+
+    def _build(self, plan: RunPlan, *, record: bool) -> None:
+        self.plan = plan
+        self._is_recording = record
         robot = plan.robot
-        with naming_scenario(plan.scenario_path):
+        with naming_scenario(plan.scenario_path or Path(plan.scenario_name)):
             self.simulated = SimulatedRobot(
                 robot, plan.scenario, seed=plan.seed, record=record
             )
-        self.telemetry = ControllerTelemetry(plan.controller, period_s=robot.period_s)
-        self.controller = make_controller(plan.controller, robot, plan.settings)
-        self._gate = CommandGate(robot, self.simulated.held_posture)
-        self._commands: dict[int, JointCommand] = {}
-        self.safety = Safety(self.controller, robot, plan.settings.safety)
-        self._delivery = Delivery()
+        self.gate = CommandGate(robot, self.simulated.held_posture)
         for action in ("take", "enable"):
-            self._gate.request(action, COMMANDER, now_s=0.0)
-        self.safety.start(self.simulated.sense(), self._gate.posture.copy())
+            self.gate.request(action, COMMANDER, now_s=0.0)
+        self._given: object = None
+        self._safety: Safety | None = None
+        self._telemetry = ControllerTelemetry(plan.controller, period_s=robot.period_s)
+        self._delivery = Delivery()
+        self._commands: dict[int, JointCommand] = {}
+        self._elapsed_s = 0.0
 
-    def tick(self) -> None:
-        """One tick of plant and controller."""
+    @property
+    def robot(self) -> Robot:
+        """The robot, as its files describe it."""
+        return self.plan.robot
+
+    @property
+    def scenario(self) -> Scenario:
+        """What happens."""
+        return self.plan.scenario
+
+    @property
+    def tick(self) -> int:
+        """The present tick."""
+        return self.simulated.tick
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time [s]."""
+        return self.simulated.time_s
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario is over, or the robot fell."""
+        return self.simulated.finished
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot has fallen."""
+        return self.simulated.fell
+
+    @property
+    def snapshot(self) -> Snapshot:
+        """Sensors of the present tick."""
+        return self.simulated.sense()
+
+    @property
+    def truth(self) -> PlantTruth:
+        """True state at the present tick; for plots and tests, never for control."""
+        return self.simulated.truth()
+
+    @property
+    def safety(self) -> Safety | None:
+        """The safety layer around the present controller; None before the first."""
+        return self._safety
+
+    def step(
+        self, controller: Any, reference: Reference | None = None
+    ) -> ControllerOutput | None:
+        """Advance one tick.
+
+        Args:
+            controller: any object with ``start(snapshot, q_command)`` and
+                ``step(snapshot, reference)``. It is started when it is first given;
+                another one takes over from the posture the robot holds then.
+            reference: what a planner asks for.
+
+        Returns:
+            What the controller answered; None once the safety layer has ended it.
+
+        Raises:
+            ControllerError: it breaks the controller protocol.
+        """
+        began_s = time.perf_counter()
         simulated = self.simulated
         tick, now_s = simulated.tick, simulated.time_s
-        self._gate.begin_tick(now_s=now_s, tick=tick)
-        if not self.safety.is_done:
-            self._commands[tick] = self._answer(tick)
+        safety = self._safety_around(controller)
+        self.gate.begin_tick(now_s=now_s, tick=tick)
+        output = None
+        if not safety.is_done:
+            output = self._answer(safety, tick, reference)
         due = simulated.commands_needed(tick)
         if due in self._commands:
-            self._gate.check(self._commands.pop(due), tick=tick, now_s=now_s)
-            simulated.apply(self._gate.posture, tick=due)
+            self.gate.check(self._commands.pop(due), tick=tick, now_s=now_s)
+            simulated.apply(self.gate.posture, tick=due)
         simulated.step()
+        self._elapsed_s += time.perf_counter() - began_s
+        return output
 
-    def plant_result(
-        self, controller: ControllerResult, *, elapsed_s: float
-    ) -> PlantResult:
-        """The plant's figures; without a bus, a round trip is the controller's tick."""
-        return self.simulated.result(
-            real_time_factor=self.simulated.time_s / elapsed_s,
-            round_trip_ms=controller.tick_ms,
-            period_jitter_ms=Distribution(median=0.0, p99=0.0, max=0.0),
-            deadline_misses=0,
-            refused=dict(self._gate.refused),
-            clipped=dict(self._gate.clipped),
-        )
+    def run(
+        self, controller: Any, *, on_tick: Callable[[int], None] | None = None
+    ) -> None:
+        """Advance to the end of the scenario, or to the fall.
 
-    def _answer(self, tick: int) -> JointCommand:
+        Args:
+            controller: as for :meth:`step`.
+            on_tick: told each tick.
+        """
+        with quiet_interpreter():
+            while not self.finished:
+                self.step(controller)
+                if on_tick is not None:
+                    on_tick(self.tick)
+
+    def result(self, *, histogram: bool = False) -> RunResult:
+        """What the run amounts to so far.
+
+        Args:
+            histogram: whether to add those of the controller's times.
+        """
+        return join_result(self.plan, self.sides(histogram=histogram))
+
+    def sides(self, *, histogram: bool = False) -> Sides:
+        """What plant and controller measured so far."""
+        reason = self._safety.reason if self._safety is not None else ""
+        controller = self._telemetry.result(reason or "run over", histogram=histogram)
+        return Sides(self._plant_result(controller.tick_ms), controller)
+
+    def write(self, folder: Path) -> None:
+        """Write every tick, if they were recorded, and the first QP that failed.
+
+        Args:
+            folder: gets the files.
+        """
+        if self._is_recording:
+            write_arrays(folder / TICKS, self.simulated.recording())
+        controller = self._safety.controller if self._safety is not None else None
+        if controller is not None and controller.failure is not None:
+            save_failure(controller.failure, folder / QP_FAILURE)
+
+    def _safety_around(
+        self, controller: Any, snapshot: Snapshot | None = None
+    ) -> Safety:
+        """The safety layer, started anew around another controller."""
+        if controller is self._given and self._safety is not None:
+            return self._safety
+        ours = adapt(controller, self.robot)
+        self._given = controller
+        self._safety = Safety(ours, self.robot, self.plan.settings.safety)
+        first = self.simulated.sense() if snapshot is None else snapshot
+        self._safety.start(first, self.gate.posture.copy())
+        return self._safety
+
+    def _answer(
+        self, safety: Safety, tick: int, reference: Reference | None
+    ) -> ControllerOutput:
         began_ns = time.perf_counter_ns()
-        simulated = self.simulated
         snapshot, ages = self._delivery.deliver(
-            simulated.sense(), simulated.unread_sensors
+            self.simulated.sense(), self.simulated.unread_sensors
         )
-        output = self.safety.step(snapshot, ages)
-        self.telemetry.add(
+        output = safety.step(snapshot, ages, reference)
+        self._telemetry.add(
             output,
             duration_ns=time.perf_counter_ns() - began_ns,
             is_stale=any(ages),
         )
-        self.telemetry.note(self.safety.state, self.safety.reason)
-        return JointCommand(
+        self._telemetry.note(safety.state, safety.reason)
+        self._commands[tick] = JointCommand(
             schema=SCHEMA_VERSION,
             tick=tick,
             stamp_ns=began_ns,
             q=output.q_command.tolist(),
             commander=COMMANDER,
             sequence=tick,
+        )
+        return output
+
+    def _plant_result(self, tick_ms: Distribution) -> PlantResult:
+        """The plant's figures; without a bus, a round trip is the controller's tick."""
+        return self.simulated.result(
+            real_time_factor=self.time_s / self._elapsed_s if self._elapsed_s else 0.0,
+            round_trip_ms=tick_ms,
+            period_jitter_ms=NO_TIME,
+            deadline_misses=0,
+            refused=dict(self.gate.refused),
+            clipped=dict(self.gate.clipped),
         )

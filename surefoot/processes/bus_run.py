@@ -39,11 +39,10 @@ def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
         folder: of the run; its settings, scenario and description are attached.
         endpoints: file that says where the robot is.
     """
-    profile = plan.servo_profile
     return [
         *("record", "--out", str(folder / RECORD), "--wait", str(_READY_S)),
         *("--robot", plan.robot_name),
-        *(("--servo-profile", profile) if profile is not None else ()),
+        *("--servo-profile", plan.robot.file.servo.profile),
         *(
             word
             for name in (MARKER, SETTINGS, SCENARIO)
@@ -191,7 +190,7 @@ def run_processes(
     if priority is not None:
         shared += ["--realtime-priority", str(priority)]
     robot_argv = [
-        *_robot_argv(plan),
+        *_robot_argv(plan, folder),
         *shared,
         *("--endpoints", str(meeting)),
         *("--result-file", str(plant_file)),
@@ -260,8 +259,9 @@ def _relay_result(relay: Child, file: Path) -> RelayResult:
     return read_struct(file, RelayResult)
 
 
-def _robot_argv(plan: RunPlan) -> list[str]:
-    return ["robot", str(plan.scenario_path), "--seed", str(plan.seed)]
+def _robot_argv(plan: RunPlan, folder: Path) -> list[str]:
+    scenario = plan.scenario_path or folder / SCENARIO
+    return ["robot", str(scenario), "--seed", str(plan.seed)]
 
 
 def _stabilizer_argv(plan: RunPlan) -> list[str]:
@@ -281,8 +281,7 @@ def _relay_argv(
 
 
 def _shared_argv(plan: RunPlan) -> list[str]:
-    profile = plan.servo_profile
     return [
         *("--robot", plan.robot_name, f"--{plan.mode}"),
-        *(("--servo-profile", profile) if profile is not None else ()),
+        *("--servo-profile", plan.robot.file.servo.profile),
     ]

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.run_plan import load_settings
+from surefoot.run_plan import resolve_settings
+from surefoot.schemas.key_names import nearest
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.factory import CONTROLLERS
+from surefoot.stabilizer.factory import controller_names, find_controller
 
 Row = dict[str, Any]
 FIGURES = (
@@ -101,8 +101,7 @@ class Variant:
             FileFormatError: a file or an override is malformed.
         """
         name = self.settings_of.get(servo_profile, self.settings)
-        file = None if name is None else Path(name)
-        return load_settings(file, overrides=[*self.overrides, *extra])
+        return resolve_settings(name, overrides=[*self.overrides, *extra])
 
 
 _KNOWN = (
@@ -126,17 +125,22 @@ VARIANTS = {variant.name: variant for variant in _KNOWN}
 
 
 def find_variant(name: str) -> Variant:
-    """A variant by its name, or a controller with default settings.
+    """Find a variant by its name, or a controller, to be run with default settings.
 
     Raises:
         UsageError: no such variant; the message lists all.
+        ControllerError: a controller from outside that cannot be found.
     """
     if name in VARIANTS:
         return VARIANTS[name]
-    if name in CONTROLLERS:
-        return Variant(name, name, about="default settings")
-    names = dict.fromkeys([*VARIANTS, *CONTROLLERS])
-    raise UsageError(f"no controller {name!r}; expected one of {', '.join(names)}")
+    names = [*dict.fromkeys([*VARIANTS, *controller_names()])]
+    if name not in names and ":" not in name:
+        raise UsageError(
+            f"no controller {name!r}{nearest(name, names)}; expected one of "
+            f"{', '.join(names)}, package.module:Class or path/to/file.py:Class"
+        )
+    find_controller(name)
+    return Variant(name, name, about="default settings")
 
 
 def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
@@ -150,18 +154,17 @@ def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
     from surefoot.schemas.scenario import load_scenario
     from surefoot.schemas.scenario_paths import override_scenario
     from surefoot.sim_robot.catalogue import find_scenario
-    from surefoot.studies.cell import find_variant
 
     group = cell.group
     path = find_scenario(group.scenario)
     variant = find_variant(group.variant)
     scenario = override_scenario(load_scenario(path), dict(group.values))
     return RunPlan(
-        scenario_path=path,
         scenario=scenario,
-        robot_name=robot,
+        scenario_name=path.stem,
+        scenario_path=path,
         robot=load_robot(robot, servo_profile=group.servo_profile),
-        servo_profile=group.servo_profile,
+        robot_name=robot,
         controller=variant.controller,
         settings=variant.resolve(group.servo_profile, extra=overrides),
         seed=cell.seed,
@@ -171,12 +174,10 @@ def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
 
 def run_cell(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Row:
     """Run a cell and return its row: what was run, and the figures."""
-    from surefoot.run_result import join_result
-    from surefoot.simulation import run_inline
+    from surefoot.runs import run_inline
 
     plan = plan_of(cell, robot=robot, overrides=overrides)
-    sides = run_inline(plan, Path(), record=False, on_tick=_nobody_watches)
-    result = join_result(plan, sides.plant, sides.controller, out=None)
+    result = run_inline(plan).result
     figures = msgspec.to_builtins(result)
     group = cell.group
     return {
@@ -194,7 +195,3 @@ def group_of(row: Row) -> Group:
     """Which group a row belongs to."""
     values = tuple(row["values"].items())
     return Group(row["scenario"], values, row["variant"], row["servo_profile"])
-
-
-def _nobody_watches(tick: int) -> None:
-    del tick

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,17 +23,14 @@ EVERY_TICKS = 10
 
 def record(scenario: str, variant: str) -> dict[str, Array]:
     """Every tick of one run with seed 0 and the ideal servo; see RunRecord."""
-    from surefoot.run_folder import TICKS
-    from surefoot.simulation import run_inline
+    from surefoot.simulation import Simulation
+    from surefoot.stabilizer.factory import make_controller
 
     cell = Cell(Group(scenario, (), variant, d.IDEAL), seed=0)
     plan = plan_of(cell, robot="walker", overrides=())
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as folder:
-        run_inline(plan, Path(folder), record=True, on_tick=lambda tick: None)
-        with np.load(Path(folder) / TICKS) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+    sim = Simulation.of_plan(plan, record=True)
+    sim.run(make_controller(plan.controller, plan.robot, plan.settings))
+    return sim.simulated.recording()
 
 
 def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 
@@ -14,6 +16,8 @@ import msgspec
 from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.studies.cell import Group
 from surefoot.studies.summary import GroupSummary, success_limit
+
+_LOG = logging.getLogger("surefoot")
 
 Summaries = dict[Group, GroupSummary]
 NONE = "-"
@@ -180,14 +184,9 @@ def _text(value: float | None, form: str) -> str:
     return NONE if value is None else format(value, form)
 
 
-def write_summary(folder: Path, summaries: Summaries) -> list[dict[str, object]]:
-    """Write summary.csv, summary.json and a success curve per varied value.
-
-    Returns:
-        What summary.json holds.
-    """
-    write_csv(folder / "summary.csv", summaries)
-    rows: list[dict[str, object]] = [
+def summary_rows(summaries: Summaries) -> list[dict[str, object]]:
+    """What summary.json holds: one row a group."""
+    return [
         {
             "scenario": group.scenario,
             "values": dict(group.values),
@@ -197,19 +196,31 @@ def write_summary(folder: Path, summaries: Summaries) -> list[dict[str, object]]
         }
         for group, summary in summaries.items()
     ]
-    _write(folder / "summary.json", msgspec.json.format(msgspec.json.encode(rows)))
+
+
+def write_summary(folder: Path, summaries: Summaries) -> None:
+    """Write summary.csv, summary.json and a success curve per varied value.
+
+    Curves need matplotlib, which comes with the extra ``report``; without it a log
+    message says that they are left out.
+    """
+    write_csv(folder / "summary.csv", summaries)
+    rows = msgspec.json.encode(summary_rows(summaries))
+    _write(folder / "summary.json", msgspec.json.format(rows))
     varied = {
         (group.scenario, name)
         for group in summaries
         for name, value in group.values
         if isinstance(value, (int, float)) and not isinstance(value, bool)
     }
+    if varied and find_spec("matplotlib") is None:
+        _LOG.warning("no success curves: matplotlib is missing; the extra `report`")
+        return
     for scenario, name in sorted(varied):
         curves = curves_over(summaries, scenario=scenario, name=name)
         svg = draw_curves(curves, xlabel=name, title=scenario, mark=None)
         stem = Path(scenario).stem
         _write(folder / f"success-{stem}-{name.replace('*', 'all')}.svg", svg)
-    return rows
 
 
 def _write(path: Path, data: bytes) -> None:

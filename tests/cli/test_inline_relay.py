@@ -2,47 +2,38 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from surefoot.relayed_simulation import RelayedLoop, run_inline_relayed
+from surefoot.relayed_simulation import RelayedSimulation
 from surefoot.robot_io.relay.catalogue import find_plan
 from surefoot.run_plan import RunPlan, make_plan
 from surefoot.run_result import Sides
+from surefoot.runs import run_inline
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.relay_plan import (
     RelayPlan,
     load_relay_plan,
     relay_plan_from_table,
 )
-from surefoot.simulation import run_inline
+from surefoot.stabilizer.factory import make_controller
 from tests.cli.conftest import Surefoot
 
 TICKS = 300
 
 
-def run_plan(
-    scenario: Path, *, seed: int = 0, controller: str = "whole-body"
-) -> RunPlan:
+def run_plan(scenario: Path, *, controller: str = "whole-body") -> RunPlan:
     """A run of a scenario in one process."""
-    return make_plan(
-        str(scenario),
-        robot="walker",
-        servo_profile=None,
-        controller=controller,
-        settings_file=None,
-        overrides=[],
-        seed=0,
-        mode="inline",
-    )
+    return make_plan(str(scenario), controller=controller)
 
 
-def relayed(plan: RunPlan, faults: RelayPlan, folder: Path) -> Sides:
+def relayed(plan: RunPlan, faults: RelayPlan) -> Sides:
     """The run, with the faults."""
-    return run_inline_relayed(
-        plan, faults, folder, record=False, on_tick=lambda tick: None
-    )
+    sim = RelayedSimulation.of_plan(replace(plan, relay=faults))
+    sim.run(make_controller(plan.controller, plan.robot, plan.settings))
+    return sim.sides()
 
 
 def shipped(name: str) -> RelayPlan:
@@ -52,9 +43,9 @@ def shipped(name: str) -> RelayPlan:
 
 def test_a_clear_relay_changes_no_bit(short_scenario: Path, tmp_path: Path) -> None:
     plan = run_plan(short_scenario)
-    plain = run_inline(plan, tmp_path, record=False, on_tick=lambda tick: None)
-    clear = relayed(plan, shipped("clear"), tmp_path)
-    assert clear.plant.log_sha256 == plain.plant.log_sha256
+    plain = run_inline(plan).result
+    clear = relayed(plan, shipped("clear"))
+    assert clear.plant.log_sha256 == plain.log_sha256
     assert clear.plant.deadline_misses == 0
     assert clear.relay is not None
     assert clear.relay.counts["joint_command"] == {"arrived": TICKS, "left": TICKS}
@@ -64,10 +55,7 @@ def test_a_clear_relay_changes_no_bit(short_scenario: Path, tmp_path: Path) -> N
 def test_the_same_seed_gives_the_same_run(
     short_scenario: Path, tmp_path: Path, name: str
 ) -> None:
-    runs = [
-        relayed(run_plan(short_scenario), shipped(name), tmp_path).plant
-        for _ in range(2)
-    ]
+    runs = [relayed(run_plan(short_scenario), shipped(name)).plant for _ in range(2)]
     assert runs[0].log_sha256 == runs[1].log_sha256
     assert not runs[0].fell
     assert runs[0].deadline_misses > 0
@@ -77,8 +65,8 @@ def test_copies_are_refused_and_change_no_bit(
     short_scenario: Path, tmp_path: Path
 ) -> None:
     plan = run_plan(short_scenario)
-    clear = relayed(plan, shipped("clear"), tmp_path).plant
-    twice = relayed(plan, shipped("duplicated"), tmp_path).plant
+    clear = relayed(plan, shipped("clear")).plant
+    twice = relayed(plan, shipped("duplicated")).plant
     assert twice.log_sha256 == clear.log_sha256
     assert twice.refused["sequence"] > 0
 
@@ -95,9 +83,9 @@ def test_a_short_cut_of_commands_is_held_and_gone_on_from(
     short_scenario: Path,
 ) -> None:
     plan = run_plan(short_scenario, controller="hold")
-    loop = RelayedLoop(plan, cut(["joint_command"], 0.1), record=False)
-    while not loop.simulated.finished:
-        loop.tick()
+    faults = cut(["joint_command"], 0.1)
+    loop = RelayedSimulation.of_plan(replace(plan, relay=faults))
+    loop.run(make_controller(plan.controller, plan.robot, plan.settings))
     modes = [mode for _, mode, _ in loop.modes]
     assert modes == [RobotMode.ACTIVE, RobotMode.HOLD, RobotMode.ACTIVE]
     began_s, _, reason = loop.modes[1]
@@ -128,7 +116,7 @@ def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(
 ) -> None:
     scenario = tmp_path / "s.toml"
     scenario.write_text('name = "x"\nduration_s = 0.4\n')
-    done = relayed(run_plan(scenario), cut(["imu"], 3600.0), tmp_path)
+    done = relayed(run_plan(scenario), cut(["imu"], 3600.0))
     assert done.controller.reason == "held: imu missing"
     assert not done.plant.fell
 
@@ -144,7 +132,7 @@ def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(
 ) -> None:
     """No single command is too old, and there is one in every tick."""
     plan = run_plan(Path("moving-platform-fast"))
-    done = relayed(plan, late_commands(6.0), tmp_path)
+    done = relayed(plan, late_commands(6.0))
     assert done.controller.reason.startswith(
         "the robot is in fault: commands answered sensors over 4.5 ms old on average"
     )
@@ -153,6 +141,6 @@ def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(
 
 def test_a_loop_slower_by_3_ms_balances(short_scenario: Path, tmp_path: Path) -> None:
     plan = run_plan(short_scenario)
-    done = relayed(plan, late_commands(3.0), tmp_path)
+    done = relayed(plan, late_commands(3.0))
     assert done.controller.reason == "run over"
     assert not done.plant.fell

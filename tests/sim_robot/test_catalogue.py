@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.sim_robot.catalogue import find_scenario, list_scenarios, open_scenario
+from surefoot.sim_robot.catalogue import find_scenario, list_scenarios, load_scenario
 from surefoot.sim_robot.errors import ScenarioError
 
 SHIPPED = ["moving-platform-fast", "moving-platform-slow", "standing"]
@@ -16,14 +16,14 @@ def test_shipped_scenarios_are_there() -> None:
 
 @pytest.mark.parametrize("name", list_scenarios())
 def test_shipped_scenario_bears_the_name_of_its_file(name: str) -> None:
-    scenario = open_scenario(name)
+    scenario = load_scenario(name)
     assert scenario.name == name
     assert scenario.description
 
 
 def test_fast_platform_is_the_slow_one_four_times_as_fast() -> None:
     slow, fast = (
-        open_scenario(f"moving-platform-{pace}").platform[0].motion
+        load_scenario(f"moving-platform-{pace}").platform[0].motion
         for pace in ("slow", "fast")
     )
     for one, other in zip(slow, fast, strict=True):
@@ -37,7 +37,7 @@ def test_path_is_a_scenario_too(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text('name = "mine"\nduration_s = 2.0\n')
     assert find_scenario(str(path)) == path
-    assert open_scenario(str(path)).duration_s == 2.0
+    assert load_scenario(str(path)).duration_s == 2.0
 
 
 def test_unknown_name_lists_the_shipped_ones() -> None:

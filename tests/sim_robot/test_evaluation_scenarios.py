@@ -5,20 +5,20 @@ import math
 import pytest
 
 from surefoot.schemas.scenario import RampMotion, SineMotion
-from surefoot.sim_robot.catalogue import list_scenarios, open_scenario
+from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 
-NOISY = open_scenario("moving-platform-slow").sensors
+NOISY = load_scenario("moving-platform-slow").sensors
 IMPULSE_N_S = 20.0
 TOLERANCE = 1e-3
 
 
 @pytest.mark.parametrize("name", list_scenarios())
 def test_all_scenarios_have_the_same_noisy_sensors(name: str) -> None:
-    assert open_scenario(name).sensors == NOISY
+    assert load_scenario(name).sensors == NOISY
 
 
 def test_fast_pair_is_the_slow_pair_four_times_as_fast() -> None:
-    slow, fast = (open_scenario(f"two-platforms-{pace}") for pace in ("slow", "fast"))
+    slow, fast = (load_scenario(f"two-platforms-{pace}") for pace in ("slow", "fast"))
     for one, other in zip(slow.platform, fast.platform, strict=True):
         assert one.foot == other.foot
         for calm, quick in zip(one.motion, other.motion, strict=True):
@@ -30,7 +30,7 @@ def test_fast_pair_is_the_slow_pair_four_times_as_fast() -> None:
 
 
 def test_pair_moves_out_of_step() -> None:
-    left, right = open_scenario("two-platforms-slow").platform
+    left, right = load_scenario("two-platforms-slow").platform
     for one, other in zip(left.motion, right.motion, strict=True):
         assert isinstance(one, SineMotion)
         assert isinstance(other, SineMotion)
@@ -39,7 +39,7 @@ def test_pair_moves_out_of_step() -> None:
 
 @pytest.mark.parametrize("fall_mm", [50, 80])
 def test_left_platform_falls_freely_and_tilts_by_ten_degrees(fall_mm: int) -> None:
-    left, right = open_scenario(f"falling-platform-{fall_mm}").platform
+    left, right = load_scenario(f"falling-platform-{fall_mm}").platform
     drop, *tilts = left.motion
     assert (left.foot, drop.axis) == ("left", "z")
     assert drop.amplitude == pytest.approx(-1e-3 * fall_mm)
@@ -51,7 +51,7 @@ def test_left_platform_falls_freely_and_tilts_by_ten_degrees(fall_mm: int) -> No
 
 @pytest.mark.parametrize("axis", ["roll", "pitch", "diagonal"])
 def test_ramps_reach_fifteen_degrees_at_sixty_a_second(axis: str) -> None:
-    (platform,) = open_scenario(f"tilt-ramp-{axis}").platform
+    (platform,) = load_scenario(f"tilt-ramp-{axis}").platform
     ramps = [motion for motion in platform.motion if isinstance(motion, RampMotion)]
     assert len(ramps) == (2 if axis == "diagonal" else 1)
     angle = math.degrees(math.hypot(*(motion.amplitude for motion in ramps)))
@@ -62,7 +62,7 @@ def test_ramps_reach_fifteen_degrees_at_sixty_a_second(axis: str) -> None:
 
 @pytest.mark.parametrize("axis", ["roll", "pitch"])
 def test_sines_peak_at_120_degrees_a_second(axis: str) -> None:
-    ((motion,),) = (p.motion for p in open_scenario(f"tilt-sine-{axis}").platform)
+    ((motion,),) = (p.motion for p in load_scenario(f"tilt-sine-{axis}").platform)
     assert isinstance(motion, SineMotion)
     peak = math.degrees(math.tau * motion.frequency_hz * motion.amplitude)
     assert peak == pytest.approx(120.0, rel=TOLERANCE)
@@ -70,12 +70,12 @@ def test_sines_peak_at_120_degrees_a_second(axis: str) -> None:
 
 @pytest.mark.parametrize("name", ["push-standing", "push-slow-platform"])
 def test_pushes_have_twenty_newton_seconds(name: str) -> None:
-    (push,) = open_scenario(name).push
+    (push,) = load_scenario(name).push
     assert math.hypot(*push.force_n) * push.duration_s == pytest.approx(IMPULSE_N_S)
 
 
 def test_push_on_the_slow_platform_has_that_platform() -> None:
     slow, pushed = (
-        open_scenario(n) for n in ("moving-platform-slow", "push-slow-platform")
+        load_scenario(n) for n in ("moving-platform-slow", "push-slow-platform")
     )
     assert pushed.platform == slow.platform

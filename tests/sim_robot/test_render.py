@@ -65,9 +65,9 @@ def test_missing_graphics_say_what_to_install() -> None:
     """In a process of its own: MuJoCo chooses its back end when it is imported."""
     script = (
         "from robot_io.robot import load_robot\n"
-        "from sim_robot.catalogue import open_scenario\n"
+        "from sim_robot.catalogue import load_scenario\n"
         "from sim_robot.render import Renderer\n"
-        "Renderer(load_robot('walker'), open_scenario('standing'),"
+        "Renderer(load_robot('walker'), load_scenario('standing'),"
         " width=32, height=24)\n"
     )
     ran = subprocess.run(

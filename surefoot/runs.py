@@ -1,0 +1,270 @@
+"""Runs as a notebook has them: in one process, or as two that meet on the bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from surefoot.errors import ChildFailedError
+from surefoot.robot_io.robot import Robot
+from surefoot.run_folder import RunDirectory, read_run, write_inputs, write_result
+from surefoot.run_plan import Mode, RunPlan, Settings, make_plan
+from surefoot.run_result import join_result
+from surefoot.schemas.result import RunResult
+from surefoot.schemas.scenario import Scenario
+from surefoot.stabilizer.factory import check_controller, make_controller, maker_of
+
+if TYPE_CHECKING:
+    from surefoot.schemas.endpoints import Endpoints
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished run.
+
+    Attributes:
+        result: its figures; see :class:`RunResult`.
+        plan: robot, scenario, controller, settings and seed.
+        folder: where it is kept; None while it is only in memory.
+    """
+
+    result: RunResult
+    plan: RunPlan
+    folder: Path | None = None
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, as its files describe it."""
+        return self.plan.robot
+
+    @property
+    def scenario(self) -> Scenario:
+        """What happened."""
+        return self.plan.scenario
+
+
+def simulate(
+    robot: str | Path | Robot = "walker",
+    scenario: str | Path | Scenario = "standing",
+    *,
+    controller: Any = "whole-body",
+    settings: Settings = None,
+    servo_profile: str | None = None,
+    seed: int = 0,
+    relay: str | None = None,
+    record: bool = True,
+    on_tick: Callable[[int], None] | None = None,
+) -> Run:
+    """Run a scenario in this process, without the bus.
+
+    Args:
+        robot: shipped name, path of a robot file, or a loaded robot.
+        scenario: shipped name, path of a TOML, or a scenario built in Python.
+        controller: a name as on the command line, a class that is called with robot
+            and settings, or a fresh object with ``start(snapshot, q_command)`` and
+            ``step(snapshot, reference)``.
+        settings: ``{"tsid.com_kp": 40.0}``, resolved settings, the name of shipped
+            settings, a file, or None for the defaults.
+        servo_profile: a profile of the robot file to use instead of its own choice.
+        seed: of the sensor noise, 0 or more.
+        relay: a shipped relay plan or the path of one: its faults between the two.
+        record: keep every tick's signals.
+        on_tick: told each tick.
+
+    Returns:
+        The run, the same bit for bit as on the bus in lockstep.
+
+    Raises:
+        ScenarioError: no such scenario, or it does not fit the robot.
+        RobotFileError: no such robot, or its files contradict each other.
+        FileFormatError: a file or a setting is malformed.
+        ControllerError: no such controller, or it breaks the controller protocol.
+    """
+    plan = make_plan(
+        scenario,
+        robot=robot,
+        servo_profile=servo_profile,
+        controller=_name_of(controller),
+        settings=settings,
+        seed=seed,
+        relay=relay,
+    )
+    return run_inline(plan, controller=controller, record=record, on_tick=on_tick)
+
+
+def run_inline(
+    plan: RunPlan,
+    *,
+    controller: Any = None,
+    record: bool = False,
+    folder: Path | None = None,
+    histogram: bool = False,
+    on_tick: Callable[[int], None] | None = None,
+) -> Run:
+    """Run a plan in this process.
+
+    Args:
+        plan: what to run.
+        controller: see :func:`simulate`; the plan's when None.
+        record: keep every tick's signals.
+        folder: gets the record and a QP that could not be solved; None keeps both in
+            memory.
+        histogram: whether the result holds one of the controller's times.
+        on_tick: told each tick.
+    """
+    if plan.relay is None:
+        from surefoot.simulation import Simulation as Kind
+    else:
+        from surefoot.relayed_simulation import RelayedSimulation as Kind
+
+    sim = Kind.of_plan(plan, record=record)
+    law = _made(controller, plan)
+    sim.run(law, on_tick=on_tick)
+    if folder is not None:
+        sim.write(folder)
+    return Run(result=sim.result(histogram=histogram), plan=plan)
+
+
+def run(
+    robot: str | Path | Robot = "walker",
+    scenario: str | Path | Scenario = "standing",
+    *,
+    controller: str = "whole-body",
+    settings: Settings = None,
+    servo_profile: str | None = None,
+    seed: int = 0,
+    realtime: bool = False,
+    relay: str | None = None,
+    out: str | Path | None = None,
+    on_tick: Callable[[int], None] | None = None,
+) -> Run:
+    """Run a scenario as two processes that meet on a bus of their own.
+
+    Args:
+        robot: shipped name or path of a robot file, or a robot loaded from one.
+        scenario: shipped name, path of a TOML, or a scenario built in Python.
+        controller: a name as on the command line: ``whole-body``,
+            ``package.module:Class``, ``path/to/file.py:Class``.
+        settings: as for :func:`simulate`.
+        servo_profile: a profile of the robot file to use instead of its own choice.
+        seed: of the sensor noise, 0 or more.
+        realtime: the robot keeps its own pace instead of waiting for each command.
+        relay: a shipped relay plan or the path of one; in real time only.
+        out: a new folder that keeps the run with every message of the bus; None
+            keeps nothing on disk.
+        on_tick: told the robot's progress.
+
+    Raises:
+        ChildFailedError: one of the processes failed; holds its last words.
+        UsageError: the folder cannot be used.
+    """
+    mode: Mode = "realtime" if realtime else "lockstep"
+    plan = make_plan(
+        scenario,
+        robot=robot,
+        servo_profile=servo_profile,
+        controller=controller,
+        settings=settings,
+        seed=seed,
+        mode=mode,
+        relay=relay,
+    )
+    return execute(plan, out=None if out is None else Path(out), on_tick=on_tick)
+
+
+def load_run(folder: str | Path) -> Run:
+    """Load a run from its folder.
+
+    Args:
+        folder: what ``out`` or ``surefoot run --out`` was given.
+
+    Raises:
+        UsageError: it is no finished run, or damaged.
+    """
+    return Run(*read_run(Path(folder)), folder=Path(folder))
+
+
+def execute(
+    plan: RunPlan,
+    *,
+    out: Path | None = None,
+    endpoints: Endpoints | None = None,
+    view_port: int | None = None,
+    histogram: bool = False,
+    priority: int | None = None,
+    on_tick: Callable[[int], None] | None = None,
+) -> Run:
+    """Run a plan as its mode says, and keep its folder.
+
+    Args:
+        plan: what to run.
+        out: a new folder that keeps everything; None keeps nothing.
+        endpoints: where two processes meet; on a private bus when None.
+        view_port: serve a live page of two processes at this port; None for no page.
+        histogram: whether the result holds those of all times.
+        priority: of SCHED_FIFO for two processes; None for ordinary ones.
+        on_tick: told the present tick now and then.
+
+    Raises:
+        ChildFailedError: one of the processes failed; the folder then keeps the logs.
+        UsageError: the folder cannot be used.
+    """
+    check_controller(plan.controller)
+    on_tick = on_tick or _unheard
+    with RunDirectory(out) as folder:
+        write_inputs(folder.path, plan)
+        if plan.mode == "inline":
+            result = run_inline(
+                plan,
+                record=out is not None,
+                folder=folder.path,
+                histogram=histogram,
+                on_tick=on_tick,
+            ).result
+        else:
+            from surefoot.endpoints import private_bus
+            from surefoot.processes.bus_run import run_processes
+
+            bus = private_bus() if endpoints is None else nullcontext(endpoints)
+            try:
+                with bus as meeting:
+                    sides = run_processes(
+                        plan,
+                        folder.path,
+                        endpoints=meeting,
+                        record=out is not None,
+                        on_tick=on_tick,
+                        view_port=view_port,
+                        histogram=histogram,
+                        priority=priority,
+                    )
+            except ChildFailedError:
+                # The logs of a failed run are what its user needs next.
+                folder.keep()
+                raise
+            result = join_result(plan, sides)
+        return Run(write_result(folder, result), plan, out)
+
+
+def _name_of(controller: Any) -> str:
+    """What to call a controller in results."""
+    if isinstance(controller, str):
+        return controller
+    kind = controller if isinstance(controller, type) else type(controller)
+    return str(getattr(controller, "name", kind.__name__))
+
+
+def _made(controller: Any, plan: RunPlan) -> Any:
+    """The controller to run: made from a name or a class, or as it was given."""
+    if controller is None or isinstance(controller, str):
+        return make_controller(controller or plan.controller, plan.robot, plan.settings)
+    if hasattr(controller, "step") and not isinstance(controller, type):
+        return controller
+    return maker_of(_name_of(controller), controller)(plan.robot, plan.settings)
+
+
+def _unheard(tick: int) -> None:
+    del tick

@@ -1,0 +1,54 @@
+"""Controllers as a user writes them, outside of the packages."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+class Stay:
+    """Keeps the posture it began with: a bare array is an answer."""
+
+    def start(self, snapshot: Any, q_command: np.ndarray) -> None:
+        self.q = q_command.copy()
+
+    def step(self, snapshot: Any, reference: Any = None) -> np.ndarray:
+        return self.q
+
+
+class StayWithRobot(Stay):
+    """Takes the robot, leaves out the reference, and calls itself something."""
+
+    name = "stay"
+
+    def __init__(self, robot: Any) -> None:
+        self.n_a = robot.n_a
+
+    def step(self, snapshot: Any) -> list[float]:
+        assert self.n_a == len(snapshot.q)
+        return self.q.tolist()
+
+
+class StayWithSettings(Stay):
+    """Takes robot and settings."""
+
+    def __init__(self, robot: Any, settings: Any) -> None:
+        self.gain = settings.tsid.base_kp
+
+
+class TooShort(Stay):
+    """Forgets a joint."""
+
+    def step(self, snapshot: Any, reference: Any = None) -> np.ndarray:
+        return self.q[:-1]
+
+
+class NoStep:
+    """Not a controller."""
+
+    def start(self, snapshot: Any, q_command: np.ndarray) -> None:
+        """Do nothing."""
+
+
+not_a_class = 3

@@ -1,0 +1,163 @@
+"""The library: the same runs as from the command line, from Python."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import surefoot as sf
+from surefoot.schemas.toml_file import struct_table, toml_text
+
+SHORT = sf.Scenario(
+    name="short roll",
+    duration_s=0.5,
+    platform=[
+        sf.Platform(
+            foot="both",
+            motion=[sf.SineMotion(axis="roll", amplitude_deg=3.0, frequency_hz=2.0)],
+        )
+    ],
+    sensors=sf.Sensors(force_noise_n=2.0, gyro_noise_rad_s=0.002),
+)
+
+
+@pytest.fixture(scope="module")
+def run() -> sf.Run:
+    return sf.simulate("walker", SHORT, seed=3)
+
+
+def test_step_by_step_is_the_same_run(run: sf.Run) -> None:
+    sim = sf.Simulation("walker", SHORT, seed=3)
+    controller = sf.make_controller("whole-body", sim.robot)
+    answers = []
+    while not sim.finished:
+        output = sim.step(controller)
+        assert output is not None
+        answers.append(output.q_command.copy())
+    assert sim.result().log_sha256 == run.result.log_sha256
+    assert len(answers) == sim.tick == run.result.ticks == 500
+
+
+def test_the_command_line_runs_the_same(run: sf.Run, tmp_path: Path) -> None:
+    file = tmp_path / "short roll.toml"
+    file.write_text(toml_text(struct_table(SHORT)), encoding="utf-8")
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "surefoot.cli", "run", file),
+            *("--inline", "--json", "--seed", "3"),
+        ],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    told = json.loads(done.stdout)
+    assert told["log_sha256"] == run.result.log_sha256
+    assert told["scenario"] == run.result.scenario == "short roll"
+
+
+def test_the_bus_runs_the_same_and_keeps_it(run: sf.Run, tmp_path: Path) -> None:
+    out = tmp_path / "kept"
+    on_bus = sf.run("walker", SHORT, seed=3, out=out)
+    assert on_bus.result.log_sha256 == run.result.log_sha256
+    loaded = sf.load_run(out)
+    assert loaded.result == on_bus.result
+    assert loaded.scenario == SHORT
+    assert loaded.plan.settings == on_bus.plan.settings
+    outcome = sf.replay(out)
+    assert outcome.is_equal
+    assert outcome.compared == 500
+
+
+def test_settings_may_be_a_table_of_names(run: sf.Run) -> None:
+    same = sf.simulate("walker", SHORT, seed=3, settings={"tsid.com_kp": 40.0})
+    other = sf.simulate("walker", SHORT, seed=3, settings={"tsid.base_kp": 500.0})
+    assert same.plan.settings.tsid.com_kp == (40.0, 40.0, 40.0)
+    assert other.result.log_sha256 != run.result.log_sha256
+    with pytest.raises(sf.FileFormatError, match="did you mean 'com_kp'"):
+        sf.simulate("walker", SHORT, settings={"tsid.comkp": 40.0})
+
+
+def test_another_controller_takes_over_where_the_robot_is() -> None:
+    sim = sf.Simulation("walker", "standing", seed=0)
+    first, second = (sf.make_controller("hold", sim.robot) for _ in range(2))
+    for controller in (first, second):
+        for _ in range(20):
+            sim.step(controller)
+    assert not sim.fell
+    assert sim.gate.refused == {}
+
+
+@pytest.mark.parametrize("name", sf.list_scenarios())
+def test_a_scenario_reads_back_as_it_was_written(name: str, tmp_path: Path) -> None:
+    scenario = sf.load_scenario(name)
+    file = tmp_path / "again.toml"
+    file.write_text(toml_text(struct_table(scenario)), encoding="utf-8")
+    assert sf.load_scenario(file) == scenario
+
+
+def test_a_scenario_built_in_python_is_held_to_what_a_file_must_be() -> None:
+    wrong = sf.Scenario(name="x", duration_s=-1.0)
+    with pytest.raises(sf.FileFormatError, match="duration_s"):
+        sf.Simulation("walker", wrong)
+
+
+def test_a_study_gives_the_rows_of_its_runs(tmp_path: Path) -> None:
+    file = tmp_path / "s.toml"
+    file.write_text(toml_text(struct_table(SHORT)), encoding="utf-8")
+    study = sf.study(
+        str(file), vary={"friction": [0.5, 0.7]}, seeds=[3], jobs=1, out=tmp_path / "o"
+    )
+    hashes = {row["values"]["friction"]: row["log_sha256"] for row in study.rows}
+    assert hashes[0.7] == sf.simulate("walker", SHORT, seed=3).result.log_sha256
+    assert "friction" in study.table()
+    assert (tmp_path / "o" / "summary.csv").is_file()
+
+
+def test_every_public_name_is_there_and_documented() -> None:
+    for name in sf.__all__:
+        assert getattr(sf, name).__doc__, name
+    assert set(sf.__all__) <= set(dir(sf))
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        _ = sf.simulat  # type: ignore[attr-defined]
+
+
+QUICK = """
+import sys
+import surefoot
+heavy = {"mujoco", "pinocchio", "zenoh", "numpy", "typer", "rich", "matplotlib"}
+assert not heavy & set(sys.modules), heavy & set(sys.modules)
+"""
+NO_EXTRAS = """
+import sys
+for name in ("matplotlib", "jinja2", "viser", "yourdfpy", "plotly", "pyarrow"):
+    sys.modules[name] = None
+import surefoot as sf
+[getattr(sf, name) for name in sf.__all__]
+scenario = sf.Scenario(name="x", duration_s=0.01)
+assert sf.simulate("walker", scenario).result.ticks == 10
+assert "typer" not in sys.modules
+assert "rich" not in sys.modules
+bare = {"schemas", "robot_io", "stabilizer", "sim_robot", "cli"} & set(sys.modules)
+assert not bare, bare
+"""
+
+
+@pytest.mark.parametrize("code", [QUICK, NO_EXTRAS], ids=["quick", "no extras"])
+def test_importing_loads_no_more_than_is_used(code: str) -> None:
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_nothing_is_printed(capfd: pytest.CaptureFixture[str]) -> None:
+    sf.simulate("walker", sf.Scenario(name="x", duration_s=0.01))
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_run_of_another_rate_of_ticks_tells_so() -> None:
+    told: list[int] = []
+    sf.simulate("walker", sf.Scenario(name="x", duration_s=0.01), on_tick=told.append)
+    np.testing.assert_array_equal(told, np.arange(1, 11))

@@ -1,0 +1,122 @@
+"""Controllers from outside, everywhere a controller is named."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import surefoot as sf
+from surefoot.stabilizer import factory
+from tests.surefoot import own_controllers as own
+
+HERE = Path(__file__).parent
+STAY = f"{HERE / 'own_controllers.py'}:Stay"
+SCENARIO = sf.Scenario(name="own", duration_s=0.3)
+
+
+def surefoot(*words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "surefoot.cli", *map(str, words)],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def held() -> str:
+    """Hash of the shipped controller that does the same."""
+    run = sf.simulate("walker", SCENARIO, controller="hold")
+    return run.result.log_sha256
+
+
+@pytest.mark.parametrize(
+    "controller",
+    [
+        own.Stay(),
+        own.Stay,
+        own.StayWithRobot,
+        own.StayWithSettings,
+        STAY,
+        f"{HERE / 'own_controllers.py'}:StayWithRobot",
+    ],
+    ids=str,
+)
+def test_an_object_a_class_or_a_name_runs(controller: object, held: str) -> None:
+    run = sf.simulate("walker", SCENARIO, controller=controller)
+    assert run.result.log_sha256 == held
+
+
+def test_a_module_of_a_package_and_an_entry_point(
+    monkeypatch: pytest.MonkeyPatch, held: str
+) -> None:
+    class Entry:
+        name = "mine"
+
+        def load(self) -> type:
+            return own.Stay
+
+    monkeypatch.setattr(factory, "entry_points", lambda group: [Entry()])
+    for name in ("mine", "tests.surefoot.own_controllers:Stay"):
+        run = sf.simulate("walker", SCENARIO, controller=name)
+        assert run.result.log_sha256 == held
+        assert run.result.controller == name
+    assert sf.list_controllers() == ["whole-body", "zmp", "hold", "mine"]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("whole-bdy", "did you mean 'whole-body'"),
+        ("nowhere.py:Stay", "nowhere.py: no such file"),
+        ("no_such_module:Stay", "no module 'no_such_module'"),
+        (f"{HERE / 'own_controllers.py'}:Sta", "did you mean 'Stay'"),
+        (f"{HERE / 'own_controllers.py'}:not_a_class", "expected a class"),
+        (f"{HERE / 'own_controllers.py'}:NoStep", "has no step"),
+    ],
+)
+def test_a_wrong_name_is_refused_in_words(name: str, told: str) -> None:
+    with pytest.raises(sf.ControllerError, match=told):
+        sf.simulate("walker", SCENARIO, controller=name)
+
+
+def test_a_wrong_answer_is_refused_in_words() -> None:
+    with pytest.raises(sf.ControllerError, match=r"\(27,\), expected \(28,\)"):
+        sf.simulate("walker", SCENARIO, controller=own.TooShort())
+
+
+def test_the_command_line_takes_it_everywhere(tmp_path: Path, held: str) -> None:
+    scenario, out = tmp_path / "own.toml", tmp_path / "run"
+    scenario.write_text('name = "own"\nduration_s = 0.3\n', encoding="utf-8")
+    inline = surefoot("run", scenario, "--inline", "--json", "--controller", STAY)
+    assert json.loads(inline.stdout)["log_sha256"] == held
+    bus = surefoot("run", scenario, "--json", "--controller", STAY, "--out", out)
+    assert bus.returncode == 0, bus.stderr
+    assert json.loads(bus.stdout)["log_sha256"] == held
+    replayed = surefoot("replay", "--controller", out / "run.mcap", "--json")
+    assert json.loads(replayed.stdout)["is_equal"], replayed.stderr
+    law = surefoot("replay", "--controller", out / "run.mcap", "--law", STAY, "--json")
+    assert json.loads(law.stdout)["is_equal"], law.stderr
+    sweep = surefoot(
+        *("sweep", scenario, "--controllers", f"hold,{STAY}", "--seeds", "0:1"),
+        *("--out", tmp_path / "sweep", "--jobs", "1", "--json"),
+    )
+    assert sweep.returncode == 0, sweep.stderr
+    assert {row["controller"] for row in json.loads(sweep.stdout)} == {"hold", STAY}
+    wrong = surefoot("run", scenario, "--inline", "--controller", f"{STAY}s")
+    assert wrong.returncode == 2
+    assert "did you mean 'Stay'" in wrong.stderr
+
+
+def test_an_answer_is_not_kept_by_the_library() -> None:
+    """A controller may reuse its array for the next answer."""
+    controller = own.Stay()
+    run = sf.Simulation("walker", SCENARIO)
+    output = run.step(controller)
+    assert output is not None
+    assert np.shares_memory(output.q_command, controller.q)
