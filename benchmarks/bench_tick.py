@@ -10,18 +10,16 @@ OPENBLAS_NUM_THREADS=1, as ``surefoot`` does for itself.
 from __future__ import annotations
 
 import argparse
-import gc
 import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.schemas import codec, messages
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.sim_robot.catalogue import load_scenario
-from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 
 WARM_UP_TICKS = 500
@@ -65,33 +63,27 @@ class Stopwatch:
 
 def run(scenario_name: str, *, ticks: int) -> str:
     """Run a scenario and report the stages."""
-    robot = load_robot("walker")
-    simulated = SimulatedRobot(robot, load_scenario(scenario_name), seed=0)
-    controller = WholeBodyController(robot, ControllerSettings())
+    sim = Simulation("walker", scenario_name)
+    controller = WholeBodyController(sim.robot, ControllerSettings())
     watch = Stopwatch()
-    step = watch.timed(controller.step, "controller tick")
+    watch.wrap(controller, "step", "controller tick")
     watch.wrap(controller.estimator, "update", "  estimator")
     watch.wrap(controller.dynamics, "update", "  dynamics")
     watch.wrap(controller.wrenches, "update", "  wrench compensation")
     watch.wrap(controller.tsid, "solve", "  TSID")
     watch.wrap(controller.law, "update", "  wrench law")
     watch.wrap(controller.dik, "solve", "  DIK")
-    sense = watch.timed(simulated.sense, "plant: sense")
-    advance = watch.timed(simulated.step, "plant: step")
+    watch.wrap(sim.simulated.plant, "sense", "plant: sense")
+    watch.wrap(sim.simulated.plant, "step", "plant: step")
+    watch.wrap(sim.gate, "check", "command gate")
     encode = watch.timed(_encode_snapshot, "codec: encode 4 sensors")
     decode = watch.timed(_decode_snapshot, "codec: decode 4 sensors")
-    controller.start(simulated.sense(), simulated.held_posture)
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    for tick in range(ticks):
-        snapshot = sense()
-        decode(encode(snapshot))
-        output = step(snapshot)
-        simulated.apply(output.q_command, tick=tick)
-        advance()
-        if simulated.finished:
-            break
+    with quiet_interpreter():
+        for _ in range(ticks):
+            decode(encode(sim.snapshot))
+            sim.step(controller)
+            if sim.finished:
+                break
     return watch.table()
 
 

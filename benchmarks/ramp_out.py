@@ -24,11 +24,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from surefoot.robot_io.robot import load_robot
-from surefoot.robot_io.snapshot import Delivery
+from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import load_scenario
-from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from surefoot.simulation import Simulation
 from surefoot.stabilizer.factory import make_controller
 
 SCENARIOS = (
@@ -66,61 +65,57 @@ class Ending(NamedTuple):
 
 
 class Run:
-    """Plant and controller in one process, which can be stopped in several ways."""
+    """A run whose controller can be stopped in several ways."""
 
     def __init__(self, scenario: str, seed: int) -> None:
         """Start a run of a shipped scenario."""
-        self.robot = load_robot("walker")
-        self.plant = SimulatedRobot(self.robot, load_scenario(scenario), seed=seed)
-        self._controller = make_controller(
-            "whole-body", self.robot, ControllerSettings()
-        )
-        self._controller.start(self.plant.sense(), self.plant.held_posture)
-        self._delivery = Delivery()
-        self._commands: dict[int, np.ndarray] = {}
-        self._command = self._before = self.plant.held_posture.copy()
+        self.sim = Simulation("walker", scenario, seed=seed)
+        self._law = make_controller("whole-body", self.sim.robot, ControllerSettings())
+        self._command = self._before = self.sim.robot.nominal.copy()
+        self._way, self._share = "", 1.0
+        self._motion = np.zeros(self.sim.robot.n_a)
+        self._asked = self._command
+
+    def start(self, snapshot: Snapshot, q_command: np.ndarray) -> None:
+        """Begin as the whole-body controller does."""
+        self._law.start(snapshot, q_command)
+
+    def step(self, snapshot: Snapshot) -> np.ndarray:
+        """Balance; or, once stopped, go on with less and less motion."""
+        if not self._way:
+            command = self._law.step(snapshot).q_command.copy()
+        else:
+            if self._way == "balance" and self._share > 0.0:
+                before = self._asked
+                self._asked = self._law.step(snapshot).q_command.copy()
+                self._motion = self._asked - before
+            command = self._command + self._share * self._motion
+        self._before, self._command = self._command, command
+        return command
 
     def tick(self) -> None:
-        """Balance for a tick."""
-        self._follow(self._ask())
+        """Advance a tick."""
+        self.sim.step(self)
 
     def end(self, way: str, seconds: float) -> Ending:
         """Stop in one of the ways, and look on."""
-        ticks = round(seconds / self.robot.period_s)
-        motion = self._command - self._before
-        asked = self._command
-        begin_s, lean, force, step = self.plant.time_s, 0.0, 0.0, 0.0
+        sim = self.sim
+        ticks = round(seconds / sim.robot.period_s)
+        self._way, self._asked = way, self._command
+        self._motion = self._command - self._before
+        begin_s, lean, force, step = sim.time_s, 0.0, 0.0, 0.0
         end_s = begin_s + WATCHED_S
         fade = 0
-        while not self.plant.finished and self.plant.time_s < end_s:
+        while not sim.finished and sim.time_s < end_s:
             fade += 1
-            share = max(0.0, 1.0 - fade / ticks) if ticks else 0.0
-            if way == "balance" and share > 0.0:
-                before, asked = asked, self._ask()
-                motion = asked - before
-            step = max(step, share * float(np.abs(motion).max()))
-            self._follow(self._command + share * motion)
-            truth = self.plant.truth()
+            self._share = max(0.0, 1.0 - fade / ticks) if ticks else 0.0
+            self.tick()
+            step = max(step, float(np.abs(self._command - self._before).max()))
+            truth = sim.truth
             lean = max(lean, math.degrees(math.acos(min(1.0, truth.upright))))
-            if self.plant.time_s < begin_s + seconds + IMPACT_S:
+            if sim.time_s < begin_s + seconds + IMPACT_S:
                 force = max(force, *truth.normal_forces)
-        up_s = self.plant.time_s - begin_s
-        return Ending(self.plant.fell, up_s, lean, force, step)
-
-    def _ask(self) -> np.ndarray:
-        snapshot, _ = self._delivery.deliver(
-            self.plant.sense(), self.plant.unread_sensors
-        )
-        return self._controller.step(snapshot).q_command.copy()
-
-    def _follow(self, q_command: np.ndarray) -> None:
-        plant = self.plant
-        self._before, self._command = self._command, q_command
-        self._commands[plant.tick] = q_command
-        due = plant.commands_needed(plant.tick)
-        if due in self._commands:
-            plant.apply(self._commands.pop(due), tick=due)
-        plant.step()
+        return Ending(sim.fell, sim.time_s - begin_s, lean, force, step)
 
 
 def split(run: Run, way: str, seconds: float) -> Ending:
@@ -145,9 +140,9 @@ def study(scenario: str, moments: int, seed: int) -> None:
     latest_s = min(LATEST_S, load_scenario(scenario).duration_s - WATCHED_S - 1.0)
     found: dict[tuple[str, float], list[Ending]] = {way: [] for way in WAYS}
     for moment_s in np.sort(rng.uniform(EARLIEST_S, latest_s, moments)):
-        while run.plant.time_s < moment_s and not run.plant.finished:
+        while run.sim.time_s < moment_s and not run.sim.finished:
             run.tick()
-        if run.plant.finished:
+        if run.sim.finished:
             break
         for way in WAYS:
             found[way].append(split(run, *way))

@@ -14,20 +14,16 @@ from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
-from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.runs import simulate
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
-    SCHEMA_VERSION,
-    JointCommand,
     RobotMode,
     RobotStatus,
     StabilizerStatus,
     Truth,
 )
-from surefoot.schemas.result import Distribution
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.topics import topic
-from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, ProcessError, robot, running, stabilizer
@@ -64,39 +60,8 @@ def in_one_process(table: dict) -> str:
     """Hash of the same run without a bus."""
     walker = load_robot("walker")
     scenario = scenario_from_table({"name": "test", **table}, source="test")
-    simulated = SimulatedRobot(walker, scenario, seed=SEED)
-    gate = CommandGate(walker, simulated.held_posture)
-    gate.request("take", "ann", now_s=0.0)
-    gate.request("enable", "ann", now_s=0.0)
-    controller = HoldController(walker.n_a)
-    controller.start(simulated.sense(), simulated.held_posture)
-    answers = {}
-    while not simulated.finished:
-        tick = simulated.tick
-        gate.begin_tick(now_s=simulated.time_s)
-        answers[tick] = controller.step(simulated.sense()).q_command.copy()
-        due = simulated.commands_needed(tick)
-        if due is not None:
-            command = JointCommand(
-                schema=SCHEMA_VERSION,
-                tick=due,
-                stamp_ns=0,
-                q=answers.pop(due).tolist(),
-                commander="ann",
-                sequence=due,
-            )
-            assert gate.check(command, tick=due, now_s=simulated.time_s).accepted
-            simulated.apply(gate.posture, tick=due)
-        simulated.step()
-    nothing = Distribution(median=0.0, p99=0.0, max=0.0)
-    return simulated.result(
-        real_time_factor=0.0,
-        round_trip_ms=nothing,
-        period_jitter_ms=nothing,
-        deadline_misses=0,
-        refused={},
-        clipped={},
-    ).log_sha256
+    run = simulate(walker, scenario, controller="hold", seed=SEED, record=False)
+    return run.result.log_sha256
 
 
 @pytest.mark.parametrize("delay_ms", [0.0, 1.0, 3.0])

@@ -12,8 +12,8 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.sim_robot.simulated_robot import SimulatedRobot
-from surefoot.stabilizer.control.controller import Controller
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.control.controller import Controller, ControllerOutput
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 
 NOISE = {
@@ -66,31 +66,28 @@ def run_closed_loop(
     The controller is the whole-body one with its defaults unless another is given.
     """
     table = {"name": "test", "sensors": NOISE, "delay": DELAY, **scenario}
-    simulated = SimulatedRobot(
-        robot, scenario_from_table(table, source="test"), seed=seed
-    )
+    sim = Simulation(robot, scenario_from_table(table, source="test"), seed=seed)
     controller = controller or WholeBodyController(robot, ControllerSettings())
-    controller.start(simulated.sense(), simulated.held_posture)
     rows: dict[str, list[Any]] = {
         name: []
         for name in Run.__dataclass_fields__
         if name not in ("statuses", "fell")
     }
     statuses = set()
-    while not simulated.finished:
-        tick, snapshot, truth = simulated.tick, simulated.sense(), simulated.truth()
-        output = controller.step(snapshot)
+    output: ControllerOutput | None = None
+    while not sim.finished:
+        time_s, snapshot, truth = sim.time_s, sim.snapshot, sim.truth
+        output = sim.step(controller) or output
+        assert output is not None
         statuses.add(output.qp_status)
-        rows["time_s"].append(simulated.time_s)
+        rows["time_s"].append(time_s)
         rows["snapshots"].append(snapshot)
         rows["commands"].append(output.q_command.copy())
         rows["com_true"].append(truth.com)
         rows["soles_true"].append([truth.sole_left, truth.sole_right])
         rows["F_true"].append(np.concatenate((truth.F_left, truth.F_right)))
-        rows["F_meas"].append(output.F_meas.copy())
-        rows["com"].append(output.com.copy())
-        simulated.apply(output.q_command, tick=tick)
-        simulated.step()
+        rows["F_meas"].append(np.array(output.F_meas))
+        rows["com"].append(np.array(output.com))
     snapshots = rows.pop("snapshots")
     arrays = {name: np.array(values) for name, values in rows.items()}
-    return Run(snapshots=snapshots, statuses=statuses, fell=simulated.fell, **arrays)
+    return Run(snapshots=snapshots, statuses=statuses, fell=sim.fell, **arrays)

@@ -12,14 +12,16 @@ import pytest
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.messages import Reference
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
-from surefoot.stabilizer.control.controller import HoldController
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.safety.health import FRESH, SensorHealth
 from surefoot.stabilizer.safety.safety import Safety, SafetyState
-from tests.stabilizer.closed_loop import NOISE
+from tests.stabilizer.closed_loop import DELAY, NOISE
 from tests.stabilizer.watched_run import watched_run
 
 ACTIVE, DEGRADED = SafetyState.ACTIVE, SafetyState.DEGRADED
@@ -63,16 +65,36 @@ HEALTHY: dict[str, dict[str, Any]] = {
 }
 
 
+class Spy(WholeBodyController):
+    """Keeps what it was given last, and what it answered."""
+
+    def __init__(self, robot: Robot) -> None:
+        super().__init__(robot, ControllerSettings())
+
+    def step(
+        self, snapshot: Snapshot, reference: Reference | None = None
+    ) -> ControllerOutput:
+        self.given = snapshot
+        self.answered = super().step(snapshot, reference)
+        return self.answered
+
+
 @pytest.mark.parametrize("sensors", [NOISE, SILENT], ids=["noise", "no noise"])
 @pytest.mark.parametrize("name", HEALTHY)
 def test_healthy_runs_do_not_know_that_they_are_watched(
     walker: Robot, name: str, sensors: dict[str, float]
 ) -> None:
     scenario = {**HEALTHY[name], "sensors": sensors}
-    watched = watched_run(walker, **scenario)
-    alone = watched_run(walker, is_watched=False, **scenario)
-    assert watched.reasons == [""]
-    assert watched.log_sha256 == alone.log_sha256
+    table = {"name": "test", "delay": DELAY, **scenario}
+    sim = Simulation(walker, scenario_from_table(table, source="test"))
+    controller = Spy(walker)
+    while not sim.finished:
+        sensed = sim.snapshot
+        output = sim.step(controller)
+        assert controller.given is sensed
+        assert output is controller.answered
+    assert sim.safety is not None
+    assert sim.safety.reason == ""
 
 
 def fault(sensor: str, kind: str, **more: float) -> dict[str, Any]:
@@ -209,23 +231,20 @@ def test_feet_without_load_for_a_second_are_a_fall(
 def leave(walker: Robot, leave_s: float) -> tuple[Safety, list[float]]:
     """A controller in motion is asked to stop; the steps of its command from then."""
     table = {"name": "test", "sensors": NOISE, **HEALTHY["slow"]}
-    simulated = SimulatedRobot(
-        walker, scenario_from_table(table, source="test"), seed=0
-    )
     settings = ControllerSettings(safety=SafetySettings(leave_s=leave_s))
+    scenario = scenario_from_table(table, source="test")
+    sim = Simulation(walker, scenario, settings=settings)
     controller = WholeBodyController(walker, settings)
-    safety = Safety(controller, walker, settings.safety)
-    safety.start(simulated.sense(), simulated.held_posture)
-    steps, before = [], simulated.held_posture.copy()
-    while not safety.is_done:
-        if simulated.tick == MOVING_TICKS:
-            safety.leave("stopped: TEST")
-        command = safety.step(simulated.sense(), FRESH).q_command.copy()
-        simulated.apply(command, tick=simulated.tick)
-        simulated.step()
-        steps.append(float(np.abs(command - before).max()))
-        before = command
-    return safety, steps
+    steps, before = [], walker.nominal.copy()
+    while sim.safety is None or not sim.safety.is_done:
+        if sim.tick == MOVING_TICKS:
+            assert sim.safety is not None
+            sim.safety.leave("stopped: TEST")
+        output = sim.step(controller)
+        assert output is not None
+        steps.append(float(np.abs(output.q_command - before).max()))
+        before = output.q_command.copy()
+    return sim.safety, steps
 
 
 def test_asked_to_stop_the_command_comes_to_rest_in_time(walker: Robot) -> None:
