@@ -27,7 +27,7 @@ FractionSix = tuple[Fraction, Fraction, Fraction, Fraction, Fraction, Fraction]
 
 
 class TsidSettings(FileStruct, frozen=True, kw_only=True):
-    """First QP (op: tsid): which contact wrenches the feet should feel."""
+    """First QP, inverse dynamics: which contact wrenches the feet should feel."""
 
     com_kp: PositiveTriple = (30.0, 30.0, 30.0)
     """CoM position gain, x y z [1/s^2]."""
@@ -68,7 +68,7 @@ class TsidSettings(FileStruct, frozen=True, kw_only=True):
 
 
 class DikSettings(FileStruct, frozen=True, kw_only=True):
-    """Second QP (op: u): joint velocities that drive the wrenches there."""
+    """Second QP, inverse kinematics: joint velocities that drive the wrenches there."""
 
     k_force: NegativeSix = (-50.0, -50.0, -50.0, -50.0, -50.0, -50.0)
     """Diagonal of K per foot, x y z roll pitch yaw, negative [1/s]. A wrench error

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.stabilizer.model import RobotModel
 
 SOLE_ROWS = (slice(0, 6), slice(6, 12))
 """Rows of left and right sole in every stacked contact quantity."""
+NORMAL = 2
+"""Index of the normal force in a sole wrench."""
 
 
 class Dynamics:
@@ -100,3 +102,43 @@ class Dynamics:
         upper: Mat = np.triu(self._data.M)
         full: Mat = upper + np.triu(upper, 1).T
         return full
+
+    def frame_placement(self, frame_id: int) -> tuple[Mat, Vec3]:
+        """Return where a frame is in the world, which is the stance frame.
+
+        Args:
+            frame_id: from :meth:`RobotModel.frame_id`.
+
+        Returns:
+            (3, 3) rotation and (3,) position [m]; copies.
+        """
+        placement = pin.updateFramePlacement(self._pin, self._data, frame_id)
+        return placement.rotation.copy(), placement.translation.copy()
+
+    def frame_jacobian(self, frame_id: int) -> Mat:
+        """Return the Jacobian of a frame's twist, in world axes.
+
+        Args:
+            frame_id: from :meth:`RobotModel.frame_id`.
+
+        Returns:
+            (6, n_v) J with J v = [velocity of the frame's origin; angular velocity].
+        """
+        J: Mat = pin.getFrameJacobian(
+            self._pin, self._data, frame_id, pin.LOCAL_WORLD_ALIGNED
+        )
+        return J
+
+    def frame_drift(self, frame_id: int) -> Array:
+        """Return Jdot v of :meth:`frame_jacobian`.
+
+        Args:
+            frame_id: from :meth:`RobotModel.frame_id`.
+
+        Returns:
+            (6,) acceleration of the frame while vdot is zero [m/s^2, rad/s^2].
+        """
+        drift: Array = pin.getFrameClassicalAcceleration(
+            self._pin, self._data, frame_id, pin.LOCAL_WORLD_ALIGNED
+        ).vector
+        return drift

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,6 +118,25 @@ class RobotModel:
                 is_leg[self.pin_model.idx_vs[joint] - N_BASE_V] = True
                 joint = self.pin_model.parents[joint]
         return is_leg
+
+    def frame_id(self, name: str) -> int:
+        """Return the id of a link's or joint's frame.
+
+        Args:
+            name: as in the URDF.
+
+        Raises:
+            ValueError: there is no such frame.
+        """
+        names = [frame.name for frame in self.pin_model.frames]
+        if name not in names:
+            near = ", ".join(difflib.get_close_matches(name, names)) or "none like it"
+            raise ValueError(
+                f"{self.robot.urdf_path}: got frame {name!r}, expected the name of a "
+                f"link or joint; there is {near}"
+            )
+        frame_id: int = self.pin_model.getFrameId(name)
+        return frame_id
 
     def nominal_configuration(self) -> Array:
         """(7 + n_a,) nominal posture, base upright, soles level at z = 0.

@@ -5,15 +5,18 @@
 
 P is positive definite in both of our problems. So the unconstrained minimum, one
 Cholesky factorisation away, is the answer whenever it keeps all constraints, as it
-does on most ticks; only otherwise PIQP runs. Both ways meet the same optimality
-conditions, and tests hold them together.
+does on most ticks; only otherwise a solver runs: PIQP, or any other
+:class:`QpSolver`. Both ways meet the same optimality conditions, which
+:meth:`QpSolution.residuals` measures.
 """
 
 from __future__ import annotations
 
 import os
 from dataclasses import asdict, dataclass
+from enum import StrEnum
 from pathlib import Path
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import piqp
@@ -23,7 +26,53 @@ from surefoot.schemas.arrays import Array, Mat
 
 FEASIBILITY_TOLERANCE = 1e-9
 """Violation that the unconstrained minimum may have to be taken as feasible."""
-SOLVED = "ok"
+
+
+class QpStatus(StrEnum):
+    """What became of a QP."""
+
+    OK = "ok"
+    """Solved."""
+    NOT_TRIED = "not tried"
+    """A step before it failed."""
+    SENSORS_NOT_FINITE = "sensors not finite"
+    """A sensor reported something that is no number: there was nothing to solve."""
+    NO_CONTACT = "no contact"
+    """No foot stands, so there are no wrenches to ask for."""
+    SINGULAR_CONTACT = "singular contact"
+    """The standing feet cannot move independently of each other."""
+    NOT_FINITE = "not finite"
+    """The problem holds something that is no number."""
+    PRIMAL_INFEASIBLE = "primal infeasible"
+    """Its limits contradict each other."""
+    DUAL_INFEASIBLE = "dual infeasible"
+    """Its cost has no lower bound."""
+    ITERATION_LIMIT = "iteration limit reached"
+    """The solver gave up before it converged."""
+    NUMERICS = "numerical trouble"
+    """The solver's own factorisation failed."""
+    UNSOLVED = "unsolved"
+    """The solver did not say why."""
+
+
+class QpResiduals(NamedTuple):
+    """How far a solution is from the conditions that every optimum meets.
+
+    With z the multipliers of G x <= h_u, and those of the box split by sign into
+    z_u (upper bound) and z_l (lower bound), z_box = z_u - z_l:
+
+    Attributes:
+        primal: how much G x exceeds h_u, or x the box.
+        dual: the largest of ``|P x + q_lin + G^T z + z_box|``, of how much a
+            multiplier of G x <= h_u is under zero, and of multipliers of bounds at
+            infinity.
+        duality_gap: ``|x^T P x + q_lin^T x + h_u^T z + x_u^T z_u - x_l^T z_l|``, by
+            which the cost may exceed the least possible one.
+    """
+
+    primal: float
+    dual: float
+    duality_gap: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,22 +81,48 @@ class QpSolution:
 
     Attributes:
         x: (n,) minimiser; meaningless unless ``ok``.
-        status: ``ok``, or the solver's word for what went wrong.
-        constrained: whether the interior-point solver was needed.
+        status: ``ok``, or what went wrong.
+        constrained: whether the solver was needed.
         z: (m,) multipliers of G x <= h_u.
         z_box: (n,) multipliers of the box, positive at the upper bound.
+        problem: what was solved, until it is filled anew.
     """
 
     x: Array
-    status: str
+    status: QpStatus
     constrained: bool
     z: Array
     z_box: Array
+    problem: DenseQp
 
     @property
     def ok(self) -> bool:
         """Whether the problem was solved."""
-        return self.status == SOLVED
+        return self.status is QpStatus.OK
+
+    def residuals(self) -> QpResiduals:
+        """Measure how far this is from an optimum of the problem, as it is now."""
+        qp, x, z = self.problem, self.x, self.z
+        z_u, z_l = np.maximum(self.z_box, 0.0), np.maximum(-self.z_box, 0.0)
+        has_u, has_l = np.isfinite(qp.x_u), np.isfinite(qp.x_l)
+        gradient = qp.P @ x + qp.q_lin + qp.G.T @ z + self.z_box
+        gap = (
+            x @ qp.P @ x
+            + qp.q_lin @ x
+            + qp.h_u @ z
+            + qp.x_u[has_u] @ z_u[has_u]
+            - qp.x_l[has_l] @ z_l[has_l]
+        )
+        return QpResiduals(
+            primal=_largest(qp.G @ x - qp.h_u, x - qp.x_u, qp.x_l - x),
+            dual=_largest(np.abs(gradient), -z, z_u[~has_u], z_l[~has_l]),
+            duality_gap=abs(float(gap)),
+        )
+
+
+def _largest(*violations: Array) -> float:
+    """Largest number of all, zero at least; a NaN stays a NaN."""
+    return float(np.max(np.concatenate(violations), initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -55,7 +130,7 @@ class QpData:
     """A problem kept for replay after a failure; symbols as above."""
 
     name: str
-    status: str
+    status: QpStatus
     P: Mat
     q_lin: Array
     G: Mat
@@ -64,14 +139,90 @@ class QpData:
     x_u: Array
 
 
+class SolverAnswer(NamedTuple):
+    """What a solver found; numbers are meaningless unless the status is ``ok``.
+
+    Attributes:
+        status: ``ok``, or what went wrong.
+        x: (n,) minimiser.
+        z: (m,) multipliers of G x <= h_u.
+        z_box: (n,) multipliers of the box, positive at the upper bound.
+    """
+
+    status: QpStatus
+    x: Array
+    z: Array
+    z_box: Array
+
+
+class QpSolver(Protocol):
+    """Solves the constrained problems of one :class:`DenseQp`, all of one size."""
+
+    def solve(self, qp: DenseQp) -> SolverAnswer:
+        """Solve the problem that the arrays of ``qp`` hold now.
+
+        Args:
+            qp: symbols as above, all finite but for bounds at infinity; not to be
+                written.
+        """
+
+
+_PIQP_STATUS = {
+    piqp.Status.PIQP_SOLVED: QpStatus.OK,
+    piqp.Status.PIQP_MAX_ITER_REACHED: QpStatus.ITERATION_LIMIT,
+    piqp.Status.PIQP_PRIMAL_INFEASIBLE: QpStatus.PRIMAL_INFEASIBLE,
+    piqp.Status.PIQP_DUAL_INFEASIBLE: QpStatus.DUAL_INFEASIBLE,
+    piqp.Status.PIQP_NUMERICS: QpStatus.NUMERICS,
+}
+
+
+class PiqpSolver:
+    """The proximal interior-point solver PIQP."""
+
+    def __init__(self) -> None:
+        """Set tolerances; memory is allocated by the first problem."""
+        self._solver = piqp.DenseSolver()
+        self._solver.settings.eps_abs = 1e-9
+        self._solver.settings.eps_rel = 0.0
+        self._solver.settings.eps_duality_gap_abs = 1e-10
+        self._solver.settings.eps_duality_gap_rel = 1e-12
+        self._solver.settings.max_iter = 60
+        self._is_set_up = False
+
+    def solve(self, qp: DenseQp) -> SolverAnswer:
+        """Solve a problem; see :meth:`QpSolver.solve`."""
+        has_rows = qp.h_u.size > 0
+        rows = {"G": qp.G, "h_u": qp.h_u} if has_rows else {}
+        take = self._solver.update if self._is_set_up else self._solver.setup
+        take(P=qp.P, c=qp.q_lin, **rows, x_l=qp.x_l, x_u=qp.x_u)
+        self._is_set_up = True
+        status = _PIQP_STATUS.get(self._solver.solve(), QpStatus.UNSOLVED)
+        result = self._solver.result
+        return SolverAnswer(
+            status=status,
+            x=result.x,
+            z=result.z_u if has_rows else np.zeros(0),
+            z_box=result.z_bu - result.z_bl,
+        )
+
+
 class DenseQp:
     """Workspace for problems of one size.
 
     Fill ``P``, ``q_lin``, ``G``, ``h_u``, ``x_l``, ``x_u`` in place, then solve.
     """
 
-    def __init__(self, name: str, *, n: int, m: int) -> None:
-        """Allocate n variables and m general inequalities."""
+    def __init__(
+        self, name: str, *, n: int, m: int, solver: QpSolver | None = None
+    ) -> None:
+        """Allocate n variables and m general inequalities.
+
+        Args:
+            name: what failures are kept under.
+            n: number of variables.
+            m: number of rows of G.
+            solver: runs where limits press, PIQP unless given; of this problem alone.
+        """
         self.name = name
         self.P: Mat = np.eye(n)
         self.q_lin: Array = np.zeros(n)
@@ -82,13 +233,7 @@ class DenseQp:
         self._no_z = np.zeros(m)
         self._no_z_box = np.zeros(n)
         self._slack = np.zeros(m)
-        self._solver = piqp.DenseSolver()
-        self._solver.settings.eps_abs = 1e-9
-        self._solver.settings.eps_rel = 0.0
-        self._solver.settings.eps_duality_gap_abs = 1e-10
-        self._solver.settings.eps_duality_gap_rel = 1e-12
-        self._solver.settings.max_iter = 60
-        self._is_set_up = False
+        self._solver = solver or PiqpSolver()
 
     def solve(self) -> QpSolution:
         """Solve what the arrays hold now."""
@@ -97,7 +242,9 @@ class DenseQp:
         if info == 0:
             np.negative(x, out=x)
             if self._is_feasible(x):
-                return QpSolution(x, SOLVED, False, self._no_z, self._no_z_box)
+                return QpSolution(
+                    x, QpStatus.OK, False, self._no_z, self._no_z_box, self
+                )
         return self._solve_constrained()
 
     def _is_feasible(self, x: Array) -> bool:
@@ -119,34 +266,23 @@ class DenseQp:
             or np.isnan(self.x_l).any()
             or np.isnan(self.x_u).any()
         ):
-            return self._failed("not finite")
-        self._update_solver()
-        status = self._solver.solve()
-        if status != piqp.Status.PIQP_SOLVED:
-            return self._failed(str(status).rsplit("PIQP_", 1)[-1].lower())
-        result = self._solver.result
+            return self.failed(QpStatus.NOT_FINITE)
+        status, x, z, z_box = self._solver.solve(self)
+        if status is not QpStatus.OK:
+            return self.failed(status)
+        return QpSolution(x, status, True, z, z_box, self)
+
+    def failed(self, status: QpStatus) -> QpSolution:
+        """Make the solution that says why there is none.
+
+        Args:
+            status: what went wrong.
+        """
         return QpSolution(
-            x=result.x,
-            status=SOLVED,
-            constrained=True,
-            z=result.z_u if self.h_u.size else self._no_z,
-            z_box=result.z_bu - result.z_bl,
+            self._no_z_box, status, True, self._no_z, self._no_z_box, self
         )
 
-    def _update_solver(self) -> None:
-        has_rows = self.h_u.size > 0
-        rows = {"G": self.G, "h_u": self.h_u} if has_rows else {}
-        bounds = {"x_l": self.x_l, "x_u": self.x_u}
-        if self._is_set_up:
-            self._solver.update(P=self.P, c=self.q_lin, **rows, **bounds)
-            return
-        self._solver.setup(P=self.P, c=self.q_lin, **rows, **bounds)
-        self._is_set_up = True
-
-    def _failed(self, status: str) -> QpSolution:
-        return QpSolution(self._no_z_box, status, True, self._no_z, self._no_z_box)
-
-    def data(self, status: str) -> QpData:
+    def data(self, status: QpStatus) -> QpData:
         """Copy the present problem, to be saved and replayed."""
         return QpData(
             name=self.name,

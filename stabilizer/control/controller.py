@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,9 +11,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
-
-if TYPE_CHECKING:
-    from surefoot.stabilizer.qp import QpData
+from surefoot.stabilizer.qp import QpData, QpStatus
 
 
 @dataclass(slots=True)
@@ -49,15 +47,17 @@ class ControllerOutput:
     base_twist: Array | None = None
     r: Array | None = None
     v_joint: Array | None = None
-    wrench_qp: str = "ok"
-    motion_qp: str = "ok"
+    wrench_qp: QpStatus = QpStatus.OK
+    motion_qp: QpStatus = QpStatus.OK
 
     @property
     def qp_status(self) -> str:
         """``ok``, or which QP failed and how."""
-        if self.wrench_qp != "ok":
+        if self.wrench_qp != QpStatus.OK:
             return f"wrenches: {self.wrench_qp}"
-        return "ok" if self.motion_qp == "ok" else f"motion: {self.motion_qp}"
+        if self.motion_qp != QpStatus.OK:
+            return f"motion: {self.motion_qp}"
+        return QpStatus.OK
 
 
 class Controller(Protocol):

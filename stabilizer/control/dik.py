@@ -1,51 +1,83 @@
-"""Second QP: joint velocities that drive the wrenches to F_id (op: u).
+"""Second QP: joint velocities that drive the wrenches to F_id.
 
+The task-space differential inverse kinematics QP of the paper's section IV-B.
 In words: find the velocity v of base and joints that moves the soles as the wrench
-law r asks, the centre of mass, base and posture as their references ask, within
-joint velocity and position limits.
+law r asks, the centre of mass, base, posture and whatever else there is a task for
+as the tasks ask, within joint velocity and position limits.
 
     r = -Lambda_c^-1 K^-1 e_F,   e_F = F_meas - F_id,   K negative definite
 
 Delta = J_c v - r is eliminated: minimising its norm is the same problem. A foot that
-is pushed too hard gets r_z > 0: it yields. (The paper's final law has this sign; its
-intermediate one, eq. contact_measure, has it flipped.)
+is pushed too hard gets r_z > 0: it yields. (The paper's final law, in section IV-B,
+has this sign; the relation of sole acceleration and wrench error that closes its
+section III has it flipped.)
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.settings import DikSettings
 from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.control.tasks import (
+    SelectionTask,
+    SoleTwistTask,
+    Task,
+    weight_roots,
+)
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
-from surefoot.stabilizer.qp import DenseQp, QpSolution
+from surefoot.stabilizer.qp import DenseQp, PiqpSolver, QpSolution, QpSolver
 
-CONTACT, COM = slice(0, 12), slice(12, 15)
-BASE = slice(3, 6)
+
+class _StackedRows(NamedTuple):
+    """A task's rows in T and t."""
+
+    task: Task
+    T: Mat
+    t: Array
+    roots: Array
+    """(size, 1) of its weights."""
+
+
+class _SelectedRows(NamedTuple):
+    """A task on some numbers of v: their part of the cost."""
+
+    task: SelectionTask
+    y: Array
+    weights: Array
+    q_lin: Array
 
 
 class Dik:
     """Builds and solves the second QP."""
 
-    def __init__(self, model: RobotModel, settings: DikSettings) -> None:
-        """Allocate everything once."""
+    def __init__(
+        self,
+        model: RobotModel,
+        settings: DikSettings,
+        tasks: Sequence[Task],
+        *,
+        solver: Callable[[], QpSolver] = PiqpSolver,
+    ) -> None:
+        """Allocate everything once.
+
+        Args:
+            model: the robot.
+            settings: limits and weights.
+            tasks: what to do with the motion, beside what the wrench law asks.
+            solver: makes the QP's solver.
+        """
         self._model = model
-        self._settings = settings
         n_v = model.n_v
-        self.qp = DenseQp("dik", n=n_v, m=0)
-        self._T: Mat = np.zeros((15, n_v))
-        self._t: Array = np.zeros(15)
-        self._contact_roots = np.sqrt(np.array(settings.contact_weight * 2))
-        self._com_roots = np.sqrt(np.array(settings.com_weight))
-        self._com_gain = np.array(settings.com_gain)
+        self.qp = DenseQp("dik", n=n_v, m=0, solver=solver())
+        self._soles = SoleTwistTask(settings)
         self._diagonal = np.full(n_v, settings.regularisation)
-        self._diagonal[BASE] += settings.base_weight
-        self._posture = np.where(
-            model.is_leg, settings.leg_posture_weight, settings.posture_weight
-        )
-        self._diagonal[N_BASE_V:] += self._posture
+        self._stack([self._soles, *tasks])
         self._velocity = np.minimum(model.velocity_limit, settings.velocity_limit_rad_s)
         self._minus_velocity = -self._velocity
         margin = settings.limit_margin_rad
@@ -54,10 +86,31 @@ class Dik:
         self._limits: Mat = np.zeros_like(self._range)
         self._per_second = 1.0 / settings.limit_time_s
 
-    def retune(self, settings: DikSettings) -> None:
-        """Take new gains; weights and limits stay as they were built."""
-        self._settings = settings
-        self._com_gain[:] = settings.com_gain
+    def _stack(self, tasks: Sequence[Task]) -> None:
+        """Allocate the rows of T and t; what is on v itself needs none."""
+        self._selected: list[_SelectedRows] = []
+        dense = []
+        for task in tasks:
+            weights = task.velocity_weights
+            if weights is None:
+                continue
+            if isinstance(task, SelectionTask):
+                self._diagonal[task.columns] += weights
+                y, q_lin = np.zeros(task.size), self.qp.q_lin[task.columns]
+                self._selected.append(_SelectedRows(task, y, weights, q_lin))
+            else:
+                dense.append((task, weight_roots(task, weights)))
+        self._roots: Array = np.concatenate([roots for _, roots in dense])
+        self._T: Mat = np.zeros((self._roots.size, self._model.n_v))
+        self._t: Array = np.zeros(self._roots.size)
+        self._stacked: list[_StackedRows] = []
+        start = 0
+        for task, roots in dense:
+            rows = slice(start, start + task.size)
+            self._stacked.append(
+                _StackedRows(task, self._T[rows], self._t[rows], roots[:, None])
+            )
+            start += task.size
 
     def solve(
         self, dynamics: Dynamics, stance: Stance, *, r: Array, q_command: Array
@@ -73,19 +126,21 @@ class Dik:
         Returns:
             The QP's solution, x = (base twist, v_J).
         """
-        settings, T, t, qp = self._settings, self._T, self._t, self.qp
-        np.multiply(dynamics.J_contact, self._contact_roots[:, None], out=T[CONTACT])
-        np.multiply(r, self._contact_roots, out=t[CONTACT])
-        np.multiply(dynamics.J_com, self._com_roots[:, None], out=T[COM])
-        com_error = stance.com - dynamics.p_com
-        t[COM] = self._com_roots * (stance.com_velocity + self._com_gain * com_error)
+        T, t, qp = self._T, self._t, self.qp
+        self._soles.r = r
+        for stacked in self._stacked:
+            task = stacked.task
+            np.multiply(task.jacobian(dynamics), stacked.roots, out=stacked.T)
+            task.velocity(dynamics, stance, q_command, stacked.t)
+        t *= self._roots
         T.T.dot(T, out=qp.P)
         qp.P.flat[:: self._model.n_v + 1] += self._diagonal
         t.dot(T, out=qp.q_lin)
-        base_velocity = settings.base_gain * stance.base_error
-        qp.q_lin[BASE] += settings.base_weight * base_velocity
-        posture_velocity = settings.posture_gain * (stance.posture - q_command)
-        qp.q_lin[N_BASE_V:] += self._posture * posture_velocity
+        for selected in self._selected:
+            y = selected.y
+            selected.task.velocity(dynamics, stance, q_command, y)
+            y *= selected.weights
+            selected.q_lin[:] += y
         np.negative(qp.q_lin, out=qp.q_lin)
         self._set_limits(q_command)
         return qp.solve()

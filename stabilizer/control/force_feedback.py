@@ -1,4 +1,6 @@
-"""The wrench law: how each sole should move, given what it feels (cons_kine).
+"""The wrench law: how each sole should move, given what it feels.
+
+The contact constraint of the second QP in the paper's section IV-B.
 
 A standing foot follows r = -Lambda_c^-1 K^-1 e_F, plus, where switched on, its own
 estimated twist: the ground's motion fed forward, which the paper treats as a
@@ -17,10 +19,7 @@ import numpy as np
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
-
-NORMAL = 2
-"""Index of the normal force in a sole wrench."""
+from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 
 
 class ForceFeedback:

@@ -1,4 +1,8 @@
-"""What the stabilizer holds on to: the standing stance, or what a planner says."""
+"""The reference: what the controller should keep to, tick by tick.
+
+Without a planner it is the standing stance: nominal posture, centre of mass over the
+middle of the feet, base upright. A planner's :class:`Reference` message replaces it.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +18,10 @@ from surefoot.stabilizer.model import RobotModel
 
 @dataclass
 class Stance:
-    """Reference in the stance frame; arrays are written in place.
+    """Where centre of mass, base, joints and feet should be, in the stance frame.
+
+    This is the controller's own copy of the reference, in its units and joint order;
+    arrays are written in place.
 
     Attributes:
         com: (3,) centre of mass [m]; its z is held within reach of the feet.
@@ -39,6 +46,7 @@ class Stance:
     yaw_sole: list[float]
     com_nominal: float
     base_error: Vec3
+    _followed: Reference | None = None
 
     def compare_base(self, R_world_base: Mat) -> None:
         """Update ``base_error``, the rotation vector from base to reference.
@@ -48,13 +56,19 @@ class Stance:
         """
         self.base_error[:] = pin.log3(R_world_base.T @ self.R_base)
 
-    def set(self, reference: Reference, model: RobotModel) -> None:
-        """Take over a planner's reference.
+    def follow(self, reference: Reference | None, model: RobotModel) -> None:
+        """Take over a planner's newest reference, unless that is done already.
 
         Args:
-            reference: validated message; joints in bus order.
+            reference: validated message, joints in bus order; None before there is
+                one.
             model: gives the joint order.
         """
+        if reference is not None and reference is not self._followed:
+            self._followed = reference
+            self._set(reference, model)
+
+    def _set(self, reference: Reference, model: RobotModel) -> None:
         self.com[:] = reference.com
         self.com_height = reference.com[2]
         self.com_velocity[:] = reference.com_velocity

@@ -1,8 +1,11 @@
-"""First QP: the contact wrenches the feet should feel (op: tsid).
+"""First QP: the contact wrenches the feet should feel.
+
+The task-space inverse dynamics QP of the paper's section IV-A.
 
 In words: find joint torques that, with the feet at rest, accelerate the centre of
-mass, the base and the posture as their PD laws ask, within torque, friction,
-centre-of-pressure and load limits; the wrenches that go with them are F_id.
+mass, the base, the posture and whatever else there is a task for as the tasks ask,
+within torque, friction, centre-of-pressure and load limits; the wrenches that go with
+them are F_id.
 
 The dynamics and the contact constraint are not equalities of the QP: for feet at
 rest the paper's own identities give wrenches and accelerations in terms of tau,
@@ -15,20 +18,32 @@ so the unknowns are the n_a torques alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
 import numpy as np
 from scipy.linalg import lapack
 
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.settings import TsidSettings
 from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.control.tasks import (
+    EvenLoadTask,
+    SelectionTask,
+    Task,
+    weight_roots,
+)
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
-from surefoot.stabilizer.qp import DenseQp, QpSolution
+from surefoot.stabilizer.qp import (
+    DenseQp,
+    PiqpSolver,
+    QpSolution,
+    QpSolver,
+    QpStatus,
+)
 
 ROWS_PER_FOOT = 12
-COM, BASE = slice(0, 3), slice(3, 6)
-NO_CONTACT = "no contact"
-SINGULAR = "singular contact"
 
 
 def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> Mat:
@@ -68,17 +83,33 @@ FEET_OF = {(True, True): (0, 1), (True, False): (0,), (False, True): (1,)}
 """Standing feet by (left, right) contact."""
 
 
+class _TaskRows(NamedTuple):
+    """A task's rows in the buffers of one problem."""
+
+    task: Task
+    T: Mat
+    y: Array
+    bias: Array
+
+
 class _FeetProblem:
     """Workspace for one set of standing feet: both, left or right."""
 
     def __init__(
-        self, n_a: int, feet: tuple[int, ...], *, cones: list[Mat], roots: Array
+        self,
+        n_a: int,
+        feet: tuple[int, ...],
+        *,
+        cones: list[Mat],
+        tasks: Sequence[Task],
+        load_weights: Array,
+        solver: QpSolver,
     ) -> None:
         self.feet = feet
         self.rows = slice(6 * feet[0], 6 * feet[-1] + 6)
         n_c = 6 * len(feet)
         self.n_c = n_c
-        self.qp = DenseQp("tsid", n=n_a, m=ROWS_PER_FOOT * len(feet))
+        self.qp = DenseQp("tsid", n=n_a, m=ROWS_PER_FOOT * len(feet), solver=solver)
         self.C: Mat = np.zeros((ROWS_PER_FOOT * len(feet), n_c))
         for i, foot in enumerate(feet):
             rows = slice(ROWS_PER_FOOT * i, ROWS_PER_FOOT * (i + 1))
@@ -87,13 +118,30 @@ class _FeetProblem:
         self.known: Mat = np.zeros((n_c, n_a + 1))
         self.Gamma_c: Mat = np.zeros((n_c, n_a))
         self.h_c: Array = np.zeros(n_c)
-        # Stacked tasks roots * (J tau + bias - y): com 3, base 3, joints, wrenches.
-        n_rows = N_BASE_V + n_a + n_c
+        # Stacked rows roots * (T tau + bias - y): every task, then the wrenches.
+        roots = [
+            (task, weight_roots(task, task.acceleration_weights))
+            for task in tasks
+            if task.acceleration_weights is not None
+        ]
+        self.roots: Array = np.concatenate(
+            [rows for _, rows in roots] + [np.sqrt(load_weights)] * len(feet)
+        )
+        n_rows = self.roots.size
         self.T: Mat = np.zeros((n_rows, n_a))
         self.t: Array = np.zeros(n_rows)
         self.y: Array = np.zeros(n_rows)
         self.bias: Array = np.zeros(n_rows)
-        self.roots: Array = roots[:n_rows]
+        self.tasks: list[_TaskRows] = []
+        start = 0
+        for task, _ in roots:
+            rows = slice(start, start + task.size)
+            self.tasks.append(
+                _TaskRows(task, self.T[rows], self.y[rows], self.bias[rows])
+            )
+            start += task.size
+        self.load_T, self.load_y = self.T[start:], self.y[start:]
+        self.load_bias = self.bias[start:]
 
 
 class Tsid:
@@ -105,42 +153,49 @@ class Tsid:
         tau: (n_a,) torques that go with them [N m].
     """
 
-    def __init__(self, model: RobotModel, settings: TsidSettings) -> None:
-        """Allocate one problem for each set of standing feet."""
+    def __init__(
+        self,
+        model: RobotModel,
+        settings: TsidSettings,
+        tasks: Sequence[Task],
+        *,
+        solver: Callable[[], QpSolver] = PiqpSolver,
+    ) -> None:
+        """Allocate one problem for each set of standing feet.
+
+        Args:
+            model: the robot.
+            settings: limits and weights.
+            tasks: what to do with the motion; their rows are stacked in this order.
+            solver: makes the solver of each problem.
+        """
         self._model = model
         self._settings = settings
+        self._load = EvenLoadTask(model, settings)
         n_a = model.n_a
         cones = [
             cone_rows(settings, foot.half_length_m, foot.half_width_m)
             for foot in model.robot.file.foot
         ]
-        roots = np.sqrt(_task_weights(model, settings))
         self._problems = {
-            standing: _FeetProblem(n_a, feet, cones=cones, roots=roots)
+            standing: _FeetProblem(
+                n_a,
+                feet,
+                cones=cones,
+                tasks=tasks,
+                load_weights=self._load.weights,
+                solver=solver(),
+            )
             for standing, feet in FEET_OF.items()
         }
         for problem in self._problems.values():
             problem.qp.x_l[:] = -model.torque_limit
             problem.qp.x_u[:] = model.torque_limit
-        self._com_kp = np.array(settings.com_kp)
-        self._com_kd = np.array(settings.com_kd)
         self._weight = model.mass * GRAVITY
         self.A: Mat = np.zeros((model.n_v, n_a))
         self.b: Array = np.zeros(model.n_v)
         self.F_id: Array = np.zeros(12)
         self.tau: Array = np.zeros(n_a)
-        self._none = QpSolution(
-            np.zeros(n_a), NO_CONTACT, False, np.zeros(0), np.zeros(n_a)
-        )
-        self._singular = QpSolution(
-            np.zeros(n_a), SINGULAR, False, np.zeros(0), np.zeros(n_a)
-        )
-
-    def retune(self, settings: TsidSettings) -> None:
-        """Take new gains; weights and limits stay as they were built."""
-        self._settings = settings
-        self._com_kp[:] = settings.com_kp
-        self._com_kd[:] = settings.com_kd
 
     def solve(
         self,
@@ -164,9 +219,9 @@ class Tsid:
         problem = self._problems.get((in_contact[0], in_contact[1]))
         if problem is None:
             self.F_id[:] = 0.0
-            return self._none
+            return self.problem([True, True]).failed(QpStatus.NO_CONTACT)
         if not self.condense(dynamics, problem):
-            return self._singular
+            return problem.qp.failed(QpStatus.SINGULAR_CONTACT)
         self._stack_tasks(dynamics, stance, problem)
         self._set_limits(problem, allowed)
         qp = problem.qp
@@ -213,37 +268,24 @@ class Tsid:
     def _stack_tasks(
         self, dynamics: Dynamics, stance: Stance, problem: _FeetProblem
     ) -> None:
-        """Weighted task rows T tau = t.
-
-        Rows: centre of mass, then base rotation and joints as they stand in qdd,
-        then the wrenches.
-        """
-        settings, T, y, bias = self._settings, problem.T, problem.y, problem.bias
-        roots, n_v = problem.roots, self._model.n_v
-        y[COM] = (
-            stance.com_acceleration
-            + self._com_kp * (stance.com - dynamics.p_com)
-            + self._com_kd * (stance.com_velocity - dynamics.v_com)
-        )
-        y[BASE] = settings.base_kp * stance.base_error
-        y[BASE] -= settings.base_kd * dynamics.v[BASE]
-        y[N_BASE_V:n_v] = settings.posture_kp * (stance.posture - dynamics.q[7:])
-        y[N_BASE_V:n_v] -= settings.posture_kd * dynamics.v[N_BASE_V:]
-        share = self._weight / len(problem.feet)
-        for i, foot in enumerate(problem.feet):
-            # An even load, straight up.
-            start = n_v + 6 * i
-            y[start : start + 3] = share * dynamics.R_world_sole[foot][2]
-        dynamics.J_com.dot(self.A, out=T[COM])
-        T[3:n_v] = self.A[3:]
-        T[n_v:] = problem.Gamma_c
-        np.multiply(T, roots[:, None], out=T)
-        dynamics.J_com.dot(self.b, out=bias[COM])
-        bias[COM] += dynamics.Jdot_v_com
-        bias[3:n_v] = self.b[3:]
-        bias[n_v:] = problem.h_c
-        np.subtract(y, bias, out=problem.t)
-        problem.t *= roots
+        """Fill the weighted rows T tau = t of all tasks, then of the wrenches."""
+        A, b = self.A, self.b
+        for task, T, y, bias in problem.tasks:
+            task.acceleration(dynamics, stance, y)
+            if isinstance(task, SelectionTask):
+                T[:] = A[task.columns]
+                bias[:] = b[task.columns]
+            else:
+                J = task.jacobian(dynamics)
+                J.dot(A, out=T)
+                J.dot(b, out=bias)
+                bias += task.drift(dynamics)
+        self._load.wrenches(dynamics, problem.feet, problem.load_y)
+        problem.load_T[:] = problem.Gamma_c
+        problem.load_bias[:] = problem.h_c
+        np.multiply(problem.T, problem.roots[:, None], out=problem.T)
+        np.subtract(problem.y, problem.bias, out=problem.t)
+        problem.t *= problem.roots
 
     def _set_limits(self, problem: _FeetProblem, allowed: Array) -> None:
         least = self._settings.normal_force_min_n
@@ -257,21 +299,3 @@ class Tsid:
         problem.C.dot(problem.Gamma_c, out=problem.qp.G)
         problem.C.dot(problem.h_c, out=problem.qp.h_u)
         np.subtract(problem.d, problem.qp.h_u, out=problem.qp.h_u)
-
-
-def _task_weights(model: RobotModel, settings: TsidSettings) -> Array:
-    """(6 + n_a + 12,) weights of the stacked task rows, for both feet."""
-    posture = np.where(
-        model.is_leg, settings.leg_posture_weight, settings.posture_weight
-    )
-    wrench = [settings.force_weight] * 3 + [settings.moment_weight] * 3
-    weights: Array = np.concatenate(
-        (
-            [settings.com_weight] * 3,
-            [settings.base_weight] * 3,
-            posture,
-            wrench,
-            wrench,
-        )
-    )
-    return weights

@@ -19,6 +19,7 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.dynamics import NORMAL
 from surefoot.stabilizer.model import RobotModel, skew
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 
@@ -26,7 +27,6 @@ ANKLE_SCALE = np.array([1e-3, 1e-3, 1e-4, 1.0, 1.0, 1e-4])
 """D: residual scale of force [1/N] and moment [1/(N m)] at the ankle."""
 CONE_ROWS = 16
 ROWS_PER_FOOT = CONE_ROWS + 1
-NORMAL = 2
 LEAST_FOOT_FORCE_N = 1.0
 """A foot that feels less does not count [N]."""
 LEAST_NET_FORCE_N = 1.0

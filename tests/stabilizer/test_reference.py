@@ -49,7 +49,7 @@ def reference(model: RobotModel) -> Reference:
 def test_reference_is_taken_over_whole(
     model: RobotModel, stance: Stance, reference: Reference
 ) -> None:
-    stance.set(reference, model)
+    stance.follow(reference, model)
     np.testing.assert_array_equal(stance.com, reference.com)
     np.testing.assert_array_equal(stance.com_velocity, reference.com_velocity)
     np.testing.assert_array_equal(stance.com_acceleration, reference.com_acceleration)
@@ -67,14 +67,14 @@ def test_reference_without_feet_leaves_them_where_they_stand(
     model: RobotModel, stance: Stance, reference: Reference
 ) -> None:
     before = standing(model)
-    stance.set(msgspec.structs.replace(reference, feet=[]), model)
+    stance.follow(msgspec.structs.replace(reference, feet=[]), model)
     np.testing.assert_array_equal(stance.p_sole, before.p_sole)
     assert stance.yaw_sole == before.yaw_sole
 
 
 def test_standing_reference_changes_nothing(model: RobotModel, stance: Stance) -> None:
     before = standing(model)
-    stance.set(standing_reference(model), model)
+    stance.follow(standing_reference(model), model)
     for name in ("com", "com_velocity", "com_acceleration", "R_base", "posture"):
         np.testing.assert_array_equal(getattr(stance, name), getattr(before, name))
 
@@ -82,10 +82,10 @@ def test_standing_reference_changes_nothing(model: RobotModel, stance: Stance) -
 def test_length_of_the_quaternion_does_not_matter(
     model: RobotModel, stance: Stance, reference: Reference
 ) -> None:
-    stance.set(reference, model)
+    stance.follow(reference, model)
     once = stance.R_base.copy()
     longer = [3.0 * number for number in reference.base_quat_xyzw]
-    stance.set(msgspec.structs.replace(reference, base_quat_xyzw=longer), model)
+    stance.follow(msgspec.structs.replace(reference, base_quat_xyzw=longer), model)
     np.testing.assert_allclose(stance.R_base, once, atol=TOLERANCE)
 
 

@@ -1,0 +1,239 @@
+"""The observer: from raw sensors to all that a controller knows of its robot.
+
+Data flows one way: snapshot -> estimator -> kinematics -> sole wrenches -> contacts.
+Every controller has one, so that they all see the same robot.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS
+from surefoot.stabilizer.estimation.contact import ContactMonitor
+from surefoot.stabilizer.estimation.estimator import Estimator
+from surefoot.stabilizer.estimation.wrench_compensation import WrenchCompensation
+from surefoot.stabilizer.model import GRAVITY, RobotModel
+
+
+class StateEstimator(Protocol):
+    """Tells where base and joints are; :class:`Estimator` is one.
+
+    Attributes:
+        q: (7 + n_a,) configuration in the stance frame, joints in model order.
+        v: (6 + n_a,) velocity, base twist in base first.
+        R_world_base: (3, 3) base rotation.
+        ground_height: height of the ground between the soles, from nominal [m].
+    """
+
+    q: Array
+    v: Array
+    R_world_base: Mat
+    ground_height: float
+
+    def calibrate(self, snapshot: Snapshot) -> None:
+        """Take one reading of a robot that stands on still, level ground.
+
+        Args:
+            snapshot: reading of all sensors.
+        """
+
+    def update(
+        self, snapshot: Snapshot, *, normal_left: float, normal_right: float
+    ) -> None:
+        """Advance by one tick.
+
+        Args:
+            snapshot: reading of all sensors.
+            normal_left: normal force of the left foot, as last measured [N].
+            normal_right: the same for the right foot [N].
+        """
+
+
+class SoleKinematics(Protocol):
+    """What a controller computes at a state anyway, its soles' rotations included.
+
+    Attributes:
+        R_world_sole: rotation of left and right sole.
+    """
+
+    R_world_sole: list[Mat]
+
+    def update(self, q: Array, v: Array) -> None:
+        """Compute everything at a state.
+
+        Args:
+            q: (7 + n_a,) configuration.
+            v: (n_v,) velocity, base twist in base first.
+        """
+
+
+@dataclass(slots=True)
+class ObservedState:
+    """What the observer knows. Reused by the next tick: copy what you keep.
+
+    Attributes:
+        q: (7 + n_a,) configuration in the stance frame, joints in model order.
+        v: (6 + n_a,) velocity, base twist in base first.
+        R_world_base: (3, 3) base rotation.
+        ground_height: height of the ground between the soles, from nominal [m].
+        F_meas: (12,) measured wrenches of the ground on left and right sole, sole
+            frames [N, N m].
+        in_contact: whether left and right foot stand.
+        allowed: (2,) largest normal force to ask of each foot [N].
+        is_calibrating: whether tilt and gyroscope bias are still being taken.
+        active_s: time since that ended, negative until then [s].
+    """
+
+    q: Array
+    v: Array
+    R_world_base: Mat
+    ground_height: float
+    F_meas: Array
+    in_contact: list[bool]
+    allowed: Array
+    is_calibrating: bool
+    active_s: float
+
+
+class Observer:
+    """Estimator, sole wrenches and contacts of one robot, from start to end of a run.
+
+    Attributes:
+        estimator: tells base and joints.
+        wrenches: takes the weight below the ankle sensors away.
+        contacts: tells which feet stand.
+        state: of the last tick.
+        lost: whether the left and the right ankle sensor are left out.
+    """
+
+    def __init__(
+        self,
+        model: RobotModel,
+        settings: ControllerSettings,
+        kinematics: SoleKinematics,
+        *,
+        largest_force: float,
+        period_s: float,
+        estimator: StateEstimator | None = None,
+    ) -> None:
+        """Allocate everything; begin with :meth:`start`.
+
+        Args:
+            model: the robot.
+            settings: of estimator and contacts.
+            kinematics: updated at every tick, as soon as the state is known.
+            largest_force: normal force to be asked of a foot that stands [N].
+            period_s: time between two ticks [s].
+            estimator: used in place of the project's own.
+        """
+        self._dt = period_s
+        self._calibration_s = settings.estimator.calibration_s
+        self._since_start_s = 0.0
+        self._kinematics = kinematics
+        self.estimator: StateEstimator = estimator or Estimator(
+            model, settings.estimator, period_s=period_s
+        )
+        self.wrenches = WrenchCompensation(model)
+        self.contacts = ContactMonitor(
+            settings.contact, largest_force=largest_force, period_s=period_s
+        )
+        self._weight = model.mass * GRAVITY
+        self._normals = (0.5 * self._weight, 0.5 * self._weight)
+        self.lost = (False, False)
+        self._instead: Array = np.zeros(12)
+        self.state = ObservedState(
+            q=self.estimator.q,
+            v=self.estimator.v,
+            R_world_base=self.estimator.R_world_base,
+            ground_height=self.estimator.ground_height,
+            F_meas=self.wrenches.F_meas,
+            in_contact=self.contacts.in_contact,
+            allowed=self.contacts.allowed,
+            is_calibrating=True,
+            active_s=-self._calibration_s,
+        )
+
+    def start(self, snapshot: Snapshot) -> None:
+        """Begin on a robot that stands still, once.
+
+        Args:
+            snapshot: first reading of all sensors.
+        """
+        self.estimator.calibrate(snapshot)
+
+    def update(self, snapshot: Snapshot) -> ObservedState | None:
+        """Advance by one tick.
+
+        Args:
+            snapshot: reading of all sensors.
+
+        Returns:
+            The robot's state, the same object every time; None when a sensor reports
+            something that is no number: then nothing has changed.
+        """
+        if not _is_finite(snapshot):
+            return None
+        state, estimator, kinematics = self.state, self.estimator, self._kinematics
+        self._since_start_s += self._dt
+        state.active_s = self._since_start_s - self._calibration_s
+        state.is_calibrating = self._since_start_s < self._calibration_s
+        if state.is_calibrating:
+            estimator.calibrate(snapshot)
+        else:
+            left, right = self._normals
+            estimator.update(snapshot, normal_left=left, normal_right=right)
+        state.q, state.v = estimator.q, estimator.v
+        state.R_world_base = estimator.R_world_base
+        state.ground_height = estimator.ground_height
+        kinematics.update(state.q, state.v)
+        F_meas = self.wrenches.update(
+            snapshot.ft_left, snapshot.ft_right, kinematics.R_world_sole
+        )
+        if any(self.lost):
+            self._assume(F_meas)
+        self._normals = (F_meas.item(NORMAL), F_meas.item(6 + NORMAL))
+        self.contacts.update(*self._normals)
+        return state
+
+    def leave_out(self, lost: tuple[bool, bool], *, instead: Array) -> None:
+        """Go on without ankle sensors.
+
+        A foot without its sensor is taken to feel what it should, and to carry what
+        the other one does not.
+
+        Args:
+            lost: whether the left and the right sensor are to be left out.
+            instead: (12,) wrenches the feet should feel; read at every tick.
+        """
+        self.lost, self._instead = lost, instead
+
+    def assume_wanted(self) -> None:
+        """Have feet without sensor feel just what they should: no wrench error."""
+        for side, rows in enumerate(SOLE_ROWS):
+            if self.lost[side]:
+                self.state.F_meas[rows] = self._instead[rows]
+
+    def _assume(self, F_meas: Array) -> None:
+        """Put what may be assumed in the place of what is not measured."""
+        normals = (F_meas.item(NORMAL), F_meas.item(6 + NORMAL))
+        self.assume_wanted()
+        for side, rows in enumerate(SOLE_ROWS):
+            if self.lost[side] and not self.lost[1 - side]:
+                rest = self._weight - max(normals[1 - side], 0.0)
+                F_meas[rows.start + NORMAL] = max(rest, 0.0)
+
+
+def _is_finite(snapshot: Snapshot) -> bool:
+    """Whether every reading used is a number: sums of squares cannot cancel out."""
+    q, dq = snapshot.q, snapshot.dq
+    gyro, accel = snapshot.angular_velocity, snapshot.linear_acceleration
+    left, right = snapshot.ft_left, snapshot.ft_right
+    total = q.dot(q) + dq.dot(dq) + gyro.dot(gyro) + accel.dot(accel)
+    return math.isfinite(total + left.dot(left) + right.dot(right))
