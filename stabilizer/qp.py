@@ -24,6 +24,7 @@ from scipy.linalg import lapack
 
 from surefoot.schemas.arrays import Array, Mat
 
+_NOTHING: Array = np.zeros(0)
 FEASIBILITY_TOLERANCE = 1e-9
 """Violation that the unconstrained minimum may have to be taken as feasible."""
 
@@ -66,13 +67,20 @@ class QpResiduals(NamedTuple):
         dual: the largest of ``|P x + q_lin + G^T z + z_box|``, of how much a
             multiplier of G x <= h_u is under zero, and of multipliers of bounds at
             infinity.
-        duality_gap: ``|x^T P x + q_lin^T x + h_u^T z + x_u^T z_u - x_l^T z_l|``, by
-            which the cost may exceed the least possible one.
+        duality_gap: ``|z|^T |h_u - G x| + z_u^T |x_u - x| + z_l^T |x - x_l|``: by
+            so much the cost may exceed the least possible one, where the gradient
+            above vanishes. (As a sum of products, since the difference of both costs
+            drowns in rounding.)
     """
 
     primal: float
     dual: float
     duality_gap: float
+
+    @property
+    def worst(self) -> float:
+        """Largest of the three; NaN if one of them is."""
+        return float(np.max(self))
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,18 +113,17 @@ class QpSolution:
         qp, x, z = self.problem, self.x, self.z
         z_u, z_l = np.maximum(self.z_box, 0.0), np.maximum(-self.z_box, 0.0)
         has_u, has_l = np.isfinite(qp.x_u), np.isfinite(qp.x_l)
+        slack, to_u, to_l = qp.h_u - qp.G @ x, qp.x_u - x, x - qp.x_l
         gradient = qp.P @ x + qp.q_lin + qp.G.T @ z + self.z_box
         gap = (
-            x @ qp.P @ x
-            + qp.q_lin @ x
-            + qp.h_u @ z
-            + qp.x_u[has_u] @ z_u[has_u]
-            - qp.x_l[has_l] @ z_l[has_l]
+            np.abs(z) @ np.abs(slack)
+            + z_u[has_u] @ np.abs(to_u[has_u])
+            + z_l[has_l] @ np.abs(to_l[has_l])
         )
         return QpResiduals(
-            primal=_largest(qp.G @ x - qp.h_u, x - qp.x_u, qp.x_l - x),
+            primal=_largest(-slack, -to_u, -to_l),
             dual=_largest(np.abs(gradient), -z, z_u[~has_u], z_l[~has_l]),
-            duality_gap=abs(float(gap)),
+            duality_gap=float(gap),
         )
 
 
@@ -140,7 +147,7 @@ class QpData:
 
 
 class SolverAnswer(NamedTuple):
-    """What a solver found; numbers are meaningless unless the status is ``ok``.
+    """What a solver found: nothing but a status unless it is ``ok``.
 
     Attributes:
         status: ``ok``, or what went wrong.
@@ -150,9 +157,9 @@ class SolverAnswer(NamedTuple):
     """
 
     status: QpStatus
-    x: Array
-    z: Array
-    z_box: Array
+    x: Array = _NOTHING
+    z: Array = _NOTHING
+    z_box: Array = _NOTHING
 
 
 class QpSolver(Protocol):
@@ -197,11 +204,13 @@ class PiqpSolver:
         take(P=qp.P, c=qp.q_lin, **rows, x_l=qp.x_l, x_u=qp.x_u)
         self._is_set_up = True
         status = _PIQP_STATUS.get(self._solver.solve(), QpStatus.UNSOLVED)
+        if status is not QpStatus.OK:
+            return SolverAnswer(status)
         result = self._solver.result
         return SolverAnswer(
             status=status,
             x=result.x,
-            z=result.z_u if has_rows else np.zeros(0),
+            z=result.z_u if has_rows else _NOTHING,
             z_box=result.z_bu - result.z_bl,
         )
 

@@ -234,12 +234,6 @@ class WrenchDistribution:
             self.F[rows] = solution.x
         return solution
 
-    def problem(self, in_contact: list[bool]) -> DenseQp:
-        """The QP of a set of standing feet, as last solved."""
-        if in_contact[0] and in_contact[1]:
-            return self.both
-        return self.alone[0 if in_contact[0] else 1]
-
 
 def centre_of_pressure(F: Array) -> tuple[float, float]:
     """Of one foot's wrench (6,), in the sole frame [m]; the middle without a force."""

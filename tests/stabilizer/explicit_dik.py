@@ -73,7 +73,13 @@ def _tasks(rig: Rig, q_command: Array) -> list[tuple[Mat, Array, Array | float]]
     posture_weight = np.where(
         rig.model.is_leg, settings.leg_posture_weight, settings.posture_weight
     )
+    extra = []
+    for task in rig.extra_tasks:
+        y = np.zeros(task.size)
+        task.velocity(dynamics, stance, q_command, y)
+        extra.append((task.jacobian(dynamics), y, task.velocity_weights))
     return [
+        *extra,
         (
             dynamics.J_com,
             stance.com_velocity + np.array(settings.com_gain) * com_error,

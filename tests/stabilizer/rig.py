@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
+import pinocchio as pin
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.dik import Dik
 from surefoot.stabilizer.control.reference import Stance, standing
+from surefoot.stabilizer.control.tasks import Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import GRAVITY, RobotModel
-from surefoot.stabilizer.qp import QpSolution
+from surefoot.stabilizer.qp import PiqpSolver, QpSolution, QpSolver
 from tests.stabilizer.states import State
 
 BOTH, LEFT, RIGHT = [True, True], [True, False], [False, True]
@@ -25,17 +29,25 @@ class Rig:
     Attributes:
         weight: of the robot [N].
         q: (7 + n_a,) configuration of the last :meth:`go`.
+        extra_tasks: beside those of a robot that stands.
     """
 
     def __init__(
-        self, model: RobotModel, settings: ControllerSettings | None = None
+        self,
+        model: RobotModel,
+        settings: ControllerSettings | None = None,
+        *,
+        extra_tasks: Sequence[Task] = (),
+        solver: Callable[[], QpSolver] = PiqpSolver,
     ) -> None:
         self.model = model
         self.settings = settings or ControllerSettings()
         self.dynamics = Dynamics(model)
         self.stance: Stance = standing(model)
-        self.tsid = Tsid(model, self.settings.tsid)
-        self.dik = Dik(model, self.settings.dik)
+        self.extra_tasks = extra_tasks
+        tasks = [*standing_tasks(model, self.settings), *extra_tasks]
+        self.tsid = Tsid(model, self.settings.tsid, tasks, solver=solver)
+        self.dik = Dik(model, self.settings.dik, tasks, solver=solver)
         self.weight = model.mass * GRAVITY
 
     @property
@@ -46,6 +58,22 @@ class Rig:
     def largest_force(self) -> float:
         """Normal force that may be asked of a standing foot [N]."""
         return self.settings.tsid.normal_force_max_weights * self.weight
+
+    def ask(self, rng: np.random.Generator, *, position: float, speed: float) -> None:
+        """Have a planner ask for something else everywhere.
+
+        Args:
+            rng: what it asks for.
+            position: how far from the stance [m, rad].
+            speed: of the centre of mass [m/s]; ten times that in its acceleration
+                [m/s^2].
+        """
+        stance, nominal = self.stance, standing(self.model)
+        stance.com[:] = nominal.com + position * rng.normal(size=3)
+        stance.com_velocity[:] = speed * rng.normal(size=3)
+        stance.com_acceleration[:] = 10.0 * speed * rng.normal(size=3)
+        stance.R_base[:] = pin.exp3(position * rng.normal(size=3))
+        stance.posture[:] = nominal.posture + position * rng.normal(size=self.model.n_a)
 
     def go(self, state: State) -> Dynamics:
         """Put the robot into a state."""

@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.stabilizer.qp import SOLVED, DenseQp
-from tests.stabilizer.kkt import kkt_residuals
+from surefoot.stabilizer.qp import DenseQp, QpSolution, QpStatus, SolverAnswer
+from tests.stabilizer.least_distance import LeastDistanceSolver
 
 N, M = 12, 9
+ARRAYS = ("P", "q_lin", "G", "h_u", "x_l", "x_u")
 PROBLEMS = 40
 KKT_TOLERANCE = 1e-6
 SAME_ANSWER = 1e-6
 SAME_COST = 1e-6
+SAME_MULTIPLIER = 1e-5
 TOUCH = 1e-7
 """More than what an unconstrained minimum may violate, yet next to nothing."""
 
@@ -38,6 +40,15 @@ def cost(qp: DenseQp, x: Array) -> float:
     return float(0.5 * x @ qp.P @ x + qp.q_lin @ x)
 
 
+def with_solver(problem: DenseQp, solver: LeastDistanceSolver) -> DenseQp:
+    """The same problem for another solver."""
+    m, n = problem.G.shape
+    other = DenseQp(problem.name, n=n, m=m, solver=solver)
+    for name in ARRAYS:
+        getattr(other, name)[:] = getattr(problem, name)
+    return other
+
+
 @pytest.fixture
 def qp() -> DenseQp:
     return DenseQp("test", n=N, m=M)
@@ -59,7 +70,7 @@ def test_wide_limits_leave_the_unconstrained_minimum(
         np.testing.assert_allclose(
             solution.x, np.linalg.solve(qp.P, -qp.q_lin), atol=SAME_ANSWER
         )
-        assert kkt_residuals(qp, solution).worst < KKT_TOLERANCE
+        assert solution.residuals().worst < KKT_TOLERANCE
 
 
 def test_tight_limits_meet_the_kkt_conditions(
@@ -70,7 +81,7 @@ def test_tight_limits_meet_the_kkt_conditions(
         solution = qp.solve()
         assert solution.ok
         assert solution.constrained
-        assert kkt_residuals(qp, solution).worst < KKT_TOLERANCE
+        assert solution.residuals().worst < KKT_TOLERANCE
         assert np.abs(solution.z_box).max() + solution.z.max() > KKT_TOLERANCE
 
 
@@ -99,10 +110,10 @@ def test_only_a_box_is_a_problem_too(rng: np.random.Generator) -> None:
     qp.x_l[: N // 2], qp.x_u[: N // 2] = -0.1, 0.1
     solution = qp.solve()
     assert solution.constrained
-    assert kkt_residuals(qp, solution).worst < KKT_TOLERANCE
+    assert solution.residuals().worst < KKT_TOLERANCE
 
 
-@pytest.mark.parametrize("array", ["P", "q_lin", "G", "h_u", "x_l", "x_u"])
+@pytest.mark.parametrize("array", ARRAYS)
 @pytest.mark.parametrize("room", [1e4, 0.1])
 def test_nan_is_a_status(
     qp: DenseQp, rng: np.random.Generator, array: str, room: float
@@ -110,8 +121,7 @@ def test_nan_is_a_status(
     fill(qp, rng, room=room)
     getattr(qp, array).flat[0] = np.nan
     solution = qp.solve()
-    assert not solution.ok
-    assert solution.status
+    assert solution.status is QpStatus.NOT_FINITE
 
 
 def test_nan_in_a_problem_with_only_a_box_is_a_status() -> None:
@@ -124,8 +134,7 @@ def test_contradiction_is_a_status(qp: DenseQp, rng: np.random.Generator) -> Non
     fill(qp, rng, room=1.0)
     qp.G[1], qp.h_u[1] = -qp.G[0], -qp.h_u[0] - 1.0
     solution = qp.solve()
-    assert not solution.ok
-    assert "infeasible" in solution.status
+    assert solution.status is QpStatus.PRIMAL_INFEASIBLE
 
 
 @pytest.mark.parametrize("how", ["nan", "contradiction"])
@@ -142,7 +151,7 @@ def test_next_good_problem_is_solved_as_if_nothing_had_been(how: str) -> None:
     for qp in (scarred, fresh):
         fill(qp, np.random.default_rng(8), room=0.1)
         solution = qp.solve()
-        assert solution.status == SOLVED
+        assert solution.status is QpStatus.OK
         answers.append(solution.x.copy())
     np.testing.assert_allclose(answers[0], answers[1], atol=SAME_ANSWER)
 
@@ -156,6 +165,104 @@ def test_kept_problem_fails_again_on_replay(
     kept = qp.data(status)
     fill(qp, rng, room=1.0)
     replay = DenseQp(kept.name, n=N, m=M)
-    for name in ("P", "q_lin", "G", "h_u", "x_l", "x_u"):
+    for name in ARRAYS:
         getattr(replay, name)[:] = getattr(kept, name)
     assert replay.solve().status == kept.status == status
+
+
+def test_another_solver_gives_the_same_answers(
+    qp: DenseQp, rng: np.random.Generator
+) -> None:
+    """An active-set method and PIQP, in x and in every multiplier."""
+    solver = LeastDistanceSolver()
+    for _ in range(PROBLEMS):
+        fill(qp, rng, room=0.3)
+        other = with_solver(qp, solver).solve()
+        mine = qp.solve()
+        assert mine.ok
+        assert other.ok
+        assert other.residuals().worst < KKT_TOLERANCE
+        np.testing.assert_allclose(mine.x, other.x, atol=SAME_ANSWER)
+        for name in ("z", "z_box"):
+            np.testing.assert_allclose(
+                getattr(mine, name), getattr(other, name), atol=SAME_MULTIPLIER
+            )
+    assert solver.solved == PROBLEMS
+
+
+def test_another_solvers_failure_is_a_status_too(
+    qp: DenseQp, rng: np.random.Generator
+) -> None:
+    fill(qp, rng, room=1.0)
+    qp.G[1], qp.h_u[1] = -qp.G[0], -qp.h_u[0] - 1.0
+    solution = with_solver(qp, LeastDistanceSolver()).solve()
+    assert solution.status is QpStatus.PRIMAL_INFEASIBLE
+    assert solution.problem.data(solution.status).status == "primal infeasible"
+
+
+def test_a_solver_runs_only_where_limits_press(
+    qp: DenseQp, rng: np.random.Generator
+) -> None:
+    solver = LeastDistanceSolver()
+    for room, expected in ((1e4, 0), (0.1, 1)):
+        fill(qp, rng, room=room)
+        assert with_solver(qp, solver).solve().ok
+        assert solver.solved == expected
+
+
+class Claim:
+    """Claims an answer of the test's choosing."""
+
+    def __init__(self, x: list[float], z: float, z_box: list[float]) -> None:
+        self._answer = SolverAnswer(
+            QpStatus.OK, np.array(x), np.array([z]), np.array(z_box)
+        )
+
+    def solve(self, qp: DenseQp) -> SolverAnswer:
+        return self._answer
+
+
+def claimed(x: list[float], z: float, z_box: list[float]) -> QpSolution:
+    """Claim a solution of: the point next to (2, 3) with x_0 <= 1 and x_1 <= 2.
+
+    x_0 <= 1 is a row of G, x_1 <= 2 a bound; x_0 has no bounds, x_1 none below.
+    """
+    qp = DenseQp("point", n=2, m=1, solver=Claim(x, z, z_box))
+    qp.q_lin[:] = [-2.0, -3.0]
+    qp.G[0, 0] = 1.0
+    qp.x_u[1] = 2.0
+    return qp.solve()
+
+
+@pytest.mark.parametrize(
+    ("x", "z", "z_box", "residuals"),
+    [
+        pytest.param([1.0, 2.0], 1.0, [0.0, 1.0], (0.0, 0.0, 0.0), id="optimum"),
+        # By hand; gradient x - (2, 3) + (z, 0) + z_box.
+        pytest.param([1.5, 2.0], 0.5, [0.0, 1.0], (0.5, 0.0, 0.25), id="beyond G"),
+        pytest.param([1.0, 2.5], 1.0, [0.0, 0.5], (0.5, 0.0, 0.25), id="beyond box"),
+        pytest.param([0.5, 2.0], 1.5, [0.0, 1.0], (0.0, 0.0, 0.75), id="not pressing"),
+        pytest.param([1.0, 1.0], 1.0, [0.0, 2.0], (0.0, 0.0, 2.0), id="not at bound"),
+        pytest.param([1.0, 2.0], 1.2, [0.0, 1.0], (0.0, 0.2, 0.0), id="gradient"),
+        pytest.param([2.5, 2.0], -0.5, [0.0, 1.0], (1.5, 0.5, 0.75), id="pulling"),
+        pytest.param([1.0, 2.0], 0.6, [0.4, 1.0], (0.0, 0.4, 0.0), id="no upper bound"),
+        pytest.param([1.0, 2.0], 1.3, [-0.3, 1.0], (0.0, 0.3, 0.0), id="no lower one"),
+    ],
+)
+def test_residuals_tell_what_is_wrong(
+    x: list[float], z: float, z_box: list[float], residuals: tuple[float, ...]
+) -> None:
+    solution = claimed(x, z, z_box)
+    assert solution.constrained
+    np.testing.assert_allclose(solution.residuals(), residuals, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    [([np.nan, 0.0], 0.0, [0.0, 0.0]), ([1.0, 2.0], np.nan, [0.0, 1.0])],
+    ids=["x", "z"],
+)
+def test_residuals_of_nonsense_are_no_numbers_that_pass(
+    nonsense: tuple[list[float], float, list[float]],
+) -> None:
+    assert not claimed(*nonsense).residuals().worst < KKT_TOLERANCE

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array, Vec3
-from surefoot.stabilizer.control.tsid import NO_CONTACT
 from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.qp import QpStatus
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance
 
@@ -119,7 +119,7 @@ def test_no_foot_on_the_ground_is_a_status(model: RobotModel, rig: Rig) -> None:
     rig.go(nominal_state(model))
     assert rig.solve_tsid(BOTH).ok
     solution = rig.solve_tsid([False, False])
-    assert solution.status == NO_CONTACT
+    assert solution.status is QpStatus.NO_CONTACT
     np.testing.assert_array_equal(rig.tsid.F_id, 0.0)
 
 

@@ -106,6 +106,11 @@ def _cost(rig: Rig, feet: list[int]) -> _Cost:
     )
     cost.add(of_qdd[N_BASE_V:], posture_wanted, weight=posture_weight)
     cost.add(of_tau, np.zeros(n_a), weight=settings.torque_weight)
+    for task in rig.extra_tasks:
+        y = np.zeros(task.size)
+        task.acceleration(dynamics, stance, y)
+        y -= task.drift(dynamics)
+        cost.add(task.jacobian(dynamics) @ of_qdd, y, weight=task.acceleration_weights)
     up = [R[2] for R in dynamics.R_world_sole]
     even = [
         np.concatenate((rig.weight / len(feet) * up[side], np.zeros(3)))
