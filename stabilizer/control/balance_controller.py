@@ -13,7 +13,8 @@ from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.control.reference import standing
 from surefoot.stabilizer.estimation.observer import ObservedState, Observer
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.qp import QpData, QpSolution, QpStatus
+from surefoot.stabilizer.qp import QpData, QpSolution
+from surefoot.stabilizer.qp_status import QpStatus
 
 
 class BalanceController(ABC):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,7 +11,10 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.qp import QpData, QpStatus
+from surefoot.stabilizer.qp_status import QpStatus
+
+if TYPE_CHECKING:
+    from surefoot.stabilizer.qp import QpData
 
 
 @dataclass(slots=True)

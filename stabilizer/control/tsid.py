@@ -35,13 +35,8 @@ from surefoot.stabilizer.control.tasks import (
 )
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
-from surefoot.stabilizer.qp import (
-    DenseQp,
-    PiqpSolver,
-    QpSolution,
-    QpSolver,
-    QpStatus,
-)
+from surefoot.stabilizer.qp import DenseQp, PiqpSolver, QpSolution, QpSolver
+from surefoot.stabilizer.qp_status import QpStatus
 
 ROWS_PER_FOOT = 12
 

@@ -26,7 +26,8 @@ from surefoot.stabilizer.estimation.observer import (
     StateEstimator,
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V
-from surefoot.stabilizer.qp import PiqpSolver, QpSolver, QpStatus
+from surefoot.stabilizer.qp import PiqpSolver, QpSolver
+from surefoot.stabilizer.qp_status import QpStatus
 
 
 class WholeBodyController(BalanceController):

@@ -23,7 +23,7 @@ from surefoot.stabilizer.estimation.observer import (
     StateEstimator,
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V
-from surefoot.stabilizer.qp import QpStatus
+from surefoot.stabilizer.qp_status import QpStatus
 from surefoot.stabilizer.zmp.commanded_robot import CommandedRobot, ComTarget
 from surefoot.stabilizer.zmp.dcm_feedback import (
     GRAVITY_VECTOR,

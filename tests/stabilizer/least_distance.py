@@ -11,7 +11,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
-from surefoot.stabilizer.qp import DenseQp, QpStatus, SolverAnswer
+from surefoot.stabilizer.qp import DenseQp, SolverAnswer
+from surefoot.stabilizer.qp_status import QpStatus
 
 CONTRADICTION = 1e-9
 """A residual below it: the limits exclude everything."""

@@ -9,7 +9,7 @@ import pytest
 
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.stabilizer.model import GRAVITY, RobotModel
-from surefoot.stabilizer.qp import QpStatus
+from surefoot.stabilizer.qp_status import QpStatus
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance
 

@@ -1,0 +1,95 @@
+"""A task of your own: the left hand keeps to a point while the robot balances.
+
+    python examples/hand_task.py
+
+The whole-body controller solves two QPs every millisecond; a task gives both of them
+rows: a Jacobian J, its drift, and what J v and its rate should be.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+import surefoot as sf
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.control.tasks import Task
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.model import RobotModel
+
+FORWARD_UP_M = np.array([0.15, 0.0, 0.10])
+
+
+class HandTask(Task):
+    """A frame's origin keeps to a point of the stance frame."""
+
+    size = 3
+
+    def __init__(self, frame_id: int, target: Array) -> None:
+        """Say where to.
+
+        Args:
+            frame_id: from :meth:`RobotModel.frame_id`.
+            target: (3,) point in the stance frame [m]; may be written at any time.
+        """
+        self.frame_id = frame_id
+        self.target = target
+        self.acceleration_weights = np.full(3, 0.1)
+        self.velocity_weights = np.full(3, 1.0)
+        self.kp, self.kd = 50.0, 14.0  # [1/s^2], [1/s]
+        self.gain = 2.0  # [1/s]
+
+    def jacobian(self, dynamics: Dynamics) -> Mat:
+        """Return (3, n_v): velocity of the hand in world axes."""
+        return dynamics.frame_jacobian(self.frame_id)[:3]
+
+    def drift(self, dynamics: Dynamics) -> Array:
+        """Return (3,) [m/s^2]."""
+        return dynamics.frame_drift(self.frame_id)[:3]
+
+    def error(self, dynamics: Dynamics) -> Array:
+        """Return (3,) way from the hand to its target [m]."""
+        _, position = dynamics.frame_placement(self.frame_id)
+        return self.target - position
+
+    def acceleration(self, dynamics: Dynamics, stance: Stance, out: Array) -> None:
+        """Write a PD law for the first QP [m/s^2]."""
+        velocity = self.jacobian(dynamics) @ dynamics.v
+        out[:] = self.kp * self.error(dynamics) - self.kd * velocity
+
+    def velocity(
+        self, dynamics: Dynamics, stance: Stance, q_command: Array, out: Array
+    ) -> None:
+        """Write a P law for the second QP [m/s]."""
+        out[:] = self.gain * self.error(dynamics)
+
+
+def reaching_controller(robot: sf.Robot) -> tuple[WholeBodyController, HandTask]:
+    """Make a controller whose left hand reaches forward and up.
+
+    Args:
+        robot: loaded robot with a link ``left_hand``.
+    """
+    model = RobotModel(robot)
+    dynamics = Dynamics(model)
+    dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+    hand = model.frame_id("left_hand")
+    _, at_rest = dynamics.frame_placement(hand)
+    task = HandTask(hand, at_rest + FORWARD_UP_M)
+    settings = sf.ControllerSettings()
+    return WholeBodyController(robot, settings, extra_tasks=[task]), task
+
+
+def main() -> None:
+    """Stand on a moving platform, the hand where it should be."""
+    robot = sf.load_robot("walker")
+    controller, task = reaching_controller(robot)
+    run = sf.simulate(robot, "moving-platform-slow", controller=controller)
+    error_mm = 1e3 * np.linalg.norm(task.error(controller.dynamics))
+    print(f"{run.scenario.name}: {'fell' if run.result.fell else 'stood'}")
+    print(f"hand {error_mm:.1f} mm from its target")
+
+
+if __name__ == "__main__":
+    main()
