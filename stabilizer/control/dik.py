@@ -94,12 +94,13 @@ class Dik:
             weights = task.velocity_weights
             if weights is None:
                 continue
+            roots = weight_roots(task, weights)
             if isinstance(task, SelectionTask):
                 self._diagonal[task.columns] += weights
                 y, q_lin = np.zeros(task.size), self.qp.q_lin[task.columns]
                 self._selected.append(_SelectedRows(task, y, weights, q_lin))
             else:
-                dense.append((task, weight_roots(task, weights)))
+                dense.append((task, roots))
         self._roots: Array = np.concatenate([roots for _, roots in dense])
         self._T: Mat = np.zeros((self._roots.size, self._model.n_v))
         self._t: Array = np.zeros(self._roots.size)

@@ -148,3 +148,62 @@ def test_positions_are_those_of_forward_kinematics(
             sole = placement(model, state.q, side=side)
             np.testing.assert_allclose(dynamics.p_sole[side], sole.translation)
             np.testing.assert_allclose(dynamics.R_world_sole[side], sole.rotation)
+
+
+FRAMES = pytest.mark.parametrize("name", ["left_hand", "right_foot", "head"])
+
+
+def frame_twist(model: RobotModel, state: State, *, name: str) -> Array:
+    """(6,) [velocity of the origin; angular velocity], world axes."""
+    data = model.pin_model.createData()
+    pin.forwardKinematics(model.pin_model, data, state.q, state.v)
+    frame_id = model.pin_model.getFrameId(name)
+    twist: Array = pin.getFrameVelocity(
+        model.pin_model, data, frame_id, pin.LOCAL_WORLD_ALIGNED
+    ).vector
+    return twist
+
+
+@FRAMES
+def test_frame_jacobian_is_the_derivative_of_its_placement(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State], name: str
+) -> None:
+    frame_id = model.frame_id(name)
+    for state in states:
+        dynamics.update(state.q, state.v)
+        J, (R, _) = (
+            dynamics.frame_jacobian(frame_id),
+            dynamics.frame_placement(frame_id),
+        )
+        moved = Dynamics(model)
+        for column in range(model.n_v):
+            step = STEP * unit(model, column)
+            ends = []
+            for sign in (1.0, -1.0):
+                moved.update(stepped(model, state.q, along=sign * step), state.v)
+                R_moved, p_moved = moved.frame_placement(frame_id)
+                # Turned about world axes: R_moved R^T.
+                ends.append(np.concatenate((p_moved, pin.log3(R_moved @ R.T))))
+            rate = (ends[0] - ends[1]) / (2.0 * STEP)
+            np.testing.assert_allclose(J[:, column], rate, atol=TOLERANCE)
+
+
+@FRAMES
+def test_frame_drift_is_its_twists_rate_while_coasting(
+    model: RobotModel, dynamics: Dynamics, states: Iterator[State], name: str
+) -> None:
+    frame_id = model.frame_id(name)
+    for state in states:
+        dynamics.update(state.q, state.v)
+        twist = frame_twist(model, state, name=name)
+        J = dynamics.frame_jacobian(frame_id)
+        np.testing.assert_allclose(J @ state.v, twist, atol=TOLERANCE)
+        rate = drift(model, state, lambda s: frame_twist(model, s, name=name))
+        np.testing.assert_allclose(dynamics.frame_drift(frame_id), rate, atol=TOLERANCE)
+
+
+def test_frame_that_is_not_there_is_refused_with_its_nearest_names(
+    model: RobotModel,
+) -> None:
+    with pytest.raises(ValueError, match=r"got frame 'left_hnd'.*there is left_hand"):
+        model.frame_id("left_hnd")
