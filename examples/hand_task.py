@@ -36,7 +36,7 @@ class HandTask(Task):
         self.frame_id = frame_id
         self.target = target
         self.acceleration_weights = np.full(3, 0.1)
-        self.velocity_weights = np.full(3, 1.0)
+        self.velocity_weights = np.full(3, 30.0)
         self.kp, self.kd = 50.0, 14.0  # [1/s^2], [1/s]
         self.gain = 2.0  # [1/s]
 
