@@ -100,9 +100,9 @@ class SnapshotLayout:
         """
         numbers = np.empty(self.size)
         self._floats.pack_into(numbers.data, 0, *_numbers_of(*messages))
-        return self.name(tick, messages[0].stamp_ns, numbers)
+        return self.view(tick, messages[0].stamp_ns, numbers)
 
-    def name(self, tick: int, stamp_ns: int, numbers: Array) -> Snapshot:
+    def view(self, tick: int, stamp_ns: int, numbers: Array) -> Snapshot:
         """Make a snapshot of a block of numbers; it sees the block, not a copy.
 
         Args:
@@ -147,12 +147,15 @@ def _write_splitting() -> str:
     calls = []
     for index, entry in enumerate(SENSORS):
         values = []
+        listed: set[str] = set()
         for name in entry.attributes:
             field, part = entry.place(name)
+            numbers = field if field in listed else f"({field} := s.{field}.tolist())"
+            listed.add(field)
             cut = "" if part.stop is None else f"[{part.start}:{part.stop}]"
-            values.append(f"{name}=s.{field}.tolist(){cut}")
+            values.append(f"{name}={numbers}{cut}")
         head = f"schema={SCHEMA_VERSION}, tick=s.tick, stamp_ns=stamp_ns"
-        calls.append(f"kinds[{index}]({head}, {', '.join(values)})")
+        calls.append(f"kind{index}({head}, {', '.join(values)})")
     return f"lambda s, stamp_ns: ({', '.join(calls)},)"
 
 
@@ -160,7 +163,8 @@ def _write_splitting() -> str:
 # long, a thousand times a second.
 _numbers_of: Callable[..., tuple[float, ...]] = eval(_write_joining())
 _messages_of: Callable[[Snapshot, int], tuple[Message, ...]] = eval(
-    _write_splitting(), {"kinds": [entry.message for entry in SENSORS]}
+    _write_splitting(),
+    {f"kind{index}": entry.message for index, entry in enumerate(SENSORS)},
 )
 
 
