@@ -26,7 +26,9 @@ from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot_side.command_inbox import NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.mode_machine import CommandResult
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.robot_io.snapshot import Snapshot, sensor_messages
 from surefoot.robot_io.timing import TimingLog
@@ -120,11 +122,22 @@ def _one_tick(
     server.publish_sensors(snapshot, stamp_ns=time.monotonic_ns())
     due = snapshot.tick - delay
     if due >= 0:
-        answer = server.wait_answer(due, now_s=now_s, timeout_s=ANSWER_TIMEOUT_S)
-        if answer is None or not answer.verdict.accepted:
+        answer = _wait_answer(server, due, now_s)
+        if not isinstance(answer, CommandResult) or not answer.accepted:
             raise SystemExit(f"tick {due}: {answer}, {gate.modes.reason}")
     server.serve_requests(now_s=now_s)
     server.publish_status(now_s=now_s)
+
+
+def _wait_answer(
+    server: RobotServer, tick: int, now_s: float
+) -> CommandResult | NoAnswer:
+    deadline = time.monotonic() + ANSWER_TIMEOUT_S
+    answer: CommandResult | NoAnswer = NoAnswer.YET
+    while answer is NoAnswer.YET and time.monotonic() < deadline:
+        answer = server.answer(tick, now_s=now_s, deadline=deadline)
+        server.serve_requests(now_s=now_s)
+    return answer
 
 
 def _answer_ticks(robot_path: str, endpoints: Endpoints, controller_us: float) -> None:

@@ -12,6 +12,7 @@ from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, Joint, RobotFile
+from surefoot.schemas.sensors import SENSORS
 
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
@@ -102,10 +103,10 @@ def _parse(urdf_path: Path) -> ElementTree.Element:
 
 def _check_links(file: RobotFile, path: Path, root: ElementTree.Element) -> None:
     links = {link.get("name") for link in root.iter("link")}
-    wanted = {"base_link": file.base_link, "imu.frame": file.imu.frame}
+    wanted = {"base_link": file.base_link}
+    wanted |= {entry.frame: entry.link(file) for entry in SENSORS if entry.frame}
     for index, foot in enumerate(file.foot):
         wanted[f"foot[{index}].sole_frame"] = foot.sole_frame
-        wanted[f"foot[{index}].ft_link"] = foot.ft_link
     for key, link in wanted.items():
         if link not in links:
             raise RobotFileError(f"{path}: {key}: {file.urdf} has no link {link!r}")

@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Vec3, Vec6
-from surefoot.schemas.messages import SCHEMA_VERSION, ForceTorque, ImuState, JointState
+from surefoot.schemas.messages import SCHEMA_VERSION, Message
+from surefoot.schemas.sensors import SENSORS, SNAPSHOT_FIELDS, Sensor
 from surefoot.schemas.topics import TICK_SENSORS
 
-FIELDS = {
-    "joints": ("q", "dq", "effort"),
-    "imu": ("quat_xyzw", "angular_velocity", "linear_acceleration"),
-    "left_ankle_ft": ("ft_left",),
-    "right_ankle_ft": ("ft_right",),
-}
-"""What of a snapshot each channel carries."""
+Ages = tuple[int, ...]
+"""Ticks since each sensor's message, in the order of the sensor table."""
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
     """Sensors of one tick, as the robot reports them; arrays are not to be written.
+
+    Its fields, after tick and stamp, are those of the sensor table, in that order.
 
     Attributes:
         tick: the robot's counter.
@@ -51,8 +51,17 @@ class Snapshot:
     ft_right: Vec6
 
 
+readings: Callable[[Snapshot], tuple[Array, ...]] = attrgetter(*SNAPSHOT_FIELDS)
+"""All readings of a snapshot, in the order of the sensor table."""
+
+
 class SnapshotLayout:
-    """Puts all numbers of a tick into one block of memory, and names its parts."""
+    """All numbers of a tick in one block of memory: which is where.
+
+    Attributes:
+        size: how many numbers there are.
+        places: where each field stands, by name, in the order of the sensor table.
+    """
 
     def __init__(self, joint_count: int) -> None:
         """Lay out a block.
@@ -60,52 +69,56 @@ class SnapshotLayout:
         Args:
             joint_count: n_a.
         """
-        sizes = (joint_count, joint_count, joint_count, 4, 3, 3, 6, 6)
-        ends = list(accumulate(sizes))
-        self._slices = [
-            slice(end - size, end) for size, end in zip(sizes, ends, strict=True)
-        ]
-        self._size = ends[-1]
-        self._floats = struct.Struct(f"{self._size}d")
+        sizes = dict.fromkeys(SNAPSHOT_FIELDS, 0)
+        for entry in SENSORS:
+            for quantity in entry.quantities:
+                sizes[quantity.field] += quantity.size or joint_count
+        ends = accumulate(sizes.values())
+        self.places = {
+            field: slice(end - size, end)
+            for (field, size), end in zip(sizes.items(), ends, strict=True)
+        }
+        self.size = sum(sizes.values())
+        self._slices = list(self.places.values())
+        self._floats = struct.Struct(f"{self.size}d")
 
-    def join(
-        self,
-        tick: int,
-        joints: JointState,
-        imu: ImuState,
-        left: ForceTorque,
-        right: ForceTorque,
-    ) -> Snapshot:
+    def place(self, entry: Sensor, attribute: str) -> slice:
+        """Find the numbers of one attribute of a sensor's message."""
+        field, part = entry.place(attribute)
+        block = self.places[field]
+        return slice(
+            block.start + part.start,
+            block.stop if part.stop is None else block.start + part.stop,
+        )
+
+    def join(self, tick: int, messages: Sequence[Message]) -> Snapshot:
         """Join the newest message of each sensor.
 
         Args:
             tick: of the snapshot; single messages may be older.
-            joints: joint positions, velocities and efforts.
-            imu: inertial unit.
-            left: left ankle force-torque.
-            right: right ankle force-torque.
+            messages: of all sensors, in the order of the sensor table.
         """
-        numbers = np.empty(self._size)
-        self._floats.pack_into(  # half the time of np.array
-            numbers.data,
-            0,
-            *joints.q,
-            *joints.dq,
-            *joints.effort,
-            *imu.quat_xyzw,
-            *imu.angular_velocity,
-            *imu.linear_acceleration,
-            *left.force,
-            *left.moment,
-            *right.force,
-            *right.moment,
-        )
-        return Snapshot(tick, joints.stamp_ns, *(numbers[s] for s in self._slices))
+        numbers = np.empty(self.size)
+        self._floats.pack_into(numbers.data, 0, *_numbers_of(*messages))
+        return self.view(tick, messages[0].stamp_ns, numbers)
+
+    def view(self, tick: int, stamp_ns: int, numbers: Array) -> Snapshot:
+        """Make a snapshot of a block of numbers; it sees the block, not a copy.
+
+        Args:
+            tick: the robot's counter.
+            stamp_ns: the robot's monotonic clock [ns].
+            numbers: (size,) all readings.
+        """
+        return Snapshot(tick, stamp_ns, *[numbers[part] for part in self._slices])
 
 
-def sensor_messages(
-    snapshot: Snapshot, *, stamp_ns: int
-) -> tuple[JointState, ImuState, ForceTorque, ForceTorque]:
+def ages_of(messages: Sequence[Message], tick: int) -> Ages:
+    """How many ticks each message is behind a tick."""
+    return tuple([tick - message.tick for message in messages])
+
+
+def sensor_messages(snapshot: Snapshot, *, stamp_ns: int) -> tuple[Message, ...]:
     """Take a snapshot apart, one message per sensor.
 
     Args:
@@ -113,42 +126,46 @@ def sensor_messages(
         stamp_ns: the robot's monotonic clock when they were taken [ns].
 
     Returns:
-        Messages in the order of ``TICK_SENSORS``.
+        Messages in the order of the sensor table.
     """
-    tick = snapshot.tick
-    left, right = snapshot.ft_left.tolist(), snapshot.ft_right.tolist()
-    return (
-        JointState(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            q=snapshot.q.tolist(),
-            dq=snapshot.dq.tolist(),
-            effort=snapshot.effort.tolist(),
-        ),
-        ImuState(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            quat_xyzw=snapshot.quat_xyzw.tolist(),
-            angular_velocity=snapshot.angular_velocity.tolist(),
-            linear_acceleration=snapshot.linear_acceleration.tolist(),
-        ),
-        ForceTorque(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            force=left[:3],
-            moment=left[3:],
-        ),
-        ForceTorque(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=stamp_ns,
-            force=right[:3],
-            moment=right[3:],
-        ),
-    )
+    return _messages_of(snapshot, stamp_ns)
+
+
+def _write_joining() -> str:
+    """An expression: all numbers of the messages of a tick, one after the other."""
+    parts = [
+        f"*m{index}.{name}"
+        for index, entry in enumerate(SENSORS)
+        for name in entry.attributes
+    ]
+    arguments = ", ".join(f"m{index}" for index in range(len(SENSORS)))
+    return f"lambda {arguments}: ({', '.join(parts)},)"
+
+
+def _write_splitting() -> str:
+    """An expression: the messages of a snapshot."""
+    calls = []
+    for index, entry in enumerate(SENSORS):
+        values = []
+        listed: set[str] = set()
+        for name in entry.attributes:
+            field, part = entry.place(name)
+            numbers = field if field in listed else f"({field} := s.{field}.tolist())"
+            listed.add(field)
+            cut = "" if part.stop is None else f"[{part.start}:{part.stop}]"
+            values.append(f"{name}={numbers}{cut}")
+        head = f"schema={SCHEMA_VERSION}, tick=s.tick, stamp_ns=stamp_ns"
+        calls.append(f"kind{index}({head}, {', '.join(values)})")
+    return f"lambda s, stamp_ns: ({', '.join(calls)},)"
+
+
+# Written out from the table once, as dataclasses do it: loops over it take twice as
+# long, a thousand times a second.
+_numbers_of: Callable[..., tuple[float, ...]] = eval(_write_joining())
+_messages_of: Callable[[Snapshot, int], tuple[Message, ...]] = eval(
+    _write_splitting(),
+    {f"kind{index}": entry.message for index, entry in enumerate(SENSORS)},
+)
 
 
 class Delivery:
@@ -161,7 +178,7 @@ class Delivery:
 
     def deliver(
         self, snapshot: Snapshot, missing: tuple[str, ...]
-    ) -> tuple[Snapshot, tuple[int, int, int, int]]:
+    ) -> tuple[Snapshot, Ages]:
         """What the controller gets.
 
         Args:
@@ -173,11 +190,10 @@ class Delivery:
         """
         tick = snapshot.tick
         old: dict[str, Any] = {}
-        for name in TICK_SENSORS:
-            if name in missing and self._last is not None:
-                old.update((f, getattr(self._last, f)) for f in FIELDS[name])
+        for entry in SENSORS:
+            if entry.name in missing and self._last is not None:
+                old.update((f, getattr(self._last, f)) for f in entry.fields)
             else:
-                self._ticks[name] = tick
+                self._ticks[entry.name] = tick
         self._last = replace(snapshot, **old) if old else snapshot
-        joints, imu, left, right = (tick - self._ticks[name] for name in TICK_SENSORS)
-        return self._last, (joints, imu, left, right)
+        return self._last, tuple([tick - then for then in self._ticks.values()])

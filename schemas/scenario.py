@@ -7,26 +7,23 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
 
 from surefoot.schemas.arrays import Floats3
 from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
+from surefoot.schemas.topics import TICK_SENSORS
 
 Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
 ROTATIONS = ("roll", "pitch", "yaw")
-SensorName = Literal["joints", "imu", "left_ankle_ft", "right_ankle_ft"]
 FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
-JUMP_SIZES = {
-    "joints": 0.3,
-    "imu": 5.0,
-    "left_ankle_ft": 2500.0,
-    "right_ankle_ft": 2500.0,
-}
-"""Offset of a jump by sensor, where the file gives none: positions [rad], gyroscope
-[rad/s], vertical force [N]."""
+if TYPE_CHECKING:
+    SensorName = str
+else:  # what a file may name are the sensors there are
+    SensorName = Literal[TICK_SENSORS]
 
 
 class SensorFault(FileStruct, frozen=True, kw_only=True):
@@ -46,7 +43,8 @@ class SensorFault(FileStruct, frozen=True, kw_only=True):
     duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
     """How long it lasts."""
     size: Positive | None = None
-    """Of a jump, in the sensor's unit; see JUMP_SIZES."""
+    """Of a jump: of the positions [rad], the gyroscope [rad/s] or the vertical force
+    [N]; 0.3, 5 or 2500 when absent."""
 
     def __post_init__(self) -> None:
         """Check that only a jump has a size."""
@@ -56,7 +54,7 @@ class SensorFault(FileStruct, frozen=True, kw_only=True):
     @property
     def offset(self) -> float:
         """Offset of a jump."""
-        return JUMP_SIZES[self.sensor] if self.size is None else self.size
+        return sensor(self.sensor).offset.size if self.size is None else self.size
 
 
 class _Motion(FileStruct, frozen=True, kw_only=True):

@@ -8,6 +8,7 @@ import msgspec
 
 from surefoot.schemas import messages
 from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.sensors import SENSORS
 
 
 class Direction(StrEnum):
@@ -33,14 +34,11 @@ class Topic(msgspec.Struct, frozen=True):
 
 
 TOPICS: tuple[Topic, ...] = (
-    Topic("joints", "state/joints", Direction.FROM_ROBOT, messages.JointState,
-          "every tick", "measured joint positions, velocities and efforts"),
-    Topic("imu", "state/imu", Direction.FROM_ROBOT, messages.ImuState,
-          "every tick", "gyroscope, accelerometer and the unit's own attitude"),
-    Topic("left_ankle_ft", "state/ft/left_ankle", Direction.FROM_ROBOT,
-          messages.ForceTorque, "every tick", "left ankle force-torque sensor"),
-    Topic("right_ankle_ft", "state/ft/right_ankle", Direction.FROM_ROBOT,
-          messages.ForceTorque, "every tick", "right ankle force-torque sensor"),
+    *(
+        Topic(entry.name, entry.key, Direction.FROM_ROBOT, entry.message, entry.rate,
+              entry.description)
+        for entry in SENSORS
+    ),
     Topic("status", "state/status", Direction.FROM_ROBOT, messages.RobotStatus,
           "50 Hz and on change", "mode, fault, commander, refusals"),
     Topic("joint_command", "cmd/joints", Direction.TO_ROBOT, messages.JointCommand,
@@ -72,7 +70,7 @@ ALIVE_STABILIZER = "alive/stabilizer"
 ALIVE_OBSERVER = "alive/observer"
 """Liveliness tokens; stabilizer and observers append their identity."""
 
-TICK_SENSORS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
+TICK_SENSORS = tuple(entry.name for entry in SENSORS)
 """Channels that make up one snapshot, in the order they are sent."""
 
 

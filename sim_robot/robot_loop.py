@@ -7,7 +7,9 @@ from collections.abc import Callable
 
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import Pace, Pacer
+from surefoot.robot_io.robot_side.command_inbox import NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
+from surefoot.robot_io.robot_side.mode_machine import CommandResult
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.robot_io.timing import CommandLatency, TimingLog
 from surefoot.schemas.messages import RobotMode
@@ -135,36 +137,49 @@ class RobotLoop:
         due = self._simulated.commands_needed(tick)
         if due is None or self._active_since is None or due < self._active_since:
             return
-        answer = self._server.wait_answer(
-            due,
-            now_s=now_s,
-            timeout_s=DEADLINE_S if self._is_answered else FIRST_DEADLINE_S,
-        )
+        answer = self._wait_answer(due, now_s, stop)
         if answer is not None:
-            self._take_in(answer.command.tick, due)
+            self._take_in(answer, acts_as=due)
         elif self._gate.mode is RobotMode.ACTIVE and not stop.is_set:
             self._server.deadline_misses += 1
 
+    def _wait_answer(
+        self, due: int, now_s: float, stop: StopRequest
+    ) -> CommandResult | None:
+        """The answer to a tick, requests served meanwhile; None if it will not come."""
+        patience_s = DEADLINE_S if self._is_answered else FIRST_DEADLINE_S
+        deadline = time.monotonic() + patience_s
+        while True:
+            answer = self._server.answer(due, now_s=now_s, deadline=deadline)
+            if isinstance(answer, CommandResult):
+                return answer
+            if answer is NoAnswer.OVERTAKEN:
+                return None
+            self._server.serve_requests(now_s=now_s)
+            is_active = self._gate.mode is RobotMode.ACTIVE
+            if not is_active or stop.is_set or time.monotonic() >= deadline:
+                return None
+
     def _take_newest(self, tick: int, now_s: float) -> None:
         """Real time: the newest command acts as soon as its delay is over."""
-        command = self._server.take_newest(now_s=now_s)
-        if command is not None:
+        result = self._server.take_newest(now_s=now_s)
+        if result is not None:
             due = tick - self._simulated.command_delay_ticks
-            self._take_in(command.tick, max(command.tick, due))
+            self._take_in(result, acts_as=max(result.answers, due))
         elif self._is_answered and self._gate.mode is RobotMode.ACTIVE:
             self._server.deadline_misses += 1
 
-    def _take_in(self, answered_tick: int, acts_as: int) -> None:
-        """Hand the gate's posture on.
+    def _take_in(self, result: CommandResult, *, acts_as: int) -> None:
+        """Hand a posture on.
 
         Args:
-            answered_tick: the tick the command answers.
+            result: what the gate made of a command.
             acts_as: the tick whose answer it stands for.
         """
-        sent_ns = self.latency.stamp_ns(answered_tick)
+        sent_ns = self.latency.stamp_ns(result.answers)
         self.round_trip.add(time.monotonic_ns() - sent_ns)
         self._is_answered = True
         if acts_as >= 0:
-            self._simulated.apply(self._gate.posture, tick=acts_as)
+            self._simulated.apply(result.posture, tick=acts_as)
             acts_at = acts_as + self._simulated.command_delay_ticks
-            self.latency.taken(answered_tick, acts_at=acts_at)
+            self.latency.taken(result.answers, acts_at=acts_at)

@@ -3,27 +3,51 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from itertools import accumulate
 from pathlib import Path
 
 import mujoco
 
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.messages import ForceTorque, ImuState
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.sensors import of_kind
 
 SOLE_HALF_THICKNESS_M = 0.015
-IMU_SITE = "imu"
-SENSOR_QUAT_WXYZ = slice(0, 4)
-SENSOR_IMU_VELOCITY = slice(7, 10)
-SENSOR_FT = slice(10, 22)
-SENSOR_SOLES = slice(22, 34)
-SENSOR_NOISY = slice(4, 22)
-"""Layout of the sensor array; FT and SOLES hold left then right [force; moment].
+ATTITUDE = ("quat_xyzw", mujoco.mjtSensor.mjSENS_FRAMEQUAT, 4)
+MOTION = (
+    ("angular_velocity", mujoco.mjtSensor.mjSENS_GYRO, 3),
+    ("linear_acceleration", mujoco.mjtSensor.mjSENS_FRAMELINVEL, 3),
+)
+WRENCH = (
+    ("force", mujoco.mjtSensor.mjSENS_FORCE, 3),
+    ("moment", mujoco.mjtSensor.mjSENS_TORQUE, 3),
+)
+"""What MuJoCo reads for each attribute of a message, and how many numbers.
 
-NOISY is the gyroscope (4 to 7) and all from there to the last force sensor. The
-velocity of the IMU is in world axes; wrenches have MuJoCo's sign, that of the
-robot on what is below.
+Attitudes are w x y z. For an acceleration it is the velocity in world axes, of which
+the accelerometer is made. Wrenches have MuJoCo's sign, that of the robot on what is
+below.
 """
+UNITS, ANKLES = of_kind(ImuState), of_kind(ForceTorque)
+_READS = (
+    *((unit, ATTITUDE) for unit in UNITS),
+    *((unit, read) for unit in UNITS for read in MOTION),
+    *((ankle, read) for ankle in ANKLES for read in WRENCH),
+)
+"""In the order of MuJoCo's sensor array: what is noisy stands together, and so do the
+wrenches."""
+_ENDS = tuple(accumulate(size for _, (_, _, size) in _READS))
+SENSOR_PLACES = {
+    (entry.name, attribute): slice(end - size, end)
+    for (entry, (attribute, _, size)), end in zip(_READS, _ENDS, strict=True)
+}
+"""Where in MuJoCo's sensor array the attributes of a sensor's message are."""
+SENSOR_NOISY = slice(4 * len(UNITS), _ENDS[-1])
+SENSOR_WRENCHES = slice(_ENDS[-1] - 6 * len(ANKLES), _ENDS[-1])
+SENSOR_SOLES = slice(_ENDS[-1], _ENDS[-1] + 12)
+"""After all that: the contact wrenches, left then right [force; moment]."""
 
 
 def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
@@ -71,14 +95,17 @@ def robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjS
     spec = read_urdf(robot.urdf_path, visuals=visuals)
     spec.body(robot.file.base_link).add_freejoint(name="base")
     _add_drives(spec, robot, kp_scale=scenario.model_error.servo_kp_scale)
-    _add_imu(spec, robot.file.imu.frame)
     feet = (robot.left, robot.right)
     for foot in feet:
         _add_sole_box(spec, foot)
+    for entry in (*UNITS, *ANKLES):
+        _add_site(spec, entry.name, link=entry.link(robot.file))
+    for entry, read in _READS:
+        _add_sensor(spec, entry.name, read)
     for foot in feet:
-        _add_wrench_sensor(spec, foot.ft_link)
-    for foot in feet:
-        _add_wrench_sensor(spec, foot.sole_frame)
+        _add_site(spec, foot.sole_frame, link=foot.sole_frame)
+        for read in WRENCH:
+            _add_sensor(spec, foot.sole_frame, read)
     return spec
 
 
@@ -105,18 +132,6 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, *, kp_scale: float) -> None:
         servo.biasprm[2] = -entry.kd_nm_s_rad
 
 
-def _add_imu(spec: mujoco.MjSpec, frame: str) -> None:
-    spec.body(frame).add_site(name=IMU_SITE, pos=[0.0, 0.0, 0.0])
-    for name, kind in (
-        ("imu_quat", mujoco.mjtSensor.mjSENS_FRAMEQUAT),
-        ("imu_gyro", mujoco.mjtSensor.mjSENS_GYRO),
-        ("imu_velocity", mujoco.mjtSensor.mjSENS_FRAMELINVEL),
-    ):
-        spec.add_sensor(
-            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=IMU_SITE
-        )
-
-
 def _add_sole_box(spec: mujoco.MjSpec, foot: Foot) -> None:
     """The box that touches the ground, in the sole's own massless body.
 
@@ -135,12 +150,17 @@ def _add_sole_box(spec: mujoco.MjSpec, foot: Foot) -> None:
     )
 
 
-def _add_wrench_sensor(spec: mujoco.MjSpec, link: str) -> None:
-    spec.body(link).add_site(name=link, pos=[0.0, 0.0, 0.0])
-    for name, kind in (
-        (f"{link}_force", mujoco.mjtSensor.mjSENS_FORCE),
-        (f"{link}_moment", mujoco.mjtSensor.mjSENS_TORQUE),
-    ):
-        spec.add_sensor(
-            name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=link
-        )
+def _add_site(spec: mujoco.MjSpec, name: str, *, link: str) -> None:
+    spec.body(link).add_site(name=name, pos=[0.0, 0.0, 0.0])
+
+
+def _add_sensor(
+    spec: mujoco.MjSpec, site: str, read: tuple[str, mujoco.mjtSensor, int]
+) -> None:
+    attribute, kind, _ = read
+    spec.add_sensor(
+        name=f"{site} {attribute}",
+        type=kind,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=site,
+    )

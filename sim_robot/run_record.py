@@ -6,14 +6,12 @@ import hashlib
 
 import numpy as np
 
-from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout, readings
 from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.truth import PlantTruth
 
 BLOCK_ROWS = 64
 """Ticks hashed at a time; the digest does not depend on it."""
-READINGS_BESIDE_JOINTS = 4 + 3 + 3 + 6 + 6
-PER_JOINT = 4
 
 
 class RunRecord:
@@ -87,9 +85,8 @@ class RunRecord:
 class RunDigest:
     """SHA-256 over every tick's sensors and the command it was stepped with.
 
-    Each tick adds, as little-endian float64: q, dq, effort, quat_xyzw,
-    angular_velocity, linear_acceleration, ft_left, ft_right, and the posture the
-    servos were given. Stamps and timings are left out.
+    Each tick adds, as little-endian float64, all readings in the order of the sensor
+    table, and the posture the servos were given. Stamps and timings are left out.
     """
 
     def __init__(self, *, joints: int) -> None:
@@ -99,26 +96,14 @@ class RunDigest:
             joints: n_a.
         """
         self._sha = hashlib.sha256()
-        width = PER_JOINT * joints + READINGS_BESIDE_JOINTS
+        width = SnapshotLayout(joints).size + joints
         self._rows = np.empty((BLOCK_ROWS, width), dtype="<f8")
         self._count = 0
 
     def add(self, snapshot: Snapshot, q_command: Array) -> None:
         """Take in one tick."""
-        np.concatenate(
-            (
-                snapshot.q,
-                snapshot.dq,
-                snapshot.effort,
-                snapshot.quat_xyzw,
-                snapshot.angular_velocity,
-                snapshot.linear_acceleration,
-                snapshot.ft_left,
-                snapshot.ft_right,
-                q_command,
-            ),
-            out=self._rows[self._count],
-        )
+        row = self._rows[self._count]
+        np.concatenate((*readings(snapshot), q_command), out=row)
         self._count += 1
         if self._count == BLOCK_ROWS:
             self._sha.update(self._rows.data)

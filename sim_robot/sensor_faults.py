@@ -9,17 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from surefoot.robot_io.snapshot import FIELDS, Snapshot
+from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.scenario import SensorFault
+from surefoot.schemas.sensors import Sensor, sensor
 
-JUMPS = {
-    "joints": ("q", slice(None)),
-    "imu": ("angular_velocity", slice(0, 1)),
-    "left_ankle_ft": ("ft_left", slice(2, 3)),
-    "right_ankle_ft": ("ft_right", slice(2, 3)),
-}
-"""Which numbers an offset is added to."""
 IMPOSSIBLE = 1e6
 """More than any sensor can measure, in any unit."""
 
@@ -81,19 +75,25 @@ class SensorFaults:
         if index not in self._frozen:
             source = self._last if self._last is not None else present
             self._frozen[index] = {
-                name: getattr(source, name) for name in FIELDS[fault.sensor]
+                name: getattr(source, name) for name in sensor(fault.sensor).fields
             }
         return self._frozen[index]
 
 
 def _spoil(fault: SensorFault, snapshot: Snapshot) -> dict[str, Any]:
+    failing = sensor(fault.sensor)
     if fault.kind == "jump":
-        name, where = JUMPS[fault.sensor]
-        values = getattr(snapshot, name).copy()
-        values[where] += fault.offset
-        return {name: values}
+        return _shifted(failing, snapshot, by=fault.offset)
     wrong = math.nan if fault.kind == "nan" else IMPOSSIBLE
     return {
-        name: np.full_like(getattr(snapshot, name), wrong)
-        for name in FIELDS[fault.sensor]
+        name: np.full_like(getattr(snapshot, name), wrong) for name in failing.fields
     }
+
+
+def _shifted(failing: Sensor, snapshot: Snapshot, *, by: float) -> dict[str, Any]:
+    """The reading a jump touches, with an offset."""
+    field, part = failing.place(failing.offset.attribute)
+    values = getattr(snapshot, field).copy()
+    axis = failing.offset.axis
+    values[part][slice(None) if axis is None else axis] += by
+    return {field: values}

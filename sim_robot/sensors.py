@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterator
 from dataclasses import replace
 
 import mujoco
@@ -11,24 +12,24 @@ import numpy as np
 
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.messages import JointState
 from surefoot.schemas.scenario import Sensors
+from surefoot.schemas.sensors import SENSORS, Noise
 from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.quaternion import xyzw
 from surefoot.sim_robot.robot_spec import (
-    SENSOR_FT,
-    SENSOR_IMU_VELOCITY,
+    ATTITUDE,
     SENSOR_NOISY,
-    SENSOR_QUAT_WXYZ,
+    SENSOR_PLACES,
+    SENSOR_WRENCHES,
+    UNITS,
 )
 from surefoot.sim_robot.world import World
 
 NANOSECONDS = 1_000_000_000
 BLOCK_ROWS = 256
 """Ticks drawn at a time; the streams do not depend on it."""
-GYRO, ACCEL = slice(0, 3), slice(3, 6)
-FT_LEFT, FT_RIGHT = slice(6, 12), slice(12, 18)
-"""Channels of the readings that :meth:`SensorNoise.add_to` disturbs."""
-CHANNELS = 18
+CHANNELS = SENSOR_NOISY.stop - SENSOR_NOISY.start
 VELOCITY_FILTER_S = 0.005
 """Time constant of the low-pass behind the difference of two positions [s]."""
 
@@ -127,34 +128,25 @@ class SensorNoise:
             settings: standard deviations and biases.
             seed: of the run; each sensor gets a child of its own.
         """
-        children = np.random.SeedSequence(seed).spawn(4)
+        streams = _streams()
+        children = np.random.SeedSequence(seed).spawn(max(streams) + 1)
         self._streams = [
-            (np.random.default_rng(child), channels)
-            for child, channels in zip(
-                children, (FT_LEFT, FT_RIGHT, GYRO, ACCEL), strict=True
-            )
+            (np.random.default_rng(children[number]), channels)
+            for number, channels in streams.items()
         ]
-        self._deviation = _by_channel(
-            gyro=settings.gyro_noise_rad_s,
-            accel=settings.accel_noise_m_s2,
-            force=settings.force_noise_n,
-            moment=settings.moment_noise_nm,
-        )
-        self._bias = _by_channel(
-            gyro=settings.gyro_bias_rad_s,
-            accel=settings.accel_bias_m_s2,
-            force=settings.force_bias_n,
-            moment=settings.moment_bias_nm,
-        )
+        self._deviation, self._bias = np.zeros(CHANNELS), np.zeros(CHANNELS)
+        for noise, channels in _noises():
+            self._deviation[channels] = getattr(settings, noise.deviation)
+            self._bias[channels] = getattr(settings, noise.bias)
         self._silent = not self._deviation.any() and not self._bias.any()
-        self._rows = np.empty((BLOCK_ROWS, CHANNELS))
+        self._rows = np.zeros((BLOCK_ROWS, CHANNELS))
         self._next = BLOCK_ROWS
 
     def add_to(self, readings: Array) -> None:
         """Disturb the readings of one tick in place.
 
         Args:
-            readings: (18,) gyroscope, accelerometer, left wrench, right wrench.
+            readings: (CHANNELS,) the noisy part of MuJoCo's sensor array.
         """
         if self._silent:
             return
@@ -172,13 +164,23 @@ class SensorNoise:
         self._next = 0
 
 
-def _by_channel(*, gyro: float, accel: float, force: float, moment: float) -> Array:
-    """(18,) one value per kind of channel, spread over the channels."""
-    values = np.empty(CHANNELS)
-    values[GYRO], values[ACCEL] = gyro, accel
-    for wrench in (FT_LEFT, FT_RIGHT):
-        values[wrench] = np.repeat([force, moment], 3)
-    return values
+def _noises() -> Iterator[tuple[Noise, slice]]:
+    """The noise of every noisy quantity, and its channels."""
+    for entry in SENSORS:
+        for quantity in entry.quantities:
+            if quantity.noise is not None:
+                place = SENSOR_PLACES[entry.name, quantity.attribute]
+                begin = place.start - SENSOR_NOISY.start
+                yield quantity.noise, slice(begin, begin + quantity.size)
+
+
+def _streams() -> dict[int, slice]:
+    """Channels by stream: a row of a stream is drawn at a time."""
+    streams: dict[int, slice] = {}
+    for noise, channels in _noises():
+        begin = streams.get(noise.stream, channels).start
+        streams[noise.stream] = slice(begin, channels.stop)
+    return streams
 
 
 class SensorSuite:
@@ -213,8 +215,14 @@ class SensorSuite:
         self._joint_qpos, self._joint_dof = world.joint_qpos, world.joint_dof
         self._qpos, self._qvel = data.qpos, data.qvel
         self._raw, self._effort = data.sensordata, data.actuator_force
-        self._imu_rotation = data.site_xmat[world.imu_site].reshape(3, 3)
-        self._accelerometer = Accelerometer(period_s=period_s)
+        self._accelerometers = [
+            (
+                Accelerometer(period_s=period_s),
+                SENSOR_PLACES[unit.name, "linear_acceleration"],
+                data.site_xmat[world.sensor_sites[unit.name]].reshape(3, 3),
+            )
+            for unit in UNITS
+        ]
         self._period_ns = round(period_s * NANOSECONDS)
         self._past: deque[Snapshot] = deque(maxlen=delay_ticks + 1)
         self._encoders = (
@@ -246,25 +254,44 @@ class SensorSuite:
             dq = self._qvel.take(self._joint_dof)
         else:
             q, dq = self._encoders.read(q)
-        # The accelerometer's reading takes the place of the velocity it is made of.
-        raw[SENSOR_IMU_VELOCITY] = self._accelerometer.read(
-            raw[SENSOR_IMU_VELOCITY], self._imu_rotation
-        )
+        # An accelerometer's reading takes the place of the velocity it is made of.
+        for accelerometer, place, rotation in self._accelerometers:
+            raw[place] = accelerometer.read(raw[place], rotation)
         # MuJoCo reports what the ankle does to the plate; the robot's sensor what
         # the plate does to the ankle: + z when standing.
-        wrenches = raw[SENSOR_FT]
+        wrenches = raw[SENSOR_WRENCHES]
         np.negative(wrenches, out=wrenches)
-        noisy = raw[SENSOR_NOISY]
-        self._noise.add_to(noisy)
+        self._noise.add_to(raw[SENSOR_NOISY])
         return Snapshot(
-            tick=tick,
-            stamp_ns=tick * self._period_ns,
-            q=q,
-            dq=dq,
-            effort=self._effort.copy(),
-            quat_xyzw=xyzw(raw[SENSOR_QUAT_WXYZ]),
-            angular_velocity=noisy[GYRO],
-            linear_acceleration=noisy[ACCEL],
-            ft_left=noisy[FT_LEFT],
-            ft_right=noisy[FT_RIGHT],
+            tick,
+            tick * self._period_ns,
+            q,
+            dq,
+            self._effort.copy(),
+            *[
+                xyzw(raw[place]) if is_attitude else raw[place]
+                for place, is_attitude in _FIELDS
+            ],
         )
+
+
+def _places_of_fields() -> Iterator[tuple[slice, bool]]:
+    """Where MuJoCo has each field of the snapshot after the joints', and its order.
+
+    Yields:
+        The place, and whether it is an attitude, which MuJoCo writes w x y z.
+    """
+    joints, *others = SENSORS
+    assert joints.message is JointState
+    for entry in others:
+        for field in entry.fields:
+            places = [
+                SENSOR_PLACES[entry.name, quantity.attribute]
+                for quantity in entry.quantities
+                if quantity.field == field
+            ]
+            is_attitude = places == [SENSOR_PLACES.get((entry.name, ATTITUDE[0]))]
+            yield slice(places[0].start, places[-1].stop), is_attitude
+
+
+_FIELDS = tuple(_places_of_fields())

@@ -14,7 +14,7 @@ from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.platforms import PlatformPlan, add_platform, plan_platforms
-from surefoot.sim_robot.robot_spec import IMU_SITE, robot_spec
+from surefoot.sim_robot.robot_spec import ANKLES, UNITS, robot_spec
 from surefoot.sim_robot.scenery import add_scenery
 from surefoot.sim_robot.ticks import SIM_STEP_S
 
@@ -34,7 +34,7 @@ class World:
         base_height: base origin above the ground with flat soles in the nominal
             posture [m].
         base_body: id of the base link.
-        imu_site: id of the inertial unit's frame.
+        sensor_sites: ids of the sensors' frames, by channel.
         joint_qpos: (n_a,) addresses in qpos, bus order.
         joint_dof: (n_a,) addresses in qvel, bus order.
         sole_bodies: ids of the left and the right sole.
@@ -48,7 +48,7 @@ class World:
     platforms: tuple[PlatformPlan, ...]
     base_height: float
     base_body: int
-    imu_site: int
+    sensor_sites: dict[str, int]
     joint_qpos: NDArray[np.intp]
     joint_dof: NDArray[np.intp]
     sole_bodies: tuple[int, int]
@@ -89,7 +89,9 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
         platforms=platforms,
         base_height=base_height,
         base_body=base_body,
-        imu_site=int(model.site(IMU_SITE).id),
+        sensor_sites={
+            entry.name: int(model.site(entry.name).id) for entry in (*UNITS, *ANKLES)
+        },
         joint_qpos=np.array([j.qposadr[0] for j in joints], dtype=np.intp),
         joint_dof=np.array([j.dofadr[0] for j in joints], dtype=np.intp),
         sole_bodies=(

@@ -151,12 +151,13 @@ class RelayedSimulation(Simulation):
             command = self._read(data)
             if command is None:
                 continue
-            if self.gate.check(command, tick=tick, now_s=now_s).accepted:
-                accepted = command
+            result = self.gate.accept(command, tick=tick, now_s=now_s)
+            if result.accepted:
+                accepted = result
         if accepted is not None:
             self._is_answered = True
-            acts_as = max(accepted.tick, tick - self.simulated.command_delay_ticks)
-            self.simulated.apply(self.gate.posture, tick=acts_as)
+            acts_as = max(accepted.answers, tick - self.simulated.command_delay_ticks)
+            self.simulated.apply(accepted.posture, tick=acts_as)
         elif self._is_answered and self.gate.mode is RobotMode.ACTIVE:
             self._misses += 1
 

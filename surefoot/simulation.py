@@ -187,8 +187,9 @@ class Simulation:
             output = self._answer(safety, tick, reference)
         due = simulated.commands_needed(tick)
         if due in self._commands:
-            self.gate.check(self._commands.pop(due), tick=tick, now_s=now_s)
-            simulated.apply(self.gate.posture, tick=due)
+            command = self._commands.pop(due)
+            result = self.gate.accept(command, tick=tick, now_s=now_s)
+            simulated.apply(result.posture, tick=due)
         simulated.step()
         self._elapsed_s += time.perf_counter() - began_s
         return output

@@ -157,7 +157,7 @@ def test_imu_frame(pairs: Iterator[Pair]) -> None:
     for pair in pairs:
         pin.framesForwardKinematics(pair.pin_model, pair.pin_data, pair.q)
         frame = pair.pin_model.getFrameId(pair.robot.file.imu.frame)
-        site = pair.mj.site(pair.world.imu_site)
+        site = pair.mj.site(pair.world.sensor_sites["imu"])
         assert_close(site.xpos, pair.pin_data.oMf[frame].translation)
         assert_close(site.xmat.reshape(3, 3), pair.pin_data.oMf[frame].rotation)
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple
 
 from surefoot.robot_io.bus.inbox import NEVER, Inbox, M
-from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
-from surefoot.schemas.messages import ForceTorque, ImuState, JointState
+from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
+from surefoot.schemas.messages import Message
 
 CAUGHT_UP_TICKS = 1
 
 
-class Sensor(Generic[M]):
+class SensorReader(Generic[M]):
     """The newest reading of one sensor, and whether one may wait for the next.
 
     Attributes:
@@ -90,13 +90,13 @@ class SnapshotReading(NamedTuple):
         snapshot: sensors of one tick.
         stale: names of the channels whose message of this tick did not come; the
             snapshot holds their newest values.
-        ages: ticks since each channel's message, in the order of ``TICK_SENSORS``.
+        ages: ticks since each channel's message, in the order of the sensor table.
         complete_ns: when the wait for it ended, on ``time.perf_counter_ns`` [ns].
     """
 
     snapshot: Snapshot
     stale: tuple[str, ...]
-    ages: tuple[int, int, int, int]
+    ages: Ages
     complete_ns: int
 
 
@@ -110,28 +110,21 @@ class SnapshotAssembler:
 
     def __init__(
         self,
-        joints: Sensor[JointState],
-        imu: Sensor[ImuState],
-        left: Sensor[ForceTorque],
-        right: Sensor[ForceTorque],
+        sensors: Sequence[SensorReader[Any]],
         *,
         joint_count: int,
         in_order: bool,
         patience_s: float,
     ) -> None:
-        """Join four sensors.
+        """Join sensors.
 
         Args:
-            joints: joint positions, velocities and efforts.
-            imu: inertial unit.
-            left: left ankle force-torque.
-            right: right ankle force-torque, the last to be sent.
+            sensors: all of them, in the order in which they are sent.
             joint_count: n_a.
             in_order: every tick once, none skipped (lockstep); otherwise the newest.
             patience_s: how long one sensor may keep the others waiting [s].
         """
-        self._joints, self._imu, self._left, self._right = joints, imu, left, right
-        self._sensors: Sequence[Sensor[Any]] = (joints, imu, left, right)
+        self._sensors = sensors
         self._in_order = in_order
         self._patience_s = patience_s
         self._was_partial = False
@@ -155,8 +148,9 @@ class SnapshotAssembler:
             for sensor in self._sensors:
                 sensor.reach(tick, patience_s=self._patience_s)
             self._tick = tick
-            if not self.missing():
-                return self._join(tick)
+            messages = [s.latest for s in self._sensors if s.latest is not None]
+            if len(messages) == len(self._sensors):
+                return self._join(tick, messages)
 
     def missing(self) -> tuple[str, ...]:
         """Channels that nothing has come from yet."""
@@ -186,12 +180,12 @@ class SnapshotAssembler:
                 return None
             self._doubt(last)
 
-    def _last_sensor(self) -> Sensor[Any]:
+    def _last_sensor(self) -> SensorReader[Any]:
         """The last one sent of those that are alive."""
         alive = [sensor for sensor in self._sensors if not sensor.is_lost]
         return alive[-1] if alive else self._sensors[-1]
 
-    def _choose(self, last: Sensor[Any]) -> int:
+    def _choose(self, last: SensorReader[Any]) -> int:
         if not self._in_order:
             last.take_newest()
             return last.tick
@@ -199,27 +193,16 @@ class SnapshotAssembler:
         ticks: list[int] = [head.tick for head in heads if head is not None]
         return min(tick for tick in ticks if tick > self._tick)
 
-    def _doubt(self, last: Sensor[Any]) -> None:
+    def _doubt(self, last: SensorReader[Any]) -> None:
         """Give the last sensor up if others have come twice without it."""
         others = (s for s in self._sensors if s is not last)
         is_partial = any(s.inbox.peek() is not None for s in others)
         last.is_lost = is_partial and self._was_partial
         self._was_partial = is_partial and not last.is_lost
 
-    def _join(self, tick: int) -> SnapshotReading:
-        joints, imu = self._joints.latest, self._imu.latest
-        left, right = self._left.latest, self._right.latest
-        assert joints is not None
-        assert imu is not None
-        assert left is not None
-        assert right is not None
-        snapshot = self._layout.join(tick, joints, imu, left, right)
-        ages = (
-            tick - joints.tick,
-            tick - imu.tick,
-            tick - left.tick,
-            tick - right.tick,
-        )
+    def _join(self, tick: int, messages: Sequence[Message]) -> SnapshotReading:
+        snapshot = self._layout.join(tick, messages)
+        ages = ages_of(messages, tick)
         if not any(ages):
             return SnapshotReading(snapshot, (), ages, self._complete_ns)
         stale = tuple(s.name for s in self._sensors if s.tick != tick)

@@ -8,16 +8,16 @@ import threading
 import time
 from contextlib import ExitStack
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from surefoot.robot_io.bus.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
-from surefoot.robot_io.bus.inbox import Inbox, Latest, M
+from surefoot.robot_io.bus.inbox import Inbox, Latest
 from surefoot.robot_io.bus.session import Role, unreachable
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.assembler import (
-    Sensor,
+    SensorReader,
     SnapshotAssembler,
     SnapshotReading,
 )
@@ -31,10 +31,7 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     EstopRequest,
-    ForceTorque,
-    ImuState,
     JointCommand,
-    JointState,
     LeaseRequest,
     ModeRequest,
     Reference,
@@ -43,6 +40,7 @@ from surefoot.schemas.messages import (
     SettingsChange,
     StabilizerStatus,
 )
+from surefoot.schemas.sensors import SENSORS, Sensor
 from surefoot.schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
 
 SENSOR_MESSAGES_KEPT = 64
@@ -295,10 +293,7 @@ class RobotClient:
     def _declare(self) -> None:
         bus, keys, n_a = self._bus, self._robot.keys, self._robot.n_a
         self._assembler = SnapshotAssembler(
-            self._sensor("joints", JointState),
-            self._sensor("imu", ImuState),
-            self._sensor("left_ankle_ft", ForceTorque),
-            self._sensor("right_ankle_ft", ForceTorque),
+            [self._reader(entry) for entry in SENSORS],
             joint_count=n_a,
             in_order=self._in_order,
             patience_s=LOCKSTEP_PATIENCE_S if self._in_order else PATIENCE_S,
@@ -342,9 +337,10 @@ class RobotClient:
             self._robot.keys["lease"], request, timeout_s=timeout_s
         )
 
-    def _sensor(self, name: str, kind: type[M]) -> Sensor[M]:
-        channel = self._bus.channel(self._robot.keys[name], depth=SENSOR_MESSAGES_KEPT)
-        return Sensor(name, Inbox(channel, kind, joint_count=self._robot.n_a))
+    def _reader(self, entry: Sensor) -> SensorReader[Any]:
+        key, n_a = self._robot.keys[entry.name], self._robot.n_a
+        channel = self._bus.channel(key, depth=SENSOR_MESSAGES_KEPT)
+        return SensorReader(entry.name, Inbox(channel, entry.message, joint_count=n_a))
 
     def _on_presence(self, key: str, is_there: bool) -> None:
         del key

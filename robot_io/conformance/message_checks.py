@@ -8,7 +8,7 @@ from surefoot.robot_io.conformance.check_result import Findings
 from surefoot.robot_io.conformance.probe import Recording
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.topics import TICK_SENSORS
+from surefoot.schemas.sensors import SENSORS, Sensor
 
 RATE_TOLERANCE = 0.1
 LOST_SHARE = 0.05
@@ -17,12 +17,6 @@ JITTER_PERIODS = 0.5
 """Typical error of the period; the worst may reach the watchdog's patience."""
 NS_PER_S = 1e9
 MS_PER_S = 1e3
-VALUES = {
-    "joints": ("q", "dq", "effort"),
-    "imu": ("quat_xyzw", "angular_velocity", "linear_acceleration"),
-    "left_ankle_ft": ("force", "moment"),
-    "right_ankle_ft": ("force", "moment"),
-}
 
 
 def check_messages(robot: Robot, recording: Recording, findings: Findings) -> None:
@@ -31,13 +25,14 @@ def check_messages(robot: Robot, recording: Recording, findings: Findings) -> No
     Raises:
         RunBrokenOffError: a channel is silent, so nothing can be said of its values.
     """
-    for name in TICK_SENSORS:
+    for entry in SENSORS:
+        name = entry.name
         _check_form(name, recording, findings)
         ticks = recording.column(name, "tick")
         stamps_s = recording.column(name, "stamp_ns") / NS_PER_S
         _check_order(name, ticks, stamps_s, findings)
         _check_rate(robot, name, ticks, stamps_s, findings)
-        _check_life(name, recording, findings)
+        _check_life(entry, recording, findings)
     _check_jitter(robot, recording, findings)
 
 
@@ -83,8 +78,9 @@ def _check_rate(
     )
 
 
-def _check_life(name: str, recording: Recording, findings: Findings) -> None:
-    values = np.hstack([recording.column(name, field) for field in VALUES[name]])
+def _check_life(entry: Sensor, recording: Recording, findings: Findings) -> None:
+    name = entry.name
+    values = np.hstack([recording.column(name, each) for each in entry.attributes])
     changing = np.ptp(values, axis=0) > 0.0
     findings.add(
         f"{name}.alive",

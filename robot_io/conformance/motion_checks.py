@@ -8,6 +8,7 @@ from surefoot.robot_io.conformance.check_result import Findings
 from surefoot.robot_io.conformance.probe import Offset, Probe, Recording
 from surefoot.robot_io.conformance.skeleton import Skeleton
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.sensors import ankle_sensor
 
 MOST_RAD = 1e-3
 NUDGE_RAD = 0.7e-3
@@ -106,8 +107,11 @@ def _left_share(probe: Probe, step: Array) -> float:
     probe.stream(LEG_RAMP_S + LEG_STAY_S, offset=_ramp(step, LEG_RAMP_S))
     recording = probe.stream(LEG_STAY_S, offset=lambda t: step)
     probe.stream(LEG_RAMP_S, offset=lambda t: step - _ramp(step, LEG_RAMP_S)(t))
-    left = recording.mean("left_ankle_ft", "force")[2]
-    return float(left - recording.mean("right_ankle_ft", "force")[2])
+    left, right = (
+        recording.mean(ankle_sensor(foot.side).name, "force")[2]
+        for foot in (probe.robot.left, probe.robot.right)
+    )
+    return float(left - right)
 
 
 def _ramp(step: Array, duration_s: float) -> Offset:

@@ -9,6 +9,8 @@ from surefoot.robot_io.conformance.probe import Recording
 from surefoot.robot_io.conformance.skeleton import GRAVITY_M_S2, Skeleton
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.messages import ImuState
+from surefoot.schemas.sensors import ankle_sensor, of_kind
 
 ACCELERATION_TOLERANCE_M_S2 = 0.5
 TILT_TOLERANCE_RAD = 0.2
@@ -32,7 +34,8 @@ def check_values(
         findings: takes the result.
     """
     _check_joints(robot, recording, q_held, findings)
-    _check_imu(recording, findings)
+    for unit in of_kind(ImuState):
+        _check_imu(unit.name, recording, findings)
     _check_feet(robot, recording, findings)
 
 
@@ -69,20 +72,20 @@ def _check_joints(
     )
 
 
-def _check_imu(recording: Recording, findings: Findings) -> None:
-    quaternions = recording.column("imu", "quat_xyzw")
+def _check_imu(name: str, recording: Recording, findings: Findings) -> None:
+    quaternions = recording.column(name, "quat_xyzw")
     norms = np.linalg.norm(quaternions, axis=1)
     findings.add(
-        "imu.quaternion",
+        f"{name}.quaternion",
         bool(np.abs(norms - 1.0).max() < QUATERNION_TOLERANCE),
         got=f"norm {norms.min():.4f} to {norms.max():.4f}",
         expected="a unit quaternion",
     )
-    acceleration = recording.mean("imu", "linear_acceleration")
+    acceleration = recording.mean(name, "linear_acceleration")
     size = float(np.linalg.norm(acceleration))
     hint = "; in g?" if abs(size - 1.0) < 0.1 else ""
     findings.add(
-        "imu.gravity",
+        f"{name}.gravity",
         abs(size - GRAVITY_M_S2) < ACCELERATION_TOLERANCE_M_S2,
         got=f"{size:.3f} m/s^2{hint}",
         expected=f"{GRAVITY_M_S2} m/s^2 at rest",
@@ -90,15 +93,15 @@ def _check_imu(recording: Recording, findings: Findings) -> None:
     up = _turned(quaternions.mean(axis=0), acceleration) / max(size, 1e-9)
     tilt = float(np.arccos(np.clip(up[2], -1.0, 1.0)))
     findings.add(
-        "imu.attitude",
+        f"{name}.attitude",
         tilt < TILT_TOLERANCE_RAD,
         got=f"quaternion and accelerometer differ by {np.degrees(tilt):.1f} deg",
         expected=f"below {np.degrees(TILT_TOLERANCE_RAD):.1f} deg (order x y z w; "
         "specific force points up)",
     )
-    rate = float(np.linalg.norm(recording.mean("imu", "angular_velocity")))
+    rate = float(np.linalg.norm(recording.mean(name, "angular_velocity")))
     findings.add(
-        "imu.gyroscope",
+        f"{name}.gyroscope",
         rate < GYRO_TOLERANCE_RAD_S,
         got=f"{rate:.4f} rad/s",
         expected=f"below {GYRO_TOLERANCE_RAD_S} rad/s at rest",
@@ -116,13 +119,11 @@ def _check_feet(robot: Robot, recording: Recording, findings: Findings) -> None:
     skeleton = Skeleton(robot)
     below_kg = sum(map(skeleton.mass_below_sensor_kg, robot.file.foot))
     weight_n = (skeleton.mass_kg - below_kg) * GRAVITY_M_S2
-    loads = [
-        float(recording.mean(f"{foot.side}_ankle_ft", "force")[2])
-        for foot in robot.file.foot
-    ]
-    for foot, load_n in zip(robot.file.foot, loads, strict=True):
+    ankles = [ankle_sensor(foot.side).name for foot in robot.file.foot]
+    loads = [float(recording.mean(ankle, "force")[2]) for ankle in ankles]
+    for ankle, load_n in zip(ankles, loads, strict=True):
         findings.add(
-            f"{foot.side}_ankle_ft.sign",
+            f"{ankle}.sign",
             load_n > LEAST_SHARE * weight_n,
             got=f"Fz {load_n:.1f} N",
             expected="positive: the ground pushes the ankle up, by a share of "

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from typing import Any, Generic
 
-import numpy as np
-
 from surefoot.robot_io.bus.inbox import NEVER, M
 from surefoot.robot_io.client_side.assembler import SnapshotReading
 from surefoot.robot_io.client_side.client import PATIENCE_S
 from surefoot.robot_io.relay.dispatcher import Schedule
 from surefoot.robot_io.relay.faults import Parcel
-from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.snapshot import SnapshotLayout, ages_of
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
-from surefoot.schemas.messages import ForceTorque, ImuState, JointState
+from surefoot.schemas.sensors import SENSORS
 
 INSTANT_S = 1e-9
 """A message due at the very instant has come, whatever its last bit says."""
@@ -88,16 +86,11 @@ class DelayedSensors:
         Args:
             joint_count: n_a.
         """
-        self._joints = HeardSensor(JointState, joint_count=joint_count)
-        self._imu = HeardSensor(ImuState, joint_count=joint_count)
-        self._left = HeardSensor(ForceTorque, joint_count=joint_count)
-        self._right = HeardSensor(ForceTorque, joint_count=joint_count)
         self.sensors: dict[str, HeardSensor[Any]] = {
-            "joints": self._joints,
-            "imu": self._imu,
-            "left_ankle_ft": self._left,
-            "right_ankle_ft": self._right,
+            entry.name: HeardSensor(entry.message, joint_count=joint_count)
+            for entry in SENSORS
         }
+        self._layout = SnapshotLayout(joint_count)
         self._answered = NEVER
         self._since_s = 0.0
         self._is_waiting = False
@@ -126,37 +119,12 @@ class DelayedSensors:
             sensor.is_lost = sensor in late
             sensor.take_up_to(tick)
         self._answered, self._is_waiting = tick, False
-        if any(sensor.latest is None for sensor in self.sensors.values()):
+        messages = [s.latest for s in self.sensors.values() if s.latest is not None]
+        if len(messages) < len(self.sensors):
             return None
-        return self._join(tick)
+        stale = tuple(name for name, s in self.sensors.items() if s.tick != tick)
+        snapshot = self._layout.join(tick, messages)
+        return SnapshotReading(snapshot, stale, ages_of(messages, tick), 0)
 
     def _newest_tick(self) -> int:
         return max(sensor.newest for sensor in self.sensors.values())
-
-    def _join(self, tick: int) -> SnapshotReading:
-        joints, imu = self._joints.latest, self._imu.latest
-        left, right = self._left.latest, self._right.latest
-        assert joints is not None
-        assert imu is not None
-        assert left is not None
-        assert right is not None
-        snapshot = Snapshot(
-            tick,
-            joints.stamp_ns,
-            np.array(joints.q),
-            np.array(joints.dq),
-            np.array(joints.effort),
-            np.array(imu.quat_xyzw),
-            np.array(imu.angular_velocity),
-            np.array(imu.linear_acceleration),
-            np.array([*left.force, *left.moment]),
-            np.array([*right.force, *right.moment]),
-        )
-        ages = (
-            tick - joints.tick,
-            tick - imu.tick,
-            tick - left.tick,
-            tick - right.tick,
-        )
-        stale = tuple(name for name, s in self.sensors.items() if s.tick != tick)
-        return SnapshotReading(snapshot, stale, ages, 0)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from enum import Enum
 
 from surefoot.robot_io.bus.channel import Channel
 from surefoot.robot_io.bus.inbox import NEVER
@@ -14,11 +13,13 @@ from surefoot.schemas.errors import MessageError, SchemaVersionError
 from surefoot.schemas.messages import JointCommand
 
 
-class Judged(NamedTuple):
-    """A command, and what the gate said of it."""
+class NoAnswer(Enum):
+    """Why a wait for an answer brought none."""
 
-    command: JointCommand
-    verdict: CommandResult
+    YET = "yet"
+    """Its time is up, or it was broken off: something else wants to be looked at."""
+    OVERTAKEN = "overtaken"
+    """It is lost: the answer to a later tick has come."""
 
 
 class CommandInbox:
@@ -44,7 +45,7 @@ class CommandInbox:
         self._joint_count = joint_count
         self._early: JointCommand | None = None
 
-    def newest(self, tick: int, *, now_s: float) -> JointCommand | None:
+    def newest(self, tick: int, *, now_s: float) -> CommandResult | None:
         """Judge all that has come; real time.
 
         Args:
@@ -59,19 +60,14 @@ class CommandInbox:
             command = self._read(data)
             if command is None:
                 continue
-            if self._gate.check(command, tick=tick, now_s=now_s).accepted:
-                accepted = command
+            result = self._gate.accept(command, tick=tick, now_s=now_s)
+            if result.accepted:
+                accepted = result
         return accepted
 
-    def wait_answer(
-        self,
-        tick: int,
-        *,
-        newest_tick: int,
-        now_s: float,
-        deadline: float,
-        keep_waiting: Callable[[], bool],
-    ) -> Judged | None:
+    def answer(
+        self, tick: int, *, newest_tick: int, now_s: float, deadline: float
+    ) -> CommandResult | NoAnswer:
         """Wait for the commander's answer to a tick; lockstep.
 
         Args:
@@ -79,25 +75,20 @@ class CommandInbox:
             newest_tick: the newest tick that can have been answered.
             now_s: the robot's time [s].
             deadline: until when, on ``time.monotonic`` [s].
-            keep_waiting: asked whenever the wait was broken off.
 
         Returns:
-            The answer, accepted or not; None when it will not come any more.
+            The answer, accepted or not, or why there is none.
         """
-        while True:
-            command = self._next(deadline)
-            if command is None:
-                if keep_waiting():
-                    continue
-                return None
+        while (command := self._next(deadline)) is not None:
             is_commander = self._gate.modes.holds_lease(command.commander)
             if is_commander and tick < command.tick <= newest_tick:
-                self._early = command  # the one wanted was lost: this came after it
-                return None
-            verdict = self._gate.check(command, tick=tick, now_s=now_s)
-            is_replay = verdict.refusal is Refusal.SEQUENCE
+                self._early = command
+                return NoAnswer.OVERTAKEN
+            result = self._gate.accept(command, tick=tick, now_s=now_s)
+            is_replay = result.refusal is Refusal.SEQUENCE
             if is_commander and command.tick == tick and not is_replay:
-                return Judged(command, verdict)
+                return result
+        return NoAnswer.YET
 
     def _next(self, deadline: float) -> JointCommand | None:
         if self._early is not None:

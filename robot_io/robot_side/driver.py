@@ -96,7 +96,7 @@ def run_driver(
         pacer = Pacer(robot.period_s, lateness=TimingLog(LATENESS_KEPT))
         latency = CommandLatency(LATENESS_KEPT)
         ready()
-        tick = 0
+        tick, posture = 0, gate.posture
         with quiet_interpreter():
             while not stop.is_set:
                 now_s = time.monotonic() - begin_s
@@ -105,10 +105,11 @@ def run_driver(
                 stamp_ns = time.monotonic_ns()
                 latency.sensed(tick, stamp_ns=stamp_ns)
                 server.publish_sensors(adapter.read(tick, stamp_ns), stamp_ns=stamp_ns)
-                command = server.take_newest(now_s=now_s)
-                if command is not None:
-                    latency.taken(command.tick, acts_at=tick)
-                adapter.write(gate.posture)
+                result = server.take_newest(now_s=now_s)
+                if result is not None:
+                    posture = result.posture
+                    latency.taken(result.answers, acts_at=tick)
+                adapter.write(posture)
                 latency.applied(tick)
                 server.publish_status(now_s=now_s)
                 tick += 1

@@ -23,7 +23,6 @@ from surefoot.schemas.messages import (
     RobotStatus,
 )
 
-_ACCEPTED = CommandResult(accepted=True)
 NEVER = -1
 ROUNDING_S = 1e-9
 """A command exactly as old as allowed must not be refused for its last bit."""
@@ -141,9 +140,9 @@ class CommandGate:
     Pure: no clock and no I/O, time is passed in on one monotonic scale. At each tick
     of the robot::
 
-        gate.begin_tick(now_s=now, tick=tick)       # watchdog
-        gate.check(command, tick=tick, now_s=now)   # any number of commands
-        follow(gate.posture)
+        gate.begin_tick(now_s=now, tick=tick)                    # watchdog
+        result = gate.accept(command, tick=tick, now_s=now)      # any number of them
+        follow(result.posture)
 
     However many commands come within a tick, the posture moves by one tick's step at
     most. When the commander falls silent the gate holds the last posture; the same
@@ -178,12 +177,10 @@ class CommandGate:
         """When the last ticks began, by tick modulo its length: (tick, time [s])."""
         self.delay = LoopDelay(period_s=robot.period_s, oldest=self._oldest)
         self._limits = CommandLimits(robot)
-        self._posture = np.array(posture, dtype=np.float64)
-        self._before = self._posture.copy()
+        self._posture = _fixed(np.array(posture, dtype=np.float64))
+        self._before = self._posture
         self._wanted = self._posture.copy()
         self._allowed = self._posture.copy()
-        self._visible = self._posture.view()
-        self._visible.setflags(write=False)
         self._sequence = -1
         self._heard_s = 0.0
         self._is_commanded = False
@@ -196,8 +193,11 @@ class CommandGate:
 
     @property
     def posture(self) -> Array:
-        """(n_a,) what the servos follow [rad]; changes in place, not to be written."""
-        return self._visible
+        """(n_a,) what the servos follow since the last command [rad]; read-only.
+
+        A command that is accepted puts another array in its place.
+        """
+        return self._posture
 
     def request(self, action: str, who: str, *, now_s: float) -> Answer:
         """Change mode or lease; see :meth:`ModeMachine.request`."""
@@ -223,7 +223,7 @@ class CommandGate:
         """
         if tick is not None:
             self._began[tick % len(self._began)] = (tick, now_s)
-        np.copyto(self._before, self._posture)
+        self._before = self._posture
         if self._listens():
             self._watch(now_s - self._heard_s)
         if tick is not None and self.mode is RobotMode.ACTIVE:
@@ -232,8 +232,10 @@ class CommandGate:
         if lease.has_expired(now_s=now_s):
             self.modes.lose(f"{lease.holder} let its lease expire")
 
-    def check(self, command: JointCommand, *, tick: int, now_s: float) -> CommandResult:
-        """Judge a command; when accepted, the posture follows it.
+    def accept(
+        self, command: JointCommand, *, tick: int, now_s: float
+    ) -> CommandResult:
+        """Judge a command, and tell what the servos are to follow now.
 
         Args:
             command: from the bus or from a controller in this process.
@@ -243,36 +245,26 @@ class CommandGate:
         Returns:
             What became of it; refusals and clippings are counted.
         """
-        if not self.modes.holds_lease(command.commander):
-            return self.refuse(Refusal.LEASE, self.modes.why_not(command.commander))
-        if command.sequence <= self._sequence:
-            detail = f"got {command.sequence} after {self._sequence}"
-            return self.refuse(Refusal.SEQUENCE, detail)
-        self._sequence = command.sequence
-        if not self._listens():
-            return self.refuse(Refusal.MODE, f"the robot is {self.mode}")
-        age = tick - command.tick
-        if not 0 <= age <= self._oldest:
-            refusal = Refusal.LATE if age > 0 else Refusal.FUTURE
-            detail = f"answers tick {command.tick} at tick {tick}"
-            return self.refuse(refusal, detail)
-        began_tick, began_s = self._began[command.tick % len(self._began)]
-        if (
-            began_tick == command.tick
-            and now_s - began_s > self._max_age_s + ROUNDING_S
-        ):
-            detail = f"answers sensors {now_s - began_s:.3f} s old"
-            return self.refuse(Refusal.LATE, detail)
-        verdict = self._check_posture(command.q, now_s)
-        if verdict.accepted:
-            self.delay.follow(command.tick)
-        return verdict
+        refusal = self._why_not_heard(command, tick=tick, now_s=now_s)
+        if refusal is None:
+            refusal = self._why_no_posture(command.q)
+        if refusal is not None:
+            return CommandResult(command.tick, self._posture, refusal)
+        clipped = self._limits.clip(self._wanted, self._before, out=self._allowed)
+        self.clipped.update(clipped)
+        settings = self._settings
+        if clipped and settings.beyond_limits == "refuse" and not settings.warn_only:
+            refusal = self.refuse(Refusal.LIMIT, f"{self._excess(clipped)}")
+            return CommandResult(command.tick, self._posture, refusal, clipped)
+        self._follow(clipped, now_s)
+        self.delay.follow(command.tick)
+        return CommandResult(command.tick, self._posture, None, clipped)
 
-    def refuse(self, refusal: Refusal, detail: str) -> CommandResult:
-        """Refuse a command, also one that could not even be read."""
+    def refuse(self, refusal: Refusal, detail: str) -> Refusal:
+        """Count and tell a refusal, also of a command that could not even be read."""
         self.refused[refusal] += 1
         self.modes.reason = f"command refused ({refusal}): {detail}"
-        return CommandResult(accepted=False, refusal=refusal)
+        return refusal
 
     def status(
         self, *, tick: int, stamp_ns: int, now_s: float, deadline_misses: int
@@ -301,7 +293,34 @@ class CommandGate:
             deadline_misses=deadline_misses,
         )
 
-    def _check_posture(self, q: list[float], now_s: float) -> CommandResult:
+    def _why_not_heard(
+        self, command: JointCommand, *, tick: int, now_s: float
+    ) -> Refusal | None:
+        """Why a command is not heard: from whom it comes, when, and what it answers."""
+        if not self.modes.holds_lease(command.commander):
+            return self.refuse(Refusal.LEASE, self.modes.why_not(command.commander))
+        if command.sequence <= self._sequence:
+            detail = f"got {command.sequence} after {self._sequence}"
+            return self.refuse(Refusal.SEQUENCE, detail)
+        self._sequence = command.sequence
+        if not self._listens():
+            return self.refuse(Refusal.MODE, f"the robot is {self.mode}")
+        age = tick - command.tick
+        if not 0 <= age <= self._oldest:
+            refusal = Refusal.LATE if age > 0 else Refusal.FUTURE
+            detail = f"answers tick {command.tick} at tick {tick}"
+            return self.refuse(refusal, detail)
+        began_tick, began_s = self._began[command.tick % len(self._began)]
+        if (
+            began_tick == command.tick
+            and now_s - began_s > self._max_age_s + ROUNDING_S
+        ):
+            detail = f"answers sensors {now_s - began_s:.3f} s old"
+            return self.refuse(Refusal.LATE, detail)
+        return None
+
+    def _why_no_posture(self, q: list[float]) -> Refusal | None:
+        """Why a command cannot be followed, whoever sent it; keeps what it wants."""
         if len(q) != len(self._names):
             detail = f"got {len(q)} numbers, expected {len(self._names)}"
             return self.refuse(Refusal.SIZE, detail)
@@ -318,28 +337,21 @@ class CommandGate:
                     "what the robot holds"
                 )
                 return self.refuse(Refusal.FIRST_COMMAND, detail)
-        return self._follow(now_s)
+        return None
 
-    def _follow(self, now_s: float) -> CommandResult:
-        clipped = self._limits.clip(self._wanted, self._before, out=self._allowed)
-        settings = self._settings
-        if clipped and settings.beyond_limits == "refuse" and not settings.warn_only:
-            self.clipped.update(clipped)
-            return self.refuse(Refusal.LIMIT, f"{self._excess(clipped)}")
+    def _follow(self, clipped: tuple[Limit, ...], now_s: float) -> None:
+        """Follow what a command wants, within the limits that clipped it."""
         if self.modes.is_silent:
             self.modes.go_on()
         self._is_first = False
         self._is_commanded = True
         self._heard_s = now_s
         self.modes.lease.renew(now_s=now_s)
-        follows_all = bool(clipped) and settings.warn_only
-        np.copyto(self._posture, self._wanted if follows_all else self._allowed)
-        if not clipped:
-            return _ACCEPTED
-        self.clipped.update(clipped)
-        done = "followed beyond its limits" if follows_all else "clipped"
-        self.modes.reason = f"command {done}: {self._excess(clipped)}"
-        return CommandResult(accepted=True, clipped=clipped)
+        follows_all = bool(clipped) and self._settings.warn_only
+        self._posture = _fixed((self._wanted if follows_all else self._allowed).copy())
+        if clipped:
+            done = "followed beyond its limits" if follows_all else "clipped"
+            self.modes.reason = f"command {done}: {self._excess(clipped)}"
 
     def _excess(self, limits: tuple[Limit, ...]) -> str:
         """The limits a command ran into, and how far beyond them it is."""
@@ -370,3 +382,9 @@ class CommandGate:
                 f"commands answered sensors over {1e3 * limit_s:g} ms old on average: "
                 "the loop is too slow"
             )
+
+
+def _fixed(posture: Array) -> Array:
+    """The same array, not to be written any more."""
+    posture.setflags(write=False)
+    return posture

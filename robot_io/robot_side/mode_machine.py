@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 from typing import NamedTuple
 
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import RobotMode
 
 
@@ -47,14 +48,22 @@ class CommandResult(NamedTuple):
     """Outcome of one command.
 
     Attributes:
-        accepted: whether the servos follow it, clipped or as it is.
-        refusal: why not.
+        answers: the tick it answers.
+        posture: (n_a,) what the servos are to follow now [rad], not to be written:
+            the command, clipped or as it is; the posture before it when refused.
+        refusal: why it is refused; None when it is accepted.
         clipped: limits it ran into.
     """
 
-    accepted: bool
+    answers: int
+    posture: Array
     refusal: Refusal | None = None
     clipped: tuple[Limit, ...] = ()
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the servos follow it, clipped or as it is."""
+        return self.refusal is None
 
 
 class Answer(NamedTuple):

@@ -13,14 +13,14 @@ from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.robot_side.command_inbox import CommandInbox, Judged
+from surefoot.robot_io.robot_side.command_inbox import CommandInbox, NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
-from surefoot.robot_io.robot_side.mode_machine import Answer
+from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult
 from surefoot.robot_io.robot_side.services import RobotServices
 from surefoot.robot_io.snapshot import Snapshot, sensor_messages
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.messages import JointCommand, PushRequest, RobotMode, Truth
+from surefoot.schemas.messages import PushRequest, RobotMode, Truth
 from surefoot.schemas.topics import ALIVE_ROBOT, TICK_SENSORS
 
 COMMANDS_KEPT = 256
@@ -42,7 +42,7 @@ class RobotServer:
             server.wait_until_active(...)
             while running:
                 server.publish_sensors(snapshot, stamp_ns=now)
-                server.wait_answer(...)     # or take_newest(...)
+                result = server.answer(...)     # or take_newest(...)
     """
 
     def __init__(
@@ -140,7 +140,7 @@ class RobotServer:
     def publish_sensors(
         self, snapshot: Snapshot, *, stamp_ns: int, missing: tuple[str, ...] = ()
     ) -> None:
-        """Send the four sensor messages of a tick, in the order of the topic table.
+        """Send the sensor messages of a tick, in the order of the sensor table.
 
         Args:
             snapshot: sensors of the tick.
@@ -148,7 +148,7 @@ class RobotServer:
             missing: channels with nothing to send.
         """
         self._tick = snapshot.tick
-        # Encoded first, so that all four are likely to leave in one batch.
+        # Encoded first, so that all are likely to leave in one batch.
         encoded = [
             encode(message) for message in sensor_messages(snapshot, stamp_ns=stamp_ns)
         ]
@@ -160,39 +160,27 @@ class RobotServer:
             if name not in missing:
                 publisher.put(data)
 
-    def wait_answer(
-        self, tick: int, *, now_s: float, timeout_s: float
-    ) -> Judged | None:
-        """Wait for the command that answers a tick, serving requests meanwhile.
+    def answer(
+        self, tick: int, *, now_s: float, deadline: float
+    ) -> CommandResult | NoAnswer:
+        """Wait for the command that answers a tick.
+
+        The wait is broken off when a request comes, the commander goes or the robot is
+        stopped: the caller then serves requests, and asks again if it still waits.
 
         Args:
             tick: a tick whose sensors were published.
             now_s: the robot's time [s].
-            timeout_s: how long to wait at most [s].
+            deadline: until when, on ``time.monotonic`` [s].
 
         Returns:
-            The command and the gate's verdict; None when it did not come: the time
-            was up, the robot was stopped, or nobody commands it any more.
+            What became of the command, or why there is none.
         """
-        deadline = time.monotonic() + timeout_s
-
-        def keep_waiting() -> bool:
-            self.serve_requests(now_s=now_s)
-            return (
-                self._gate.mode is RobotMode.ACTIVE
-                and not self._stop.is_set
-                and time.monotonic() < deadline
-            )
-
-        return self._commands.wait_answer(
-            tick,
-            newest_tick=self._tick,
-            now_s=now_s,
-            deadline=deadline,
-            keep_waiting=keep_waiting,
+        return self._commands.answer(
+            tick, newest_tick=self._tick, now_s=now_s, deadline=deadline
         )
 
-    def take_newest(self, *, now_s: float) -> JointCommand | None:
+    def take_newest(self, *, now_s: float) -> CommandResult | None:
         """Judge the commands that have come since last time, without waiting.
 
         Args:

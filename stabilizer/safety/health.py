@@ -9,30 +9,27 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from operator import eq
 from typing import Any, Final
 
 import numpy as np
 from scipy.linalg.blas import idamax
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, readings
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.sensors import SENSORS, Loss, Reach, ankle_sensor
 from surefoot.schemas.settings import SafetySettings
-from surefoot.schemas.topics import TICK_SENSORS
 
-Ages = tuple[int, int, int, int]
-FRESH: Ages = (0, 0, 0, 0)
-JOINTS, IMU, LEFT_FT, RIGHT_FT = range(4)
-FIELDS = (
-    ("q", "dq", "effort"),
-    ("quat_xyzw", "angular_velocity", "linear_acceleration"),
-    ("ft_left",),
-    ("ft_right",),
-)
-"""What of a snapshot each sensor tells, in the order of ``TICK_SENSORS``."""
+FRESH: Ages = (0,) * len(SENSORS)
+REQUIRED = tuple(i for i, entry in enumerate(SENSORS) if entry.loss is Loss.HOLD)
+"""Sensors, by their place in the table, without which nothing works."""
+LEFT_FT, RIGHT_FT = (SENSORS.index(ankle_sensor(side)) for side in ("left", "right"))
 JUMP, OVERLOAD = "jumped", "overloaded"
 ATTITUDE_NORM: Final = (0.9, 1.1)
 """Square of an attitude's norm; beyond it, it is no attitude."""
+UNLIMITED: Final = 1e200
+"""Limit of what has none. Not infinity, against which infinity would be no number."""
 SPEED_SHARE: Final = 5.0
 """No joint can turn at so many times its velocity limit, whatever its encoder says."""
 
@@ -40,8 +37,7 @@ SPEED_SHARE: Final = 5.0
 class SensorLimits:
     """Holds one tick's numbers against limits, all at once.
 
-    In a row: joint positions and velocities; rate of turn and specific force; force and
-    moment of the left and of the right ankle.
+    In a row, as the sensor table has them: all readings of a snapshot.
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
@@ -51,28 +47,39 @@ class SensorLimits:
             robot: ranges and velocity limits of its joints.
             settings: limits.
         """
-        n_a, force = robot.n_a, (settings.force_range_n, settings.moment_range_nm)
-        half = 0.5 * (robot.upper - robot.lower) + settings.joint_margin_rad
-        imu_range = (settings.gyro_range_rad_s, settings.accel_range_m_s2)
-        imu_jump = (settings.gyro_jump_rad_s, settings.accel_jump_m_s2)
-        jump = (settings.force_jump_n, settings.moment_jump_nm)
-        speeds = SPEED_SHARE * robot.velocity_limit
-        others = np.repeat((*imu_range, *force, *force), 3)
-        ranges = np.concatenate((half, speeds, others))
-        joint_jumps = np.repeat((settings.joint_jump_rad, np.inf), n_a)
-        jumps = np.concatenate((joint_jumps, np.repeat((*imu_jump, *jump, *jump), 3)))
-        middle = 0.5 * (robot.upper + robot.lower)
-        self._middle = np.concatenate((middle, np.zeros(ranges.size - n_a)))
+        layout = SnapshotLayout(robot.n_a)
+        size = layout.size
+        self._middle = np.zeros(size)
+        self._now, self._last = np.zeros(size), np.zeros(size)
+        self._place, self._change = np.zeros(size), np.zeros(size)
+        self._rows: list[slice] = []
+        self._trembling: list[Array] = []
+        self._attitudes: list[tuple[int, Array]] = []
+        ranges, jumps = np.full(size, UNLIMITED), np.full(size, UNLIMITED)
+        for index, entry in enumerate(SENSORS):
+            places = [layout.place(entry, name) for name in entry.attributes]
+            self._rows.append(slice(places[0].start, places[-1].stop))
+            begin = min(
+                place.start
+                for place, quantity in zip(places, entry.quantities, strict=True)
+                if quantity.trembles
+            )
+            self._trembling.append(self._now[begin : places[-1].stop])
+            for place, quantity in zip(places, entry.quantities, strict=True):
+                if quantity.jump:
+                    jumps[place] = getattr(settings, quantity.jump)
+                match quantity.reach:
+                    case Reach.SETTING:
+                        ranges[place] = getattr(settings, quantity.range)
+                    case Reach.JOINT_RANGE:
+                        margin = getattr(settings, quantity.range)
+                        ranges[place] = 0.5 * (robot.upper - robot.lower) + margin
+                        self._middle[place] = 0.5 * (robot.upper + robot.lower)
+                    case Reach.JOINT_SPEED:
+                        ranges[place] = SPEED_SHARE * robot.velocity_limit
+                    case Reach.UNIT_NORM:
+                        self._attitudes.append((index, self._now[place]))
         self._per_range, self._per_jump = 1.0 / ranges, 1.0 / jumps
-        n_j = 2 * n_a
-        edges = (0, n_j, n_j + 6, n_j + 12, n_j + 18)
-        self._rows = tuple(map(slice, edges[:-1], edges[1:]))
-        self._now, self._last = np.zeros(ranges.size), np.zeros(ranges.size)
-        self._place, self._change = np.zeros(ranges.size), np.zeros(ranges.size)
-        self._is_attitude = True
-        self._joints, self._speeds = self._now[:n_a], self._now[n_a:n_j]
-        self._gyro, self._accel = self._now[n_j:][:3], self._now[n_j:][3:6]
-        self._left, self._right = self._now[n_j:][6:12], self._now[n_j:][12:]
 
     def measure(self, snapshot: Snapshot) -> bool:
         """Take a tick's numbers; believes nothing yet.
@@ -80,21 +87,25 @@ class SensorLimits:
         Returns:
             Whether every number is within its range and near its last believed value.
         """
-        self._fill(snapshot)
         place, change, now = self._place, self._change, self._now
+        np.concatenate(readings(snapshot), out=now)
         np.subtract(now, self._middle, out=place)
         np.multiply(place, self._per_range, out=place)
         np.subtract(now, self._last, out=change)
         np.multiply(change, self._per_jump, out=change)
-        quat = snapshot.quat_xyzw
-        self._is_attitude = bool(ATTITUDE_NORM[0] < quat.dot(quat) < ATTITUDE_NORM[1])
+        for _, attitude in self._attitudes:
+            if not _is_attitude(attitude):
+                return False
         # A number that is none would hide from the search for the largest.
         return bool(
-            self._is_attitude
-            and place.dot(place) < np.inf
+            place.dot(place) < np.inf
             and -1.0 <= place[idamax(place)] <= 1.0
             and -1.0 <= change[idamax(change)] <= 1.0
         )
+
+    def sums(self) -> tuple[float, ...]:
+        """Of each sensor, the sum of squares of what trembles in it while it lives."""
+        return tuple([numbers.dot(numbers) for numbers in self._trembling])
 
     def believe_measured(self) -> None:
         """The numbers last measured are what the next ones are compared with."""
@@ -102,25 +113,23 @@ class SensorLimits:
 
     def believe(self, snapshot: Snapshot) -> None:
         """A snapshot's numbers are what the next ones are compared with."""
-        self._fill(snapshot)
+        np.concatenate(readings(snapshot), out=self._now)
         self.believe_measured()
 
     def is_beyond(self, index: int) -> bool:
-        """Whether a sensor, in the order of ``TICK_SENSORS``, is beyond its range."""
-        is_imu_without_attitude = index == 1 and not self._is_attitude
-        return is_imu_without_attitude or _exceeds(self._place[self._rows[index]])
+        """Whether a sensor, by its place in the table, is beyond its range."""
+        return _exceeds(self._place[self._rows[index]]) or any(
+            which == index and not _is_attitude(attitude)
+            for which, attitude in self._attitudes
+        )
 
     def has_jumped(self, index: int) -> bool:
         """Whether a sensor changed by more than it can in one tick."""
         return _exceeds(self._change[self._rows[index]])
 
-    def _fill(self, snapshot: Snapshot) -> None:
-        self._joints[:] = snapshot.q
-        self._speeds[:] = snapshot.dq
-        self._gyro[:] = snapshot.angular_velocity
-        self._accel[:] = snapshot.linear_acceleration
-        self._left[:] = snapshot.ft_left
-        self._right[:] = snapshot.ft_right
+
+def _is_attitude(quat: Array) -> bool:
+    return bool(ATTITUDE_NORM[0] < quat.dot(quat) < ATTITUDE_NORM[1])
 
 
 def _exceeds(shares: Array) -> bool:
@@ -134,7 +143,7 @@ class SensorHealth:
     against their limits at once; only a doubt looks at each sensor.
 
     Attributes:
-        lost: per sensor, in the order of ``TICK_SENSORS``, why it is lost; empty for
+        lost: per sensor, in the order of the sensor table, why it is lost; empty for
             a sensor that is believed.
         overload_ticks: for how many ticks the left and the right foot have been
             reporting a force that lasts only if it is false.
@@ -147,7 +156,7 @@ class SensorHealth:
             robot: joint ranges and the tick's length.
             settings: limits and times.
         """
-        self.lost = ["", "", "", ""]
+        self.lost = [""] * len(SENSORS)
         self.overload_ticks = (0, 0)
         self._bridge = round(settings.bridge_s / robot.period_s)
         self._frozen_after = round(settings.frozen_after_s / robot.period_s)
@@ -156,11 +165,11 @@ class SensorHealth:
         self._recover = round(settings.recover_s / robot.period_s)
         self._limits = SensorLimits(robot, settings)
         self._good: Snapshot | None = None
-        self._sums = (math.nan,) * 4
-        self._troubled = [0] * 4
-        self._repeats = [0] * 4
-        self._overloaded = [0] * 4
-        self._well = [0] * 4
+        self._sums = (math.nan,) * len(SENSORS)
+        self._troubled = [0] * len(SENSORS)
+        self._repeats = [0] * len(SENSORS)
+        self._overloaded = [0] * len(SENSORS)
+        self._well = [0] * len(SENSORS)
         self._is_calm = True
 
     @property
@@ -188,31 +197,16 @@ class SensorHealth:
         if good is None:
             self._good = good = snapshot
             limits.believe(snapshot)
-        dq, effort, accel = snapshot.dq, snapshot.effort, snapshot.linear_acceleration
-        gyro, left, right = (
-            snapshot.angular_velocity,
-            snapshot.ft_left,
-            snapshot.ft_right,
-        )
-        before = self._sums
-        self._sums = sums = (
-            dq.dot(dq) + effort.dot(effort),
-            gyro.dot(gyro) + accel.dot(accel),
-            left.dot(left),
-            right.dot(right),
-        )
         is_within = limits.measure(snapshot)
+        before = self._sums
+        self._sums = sums = limits.sums()
         is_well = (
             self._is_calm
             and is_within
             and ages == FRESH
-            and sums[0] != before[0]
-            and sums[1] != before[1]
-            and sums[2] != before[2]
-            and sums[3] != before[3]
-            and math.isfinite(sums[0])
-            and sums[2] <= self._overload
-            and sums[3] <= self._overload
+            and not any(map(eq, sums, before))
+            and sums[LEFT_FT] <= self._overload
+            and sums[RIGHT_FT] <= self._overload
         )
         if is_well:
             limits.believe_measured()
@@ -235,7 +229,7 @@ class SensorHealth:
             for age, now, then in zip(ages, self._sums, before, strict=True)
         ]
         mended: dict[str, Any] = {}
-        for index in range(4):
+        for index in range(len(SENSORS)):
             if changed[index]:
                 self._repeats[index] = 0
             elif ages[index] == 0 and moves and any(changed):
@@ -244,7 +238,7 @@ class SensorHealth:
             trouble = self._trouble(index, snapshot, ages[index])
             self._judge(index, trouble)
             if trouble:
-                for name in FIELDS[index]:
+                for name in SENSORS[index].fields:
                     mended[name] = getattr(good, name)
         self.overload_ticks = (self._overloaded[LEFT_FT], self._overloaded[RIGHT_FT])
         self._is_calm = not (
@@ -284,10 +278,10 @@ class SensorHealth:
 
     def _trouble(self, index: int, snapshot: Snapshot, age: int) -> str:
         """What is wrong with a sensor now; empty when nothing is."""
-        name = TICK_SENSORS[index]
+        name = SENSORS[index].name
         if age > 0:
             return f"{name} missing"
-        values = [getattr(snapshot, field) for field in FIELDS[index]]
+        values = [getattr(snapshot, field) for field in SENSORS[index].fields]
         if not all(np.isfinite(array).all() for array in values):
             return f"{name} not a number"
         if self._limits.is_beyond(index):

@@ -14,18 +14,16 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.snapshot import Ages, Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import Controller, ControllerOutput
 from surefoot.stabilizer.safety.health import (
-    IMU,
-    JOINTS,
     LEFT_FT,
     OVERLOAD,
+    REQUIRED,
     RIGHT_FT,
-    Ages,
     SensorHealth,
 )
 
@@ -40,7 +38,8 @@ class SafetyState(StrEnum):
     ACTIVE = "active"
     """Everything is believed."""
     DEGRADED = "degraded"
-    """An ankle sensor is lost; its force terms are off."""
+    """A sensor is lost that can be done without: of an ankle, the force terms are off.
+    """
     STOPPING = "stopping"
     """The last motion fades out."""
     LEAVING = "leaving"
@@ -142,7 +141,8 @@ class Safety:
         believed = self._health.check(snapshot, ages, moves=self._moves)
         if 1 in self._health.overload_ticks:
             self._remember()
-        if not self._health.all_believed or any(self._degraded):
+        is_degraded = any(self._degraded) or self.state is SafetyState.DEGRADED
+        if not self._health.all_believed or is_degraded:
             self._react_to_losses()
         self._look_for_fall(believed)
         if self._gives_up():
@@ -178,15 +178,27 @@ class Safety:
 
     def _react_to_losses(self) -> None:
         """What lost sensors lead to."""
-        lost, settings = self._health.lost, self._settings
-        for index in (JOINTS, IMU):
+        lost = self._health.lost
+        for index in REQUIRED:
             if lost[index]:
                 self.stop(f"{HELD}: {lost[index]}")
                 return
         feet = (bool(lost[LEFT_FT]), bool(lost[RIGHT_FT]))
-        if feet == self._degraded:
+        if feet != self._degraded and not self._do_without(feet):
+            return
+        if self.state is SafetyState.LEAVING:
             return
         what = ", ".join(filter(None, lost))
+        self.state = SafetyState.DEGRADED if what else SafetyState.ACTIVE
+        self.reason = what
+
+    def _do_without(self, feet: tuple[bool, bool]) -> bool:
+        """Have the controller leave out the ankle sensors that are lost.
+
+        Returns:
+            Whether it can; else the motion fades out.
+        """
+        lost, settings = self._health.lost, self._settings
         policy = settings.both_ft_lost if all(feet) else settings.ft_lost
         controller = self.controller
         overloaded = (
@@ -194,20 +206,18 @@ class Safety:
             feet[1] and not self._degraded[1] and lost[RIGHT_FT].endswith(OVERLOAD),
         )
         if any(feet) and (policy == "hold" or not isinstance(controller, Degradable)):
+            what = ", ".join(filter(None, lost))
             self.stop(f"{HELD}: {what}")
             if any(overloaded):
                 self._return_to, _ = self._command_before_overload(overloaded)
-            return
+            return False
         self._degraded = feet
         if isinstance(controller, Degradable):
             controller.degrade(feet)
             if any(overloaded):
                 before, ticks = self._command_before_overload(overloaded)
                 controller.undo_overload(before, ticks=ticks, sides=overloaded)
-        if self.state is SafetyState.LEAVING:
-            return
-        self.state = SafetyState.DEGRADED if any(feet) else SafetyState.ACTIVE
-        self.reason = what
+        return True
 
     def _remember(self) -> None:
         """Keep the command at which a foot's overload begins, if it is one."""

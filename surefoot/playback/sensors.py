@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from surefoot.playback.timeline import Entry
-from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
+from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import Message
@@ -51,7 +51,7 @@ class Reading(NamedTuple):
     """A snapshot, and ticks since each sensor's message."""
 
     snapshot: Snapshot
-    ages: tuple[int, int, int, int]
+    ages: Ages
 
 
 class RecordedSensors:
@@ -88,18 +88,10 @@ class RecordedSensors:
         """
         for name in TICK_SENSORS:
             self._advance(name, tick)
-        joints, imu, left, right = (self._latest[name] for name in TICK_SENSORS)
-        if joints is None or imu is None or left is None or right is None:
+        messages = [m for m in self._latest.values() if m is not None]
+        if len(messages) < len(TICK_SENSORS):
             return None
-        return Reading(
-            self._layout.join(tick, joints, imu, left, right),
-            (
-                tick - joints.tick,
-                tick - imu.tick,
-                tick - left.tick,
-                tick - right.tick,
-            ),
-        )
+        return Reading(self._layout.join(tick, messages), ages_of(messages, tick))
 
     def _advance(self, name: str, tick: int) -> None:
         """Take the messages of a sensor up to a tick."""

@@ -104,18 +104,20 @@ class NoLease(CommandGate):
 class AcceptsNan(CommandGate):
     """Does not look at the numbers; its inbox lets NaN through, too."""
 
-    def refuse(self, refusal: Any, detail: str) -> CommandResult:
+    def refuse(self, refusal: Any, detail: str) -> Any:
         if "finite" in detail:
-            return CommandResult(accepted=True)
+            return None
         return super().refuse(refusal, detail)
 
 
 class AcceptsReplays(CommandGate):
     """Takes the same command again and again."""
 
-    def check(self, command: JointCommand, *, tick: int, now_s: float) -> CommandResult:
+    def accept(
+        self, command: JointCommand, *, tick: int, now_s: float
+    ) -> CommandResult:
         self._sequence = -1
-        return super().check(command, tick=tick, now_s=now_s)
+        return super().accept(command, tick=tick, now_s=now_s)
 
 
 class IgnoresEstop(CommandGate):

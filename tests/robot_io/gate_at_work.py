@@ -47,7 +47,7 @@ def at_tick(
     """Begin a tick and commands a posture, the present one if none is given."""
     gate.begin_tick(now_s=tick * PERIOD_S)
     wanted = gate.posture if q is None else q
-    return gate.check(
+    return gate.accept(
         command(wanted, tick, **changes), tick=tick, now_s=tick * PERIOD_S
     )
 

@@ -14,14 +14,14 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.inbox import Inbox
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.client_side.assembler import (
-    Sensor,
+    SensorReader,
     SnapshotAssembler,
     SnapshotReading,
 )
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.messages import ForceTorque, ImuState, JointState
+from surefoot.schemas.sensors import SENSORS, Sensor
 from surefoot.schemas.topics import TICK_SENSORS, topic
 from tests.robot_io.sensor_messages import JOINTS, message, snapshot_at
 from tests.support import DEADLINE_S, wait_until
@@ -38,15 +38,9 @@ class Wire:
             name: robot.publisher(topic(name).key, urgent=True) for name in TICK_SENSORS
         }
         self.peer = peer
-        self.joints = self._sensor("joints", JointState)
-        self.imu = self._sensor("imu", ImuState)
-        self.left = self._sensor("left_ankle_ft", ForceTorque)
-        self.right = self._sensor("right_ankle_ft", ForceTorque)
+        self.sensors = {entry.name: self._reader(entry) for entry in SENSORS}
         self.assembler = SnapshotAssembler(
-            self.joints,
-            self.imu,
-            self.left,
-            self.right,
+            list(self.sensors.values()),
             joint_count=JOINTS,
             in_order=in_order,
             patience_s=PATIENCE_S,
@@ -78,9 +72,10 @@ class Wire:
         assert reading is not None
         return reading
 
-    def _sensor(self, name: str, kind: type) -> Sensor:
-        channel = self.peer.channel(topic(name).key, depth=DEPTH)
-        return Sensor(name, Inbox(channel, kind, joint_count=JOINTS))
+    def _reader(self, entry: Sensor) -> SensorReader:
+        channel = self.peer.channel(topic(entry.name).key, depth=DEPTH)
+        inbox = Inbox(channel, entry.message, joint_count=JOINTS)
+        return SensorReader(entry.name, inbox)
 
 
 @pytest.fixture
@@ -204,7 +199,7 @@ def test_a_message_lost_for_good_shows_when_the_next_one_comes(ordered: Wire) ->
     ordered.all_arrived()
     stale = [ordered.read().stale for _ in range(3)]
     assert stale == [(), ("imu",), ()]
-    assert not ordered.imu.is_lost
+    assert not ordered.sensors["imu"].is_lost
 
 
 def test_duplicates_are_dropped_and_counted(ordered: Wire) -> None:
@@ -212,7 +207,7 @@ def test_duplicates_are_dropped_and_counted(ordered: Wire) -> None:
         ordered.send(tick)
     ordered.all_arrived()
     assert [ordered.read().snapshot.tick for _ in range(3)] == [0, 1, 2]
-    for sensor in (ordered.joints, ordered.imu, ordered.left, ordered.right):
+    for sensor in ordered.sensors.values():
         assert sensor.inbox.outdated == 3
 
 
@@ -223,7 +218,7 @@ def test_messages_out_of_order_never_turn_time_back(ordered: Wire) -> None:
         ordered.send(tick)
     ordered.all_arrived()
     assert [ordered.read().snapshot.tick for _ in range(2)] == [6, 7]
-    assert ordered.right.inbox.outdated == 2
+    assert ordered.sensors["right_ankle_ft"].inbox.outdated == 2
 
 
 @pytest.mark.parametrize(
@@ -239,8 +234,8 @@ def test_unreadable_messages_are_counted_and_the_tick_goes_on(
     ordered.send_bytes("imu", data)
     ordered.send(1, without="imu")
     assert ordered.read().stale == ("imu",)
-    assert ordered.imu.inbox.malformed == 1
-    assert ordered.imu.inbox.error
+    assert ordered.sensors["imu"].inbox.malformed == 1
+    assert ordered.sensors["imu"].inbox.error
 
 
 def test_random_losses_leave_ages_right_and_time_going_forward(newest: Wire) -> None:

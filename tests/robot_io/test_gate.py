@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surefoot.robot_io.robot_side.mode_machine import CommandResult, Limit, Refusal
+from surefoot.robot_io.robot_side.mode_machine import Limit, Refusal
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.messages import (
@@ -78,7 +78,7 @@ def test_posture_stays_in_range_and_never_steps_further_than_allowed(
             tick, before = tick + 1, gate.posture.copy()
             gate.begin_tick(now_s=tick * PERIOD_S)
         each = command(gate.posture + move, tick, sequence=sequence)
-        verdict = gate.check(each, tick=tick, now_s=tick * PERIOD_S)
+        verdict = gate.accept(each, tick=tick, now_s=tick * PERIOD_S)
         assert verdict.accepted or verdict.refusal is Refusal.NOT_FINITE
         assert np.all(np.abs(gate.posture - before) <= reach + ROUNDING_RAD)
         assert np.all(gate.posture >= WALKER.lower)
@@ -92,7 +92,7 @@ def test_a_refused_command_moves_nothing(offered: list[JointCommand]) -> None:
     for tick, each in enumerate(offered):
         gate.begin_tick(now_s=tick * PERIOD_S)
         before = gate.posture.copy()
-        verdict = gate.check(each, tick=tick, now_s=tick * PERIOD_S)
+        verdict = gate.accept(each, tick=tick, now_s=tick * PERIOD_S)
         assert verdict.accepted == (verdict.refusal is None)
         assert verdict.accepted or np.array_equal(gate.posture, before)
 
@@ -106,8 +106,10 @@ def test_commands_inside_the_limits_pass_unchanged(direction: list[float]) -> No
         WALKER.nominal + reach * np.array(direction), WALKER.lower, WALKER.upper
     )
     gate.begin_tick(now_s=0.0)
-    assert gate.check(command(q), tick=0, now_s=0.0) == CommandResult(accepted=True)
-    assert np.array_equal(gate.posture, q)
+    result = gate.accept(command(q), tick=0, now_s=0.0)
+    assert result.accepted
+    assert result.clipped == ()
+    assert np.array_equal(result.posture, q)
     assert not gate.clipped
     assert not gate.refused
 
@@ -135,8 +137,9 @@ def test_wrong_number_of_joints_is_refused() -> None:
 def test_too_fast_is_clipped_to_the_velocity_limit_and_counted() -> None:
     gate = active_gate()
     verdict = at_tick(gate, 0, q=offset("left_knee", 0.01))
-    assert verdict == CommandResult(accepted=True, clipped=(Limit.VELOCITY,))
-    moved = gate.posture - WALKER.nominal
+    assert verdict.accepted
+    assert verdict.clipped == (Limit.VELOCITY,)
+    moved = verdict.posture - WALKER.nominal
     knee = WALKER.joint_names.index("left_knee")
     assert moved[knee] == pytest.approx(WALKER.velocity_limit[knee] * PERIOD_S)
     assert gate.clipped == {"velocity": 1}
@@ -168,9 +171,9 @@ def test_two_commands_in_one_tick_move_as_far_as_one() -> None:
     gate = active_gate()
     q = offset("left_knee", 0.03)
     gate.begin_tick(now_s=0.0)
-    gate.check(command(q, sequence=1), tick=0, now_s=0.0)
+    gate.accept(command(q, sequence=1), tick=0, now_s=0.0)
     after_one = gate.posture.copy()
-    gate.check(command(q, sequence=2), tick=0, now_s=0.0)
+    gate.accept(command(q, sequence=2), tick=0, now_s=0.0)
     assert np.array_equal(gate.posture, after_one)
 
 
@@ -185,8 +188,30 @@ def test_first_command_far_from_the_held_posture_is_refused() -> None:
 
 def test_posture_cannot_be_written_from_outside() -> None:
     gate = active_gate()
-    with pytest.raises(ValueError, match="read-only"):
-        gate.posture[0] = 1.0
+    for posture in (gate.posture, at_tick(gate, 0).posture, gate.posture):
+        with pytest.raises(ValueError, match="read-only"):
+            posture[0] = 1.0
+
+
+def test_a_result_keeps_its_posture_whatever_comes_after_it() -> None:
+    gate = active_gate()
+    first = at_tick(gate, 0, q=offset("left_knee", 0.004))
+    second = at_tick(gate, 1, q=offset("left_knee", 0.008))
+    assert np.array_equal(first.posture, offset("left_knee", 0.004))
+    assert np.array_equal(second.posture, offset("left_knee", 0.008))
+
+
+def test_a_refusal_tells_to_follow_what_was_followed_before() -> None:
+    gate = active_gate()
+    followed = at_tick(gate, 0, q=offset("left_knee", 0.004))
+    refused = at_tick(gate, 1, q=NOT_A_POSTURE)
+    assert not refused.accepted
+    assert np.array_equal(refused.posture, followed.posture)
+
+
+def test_a_result_names_the_tick_its_command_answers() -> None:
+    gate = active_gate()
+    assert gate.accept(command(gate.posture, 3), tick=5, now_s=0.0).answers == 3
 
 
 # Order ----------------------------------------------------------------------------
@@ -207,15 +232,15 @@ def test_an_answer_to_a_tick_long_ago_is_refused() -> None:
     oldest = math.ceil(GATE.max_command_age_s / PERIOD_S)
     gate.begin_tick(now_s=0.0)
     on_time = command(WALKER.nominal, 0, sequence=1)
-    assert gate.check(on_time, tick=oldest, now_s=0.0).accepted
+    assert gate.accept(on_time, tick=oldest, now_s=0.0).accepted
     late = command(WALKER.nominal, 0, sequence=2)
-    assert gate.check(late, tick=oldest + 1, now_s=0.0).refusal is Refusal.LATE
+    assert gate.accept(late, tick=oldest + 1, now_s=0.0).refusal is Refusal.LATE
 
 
 def test_an_answer_to_a_tick_to_come_is_refused() -> None:
     gate = active_gate()
     gate.begin_tick(now_s=0.0)
-    verdict = gate.check(command(WALKER.nominal, 3), tick=2, now_s=0.0)
+    verdict = gate.accept(command(WALKER.nominal, 3), tick=2, now_s=0.0)
     assert verdict.refusal is Refusal.FUTURE
 
 
@@ -250,7 +275,7 @@ def test_every_refusal_is_counted_once(offered: list[JointCommand]) -> None:
     verdicts = []
     for tick, each in enumerate(offered):
         gate.begin_tick(now_s=tick * PERIOD_S)
-        verdicts.append(gate.check(each, tick=tick, now_s=tick * PERIOD_S))
+        verdicts.append(gate.accept(each, tick=tick, now_s=tick * PERIOD_S))
     refusals = [v.refusal for v in verdicts if v.refusal is not None]
     assert gate.refused == {r: refusals.count(r) for r in refusals}
     clips = [limit for v in verdicts for limit in v.clipped]

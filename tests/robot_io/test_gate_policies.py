@@ -40,7 +40,7 @@ def test_a_command_too_old_by_the_clock_is_refused_though_its_tick_is_young(
 ) -> None:
     gate = active_gate(walker_with(max_command_age_s=None))  # as long as silence may be
     gate.begin_tick(now_s=FIRST_S, tick=7)
-    verdict = gate.check(command(WALKER.nominal, 7), tick=7, now_s=FIRST_S + late_s)
+    verdict = gate.accept(command(WALKER.nominal, 7), tick=7, now_s=FIRST_S + late_s)
     assert verdict.accepted is is_accepted
     if not is_accepted:
         assert verdict.refusal is Refusal.LATE
@@ -50,9 +50,9 @@ def test_a_command_too_old_by_the_clock_is_refused_though_its_tick_is_young(
 def test_the_robot_file_may_ask_for_younger_commands() -> None:
     gate = active_gate(walker_with(max_command_age_s=0.003))
     gate.begin_tick(now_s=0.0, tick=5)
-    late = gate.check(command(WALKER.nominal, 1), tick=5, now_s=0.0)
+    late = gate.accept(command(WALKER.nominal, 1), tick=5, now_s=0.0)
     assert late.refusal is Refusal.LATE
-    in_time = gate.check(command(WALKER.nominal, 2), tick=5, now_s=0.0)
+    in_time = gate.accept(command(WALKER.nominal, 2), tick=5, now_s=0.0)
     assert in_time.accepted
 
 
@@ -97,7 +97,7 @@ def test_times_of_old_ticks_are_not_taken_for_new_ones() -> None:
         now_s = tick * PERIOD_S
         gate.begin_tick(now_s=now_s, tick=tick)
         oldest = max(0, tick - 20)
-        verdict = gate.check(
+        verdict = gate.accept(
             command(WALKER.nominal, oldest, sequence=tick), tick=tick, now_s=now_s
         )
         assert verdict.accepted, gate.modes.reason

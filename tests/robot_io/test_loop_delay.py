@@ -24,7 +24,7 @@ def ticks_until_fault(gate: CommandGate, *, age: int, every: int = 1) -> int | N
         if gate.mode is RobotMode.FAULT:
             return tick
         if tick >= age and tick % every == 0:
-            verdict = gate.check(
+            verdict = gate.accept(
                 command(gate.posture, tick - age), tick=tick, now_s=now_s
             )
             assert verdict.accepted, gate.modes.reason
@@ -67,7 +67,7 @@ def test_a_silence_is_for_the_watchdog_alone() -> None:
         now_s = tick * PERIOD_S
         gate.begin_tick(now_s=now_s, tick=tick)
         if not 100 <= tick < 300:
-            gate.check(command(gate.posture, tick), tick=tick, now_s=now_s)
+            gate.accept(command(gate.posture, tick), tick=tick, now_s=now_s)
         if gate.mode is not modes[-1]:
             modes.append(gate.mode)
     assert modes == [RobotMode.ACTIVE, RobotMode.HOLD, RobotMode.ACTIVE]

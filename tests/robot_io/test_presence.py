@@ -11,6 +11,7 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.robot_side.command_inbox import NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.schemas.endpoints import Endpoints
@@ -81,7 +82,9 @@ def test_a_stop_request_ends_the_robots_waits(endpoints: Endpoints) -> None:
     gate = CommandGate(WALKER, WALKER.nominal)
     with RobotServer(WALKER, gate, endpoints=endpoints, stop=stop) as server:
         assert not server.wait_until_active(now_s=0.0, timeout_s=None)
-        assert server.wait_answer(0, now_s=0.0, timeout_s=DEADLINE_S) is None
+        deadline = time.monotonic() + DEADLINE_S
+        assert server.answer(0, now_s=0.0, deadline=deadline) is NoAnswer.YET
+        assert time.monotonic() < deadline
 
 
 def test_a_stop_request_ends_the_clients_waits(

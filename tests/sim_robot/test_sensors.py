@@ -149,7 +149,7 @@ def test_accelerometer_integrates_to_the_velocity(
         plant.world.model,
         plant.data,
         mujoco.mjtObj.mjOBJ_SITE,
-        plant.world.imu_site,
+        plant.world.sensor_sites["imu"],
         out,
         0,
     )

@@ -1,0 +1,90 @@
+"""Every sensor of the table can fail in every way, alone."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from surefoot.robot_io.snapshot import Snapshot, readings
+from surefoot.schemas.scenario import SensorFault
+from surefoot.schemas.sensors import SENSORS, SNAPSHOT_FIELDS, Sensor
+from surefoot.sim_robot.run_record import RunDigest
+from surefoot.sim_robot.sensor_faults import SensorFaults
+from tests.robot_io.sensor_messages import JOINTS, snapshot_at
+
+PERIOD_S = 1e-3
+every_sensor = pytest.mark.parametrize("entry", SENSORS, ids=lambda entry: entry.name)
+
+
+def at_tick_1(entry: Sensor, kind: str, **more: float) -> tuple[SensorFaults, Snapshot]:
+    """A fault that begins at tick 1, and what the robot reports then."""
+    fault = SensorFault(
+        sensor=entry.name, kind=kind, start_s=PERIOD_S, duration_s=1.0, **more
+    )
+    faults = SensorFaults([fault], period_s=PERIOD_S)
+    assert faults.apply(snapshot_at(0)).tick == 0
+    return faults, faults.apply(snapshot_at(1))
+
+
+def assert_others_untouched(reported: Snapshot, entry: Sensor) -> None:
+    for field in set(SNAPSHOT_FIELDS) - set(entry.fields):
+        assert np.array_equal(getattr(reported, field), getattr(snapshot_at(1), field))
+
+
+@every_sensor
+def test_dropped_it_is_missing(entry: Sensor) -> None:
+    faults, reported = at_tick_1(entry, "drop")
+    assert faults.missing == faults.unread == (entry.name,)
+    assert_others_untouched(reported, entry)
+
+
+@every_sensor
+def test_frozen_it_repeats_its_last_readings(entry: Sensor) -> None:
+    faults, reported = at_tick_1(entry, "freeze")
+    assert faults.missing == ()
+    for field in entry.fields:
+        last = getattr(snapshot_at(0), field)
+        assert np.array_equal(getattr(reported, field), last)
+    assert_others_untouched(reported, entry)
+
+
+@every_sensor
+@pytest.mark.parametrize("kind", ["nan", "range"])
+def test_nonsense_is_all_it_reports(entry: Sensor, kind: str) -> None:
+    faults, reported = at_tick_1(entry, kind)
+    assert faults.unread == ((entry.name,) if kind == "nan" else ())
+    for field in entry.fields:
+        values = getattr(reported, field)
+        assert np.all(np.isnan(values) if kind == "nan" else values == 1e6)
+    assert_others_untouched(reported, entry)
+
+
+@every_sensor
+def test_a_jump_touches_what_the_table_says(entry: Sensor) -> None:
+    _, reported = at_tick_1(entry, "jump", size=2.0)
+    offset = entry.offset
+    field, part = entry.place(offset.attribute)
+    expected = getattr(snapshot_at(1), field).copy()
+    if offset.axis is None:
+        expected[part] += 2.0
+    else:
+        expected[part.start + offset.axis] += 2.0
+    assert np.array_equal(getattr(reported, field), expected)
+    rest = replace(reported, **{field: getattr(snapshot_at(1), field)})
+    for one, other in zip(readings(rest), readings(snapshot_at(1)), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_the_digest_is_over_every_reading_in_the_order_of_the_table() -> None:
+    digest, posture = RunDigest(joints=JOINTS), np.arange(float(JOINTS))
+    whole = hashlib.sha256()
+    for tick in range(3):
+        snapshot = snapshot_at(tick)
+        digest.add(snapshot, posture)
+        for name in SNAPSHOT_FIELDS:
+            whole.update(getattr(snapshot, name).astype("<f8").tobytes())
+        whole.update(posture.astype("<f8").tobytes())
+    assert digest.hexdigest() == whole.hexdigest()
