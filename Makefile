@@ -18,7 +18,7 @@ help:
 	@echo "make test    install into .venv, check style, types and layers, run the tests"
 	@echo "make lint    style, types and layers only"
 	@echo "make format  let ruff rewrite the code"
-	@echo "make schemas write schemas/json anew after a message or file format changed"
+	@echo "make schemas rewrite schemas/json after a change of messages or file formats"
 	@echo "make docs    build the documentation into out/site; open out/site/index.html"
 	@echo "make clean   remove .venv, caches and out/"
 
@@ -42,8 +42,10 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)
 	$(BIN)/surefoot run moving-platform-slow --out $(OUT)
 	@echo
-	@echo "Look into $(OUT): result.json holds the figures, ticks.npz every tick, run.mcap"
-	@echo "every message (surefoot log info), *.log what the processes said."
+	@echo "Kept in $(OUT): figures, every tick, every message, settings and logs. Next:"
+	@echo "  plots and 3-D replay:  $(BIN)/surefoot report $(OUT)"
+	@echo "  live page in a browser:  $(BIN)/surefoot run moving-platform-slow --view --realtime"
+	@echo "  tutorial, five minutes:  docs/tutorial.md"
 
 lint: $(STAMP)
 	$(BIN)/ruff check .
@@ -61,7 +63,7 @@ format: $(STAMP)
 schemas: $(STAMP)
 	$(BIN)/python -m surefoot.schemas.json_schema
 
-# Every warning ends it. Material's word on the future of mkdocs is none of ours.
+# A warning fails the build. NO_MKDOCS_2_WARNING silences Material's note on mkdocs 2.
 docs: $(STAMP)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	@echo "Look into out/site/index.html."

@@ -141,7 +141,7 @@ def _wait_answer(
 
 
 def _answer_ticks(robot_path: str, endpoints: Endpoints, controller_us: float) -> None:
-    """The other process: answers every tick with the measured posture."""
+    """Run the other process: answer every tick with the measured joint positions."""
     robot = load_robot(robot_path)
     with RobotClient(
         robot, endpoints=endpoints, identity="bench", in_order=True, stop=StopRequest()
@@ -167,7 +167,7 @@ def _compute(busy_us: float) -> None:
 
 
 def _snapshot(robot: Robot, tick: int) -> Snapshot:
-    """Full-length numbers, as a moving robot has."""
+    """Return full-length numbers, as a moving robot has."""
     moved = robot.nominal + 1e-3 * np.sin(1e-3 * tick + np.arange(robot.n_a))
     return Snapshot(
         tick=tick,
@@ -184,7 +184,7 @@ def _snapshot(robot: Robot, tick: int) -> Snapshot:
 
 
 def _measure_codec(robot: Robot, ticks: int) -> Distribution:
-    """All five messages of a tick packed and unpacked, in one process."""
+    """Time packing and unpacking all five messages of a tick in one process."""
     sent: list[msgspec.Struct] = [
         *sensor_messages(_snapshot(robot, 1), stamp_ns=time.monotonic_ns()),
         JointCommand(

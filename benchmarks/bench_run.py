@@ -18,7 +18,7 @@ from typing import Any
 
 
 def run_once(scenario: str, mode: str) -> dict[str, Any]:
-    """One run's result object.
+    """Return one run's result object.
 
     Raises:
         RuntimeError: the run failed or the robot fell; holds its last words.

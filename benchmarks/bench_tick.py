@@ -39,7 +39,7 @@ class Stopwatch:
         setattr(owner, method, self.timed(original, name))
 
     def timed(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
-        """The function, its calls timed under a name."""
+        """Return the function, its calls timed under a name."""
         durations = self.durations_ns.setdefault(name, [])
         clock = time.perf_counter_ns
 
@@ -52,7 +52,7 @@ class Stopwatch:
         return call
 
     def table(self) -> str:
-        """Median, 99th percentile and maximum by name [us]."""
+        """Return median, 99th percentile and maximum by name [us]."""
         lines = [f"{'stage':<26}{'median':>9}{'p99':>9}{'max':>9}   [us]"]
         for name, values in self.durations_ns.items():
             times = np.array(values[WARM_UP_TICKS:]) * US_PER_NS

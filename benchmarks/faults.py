@@ -36,7 +36,7 @@ ENDED = (0, 1, 5)
 def run_once(
     scenario: str, plan: str, seed: int, *, mode: str, seconds: float
 ) -> dict[str, Any]:
-    """One run's result object, and ``step_mrad``: its largest joint command step.
+    """Return one run's result object and ``step_mrad``, its largest command step.
 
     Raises:
         RuntimeError: the run told no result; holds its last words.
@@ -77,7 +77,7 @@ def outcome(result: dict[str, Any]) -> str:
 
 
 def line(plan: str, scenario: str, results: list[dict[str, Any]]) -> str:
-    """A line of the table: what the seeds have in common, and their worst."""
+    """Return a line of the table: what the seeds have in common, and their worst."""
     outcomes = list(dict.fromkeys(outcome(result) for result in results))
     misses = max(r["deadline_misses"] / max(1, r["ticks"]) for r in results)
     errors = [max(r["com_error_max_mm"][i] for r in results) for i in range(3)]

@@ -55,7 +55,7 @@ class Kill(NamedTuple):
 
 
 def shortened(scenario: str, folder: Path) -> Path:
-    """The scenario with the duration of this study; the first key of that name."""
+    """Write the scenario with this study's duration, in the first such key."""
     text = find_scenario(scenario).read_text()
     path = folder / f"{scenario}.toml"
     path.write_text(DURATION.sub(f"duration_s = {DURATION_S}", text, count=1))
@@ -66,7 +66,7 @@ class Watch:
     """The robot's status as everybody can read it."""
 
     def __init__(self, robot: Robot, endpoints: Endpoints) -> None:
-        """Prepares; see :meth:`until`."""
+        """Prepare; see :meth:`until`."""
         self.observer = Observer(
             robot, endpoints=endpoints, channels=("status",), depth=64
         )
@@ -90,7 +90,7 @@ class Watch:
 
 
 def kill_once(robot: Robot, scenario: Path, pace: str, tick: int, seed: int) -> Kill:
-    """A run whose stabilizer is killed at a tick and replaced by another."""
+    """Run a scenario whose stabilizer is killed at a tick and replaced by another."""
     endpoints = loopback_endpoints()
     (locator,) = endpoints.listen
     folder = scenario.parent

@@ -75,7 +75,7 @@ class Work:
 
 
 def height(work: Work, axes: Any) -> None:
-    """Leak of the ground's motion against noise, over the filter's bandwidth."""
+    """Draw the leak of the ground's motion against noise, over the bandwidth."""
     scenario = "moving-platform-slow"
     levels = (0.05, 0.0)
     cases = [
@@ -112,7 +112,7 @@ def height(work: Work, axes: Any) -> None:
 
 
 def pitch(work: Work, grid: Any) -> None:
-    """Force deviation over the feedback in pitch, for each delay."""
+    """Draw the force deviation over the feedback in pitch, for each delay."""
     cases = [
         (
             Group(scenario, ((DELAY, delay),), "whole-body", "ideal"),
@@ -137,7 +137,7 @@ def pitch(work: Work, grid: Any) -> None:
 
 
 def slow(work: Work, grid: Any) -> None:
-    """Slow servos: who stays up, and which force is left, over the feedback."""
+    """Draw falls and remaining forces with slow servos, over the feedback."""
     lag_s = load_robot("walker", servo_profile="harmonic").servo_profile.lag_s
     scenarios = (*SLOW_SINES, *SLOW_GROUND)
     cases = [
@@ -187,7 +187,7 @@ def _words(levels: tuple[float, ...], values: list[float]) -> str:
 
 
 def push(grid: Any) -> None:
-    """CoM and centre of pressure after a push to the front and to the back."""
+    """Draw CoM and centre of pressure after a push to the front and to the back."""
     for column, (direction, name) in enumerate({0.0: "front", 180.0: "back"}.items()):
         upper, lower = grid[0, column], grid[1, column]
         for variant, colour in PUSHED.items():
@@ -231,7 +231,7 @@ def _record(group: Group) -> dict[str, Array]:
 
 
 def _pressure_mm(arrays: dict[str, Array]) -> Array:
-    """Centre of pressure of both level soles from their middle, along x."""
+    """Return the centre of pressure of both level soles from their middle, along x."""
     left, right = arrays["F_left"], arrays["F_right"]
     force = np.maximum(left[:, 2] + right[:, 2], 1.0)
     pressure: Array = -1e3 * (left[:, 4] + right[:, 4]) / force
@@ -239,7 +239,7 @@ def _pressure_mm(arrays: dict[str, Array]) -> Array:
 
 
 def _reach_mm(com: float) -> tuple[float, float]:
-    """Heel and toe from a CoM, given from the middle of the soles [mm]."""
+    """Return heel and toe from a CoM, given from the middle of the soles [mm]."""
     half = 1e3 * load_robot("walker").left.half_length_m
     return -half - com, half - com
 

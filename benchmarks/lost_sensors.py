@@ -52,7 +52,7 @@ POLICIES = ("degrade", "hold")
 def run_once(
     case: Case, fault: str, side: str, policy: str, seed: int, folder: Path
 ) -> dict[str, Any]:
-    """One run's result object.
+    """Return one run's result object.
 
     Raises:
         RuntimeError: the run failed; holds its last words.
@@ -79,7 +79,7 @@ def run_once(
 
 
 def cell(results: list[dict[str, Any]]) -> str:
-    """Verdict and largest error of the runs that differ by their seeds alone."""
+    """Return outcome and largest error of runs that differ by their seed only."""
     falls = [r["fell_at_s"] for r in results if r["fell"]]
     if falls:
         share = "" if len(falls) == len(results) else f" {len(falls)} of {len(results)}"
@@ -90,7 +90,7 @@ def cell(results: list[dict[str, Any]]) -> str:
 
 
 def table(cells: dict[tuple[str, str, str, str], str]) -> str:
-    """Markdown: a line per fault and side, a pair of columns per scenario."""
+    """Return a Markdown table: a row per fault and side, two columns per scenario."""
     names = [case.scenario for case in CASES]
     heads = [f"{name}, {policy}" for name in names for policy in POLICIES]
     lines = [

@@ -48,7 +48,7 @@ command_ms = 1.0
 
 
 def look_on(endpoints: Endpoints, tell: Connection) -> None:
-    """Take everything until the robot has gone; tells how many joint states came."""
+    """Take everything until the robot has gone; report the number of joint states."""
     robot = load_robot("walker")
     joints = 0
     with Observer(robot, endpoints=endpoints, depth=DEPTH) as observer:
@@ -73,7 +73,7 @@ class Watcher:
         self.heard()
 
     def heard(self) -> object:
-        """What it tells next.
+        """Return the next thing it reports.
 
         Raises:
             TimeoutError: nothing in time.
@@ -87,7 +87,7 @@ class Watcher:
 def one_run(
     scenario: Path, how: list[str], controller: str, observers: int
 ) -> tuple[PlantResult, list[int]]:
-    """A run, and how many ticks each observer got."""
+    """Run once, and return how many ticks each observer got."""
     endpoints = loopback_endpoints()
     (locator,) = endpoints.listen
     folder = scenario.parent
@@ -107,7 +107,7 @@ def one_run(
 
 
 def line(name: str, result: PlantResult, heard: list[int]) -> str:
-    """A run on one line."""
+    """Return a run on one line."""
     trip = result.round_trip_ms
     got = ", ".join(f"{100.0 * count / result.ticks:.1f} %" for count in heard)
     return (

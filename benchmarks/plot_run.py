@@ -27,7 +27,7 @@ COLOURS = {"x": "#c0392b", "y": "#27ae60", "z": "#1f5fa8"}
 
 
 def tilt_angles(quat_xyzw: Any) -> tuple[Any, Any]:
-    """Roll and pitch of R = Rz Ry Rx [deg].
+    """Return roll and pitch of R = Rz Ry Rx [deg].
 
     Args:
         quat_xyzw: (ticks, 4).

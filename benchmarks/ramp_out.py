@@ -49,7 +49,7 @@ WAYS = (
 WATCHED_S = 4.0
 """From the request on, however long the way takes."""
 IMPACT_S = 0.3
-"""The largest foot force counts for so long after the command stands still."""
+"""The largest foot force counts until this time after the command stands still [s]."""
 EARLIEST_S = 1.5
 LATEST_S = 8.0
 
@@ -81,7 +81,7 @@ class Run:
         self._law.start(snapshot, q_command)
 
     def step(self, snapshot: Snapshot) -> np.ndarray:
-        """Balance; or, once stopped, go on with less and less motion."""
+        """Balance; once stopped, go on with less and less motion."""
         if not self._way:
             command = self._law.step(snapshot).q_command.copy()
         else:
@@ -119,7 +119,7 @@ class Run:
 
 
 def split(run: Run, way: str, seconds: float) -> Ending:
-    """The end of a run in a process of its own, which leaves this one as it is."""
+    """End a run in a forked process, which leaves this one as it is."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:

@@ -32,7 +32,7 @@ FIGURES = {
 
 
 def run_once(scenario: str, seed: int, options: list[str]) -> dict[str, Any]:
-    """One run's result object.
+    """Return one run's result object.
 
     Raises:
         RuntimeError: the run failed; holds its last words.
@@ -53,7 +53,7 @@ def run_once(scenario: str, seed: int, options: list[str]) -> dict[str, Any]:
 
 
 def table(scenario: str, results: list[dict[str, Any]]) -> str:
-    """Mean and worst of every figure over the seeds."""
+    """Return mean and worst of every figure over the seeds."""
     falls = sum(result["fell"] for result in results)
     lines = [f"{scenario}: {len(results)} seeds, {falls} fell"]
     for name, (field, index) in FIGURES.items():

@@ -8,7 +8,7 @@ from surefoot.sim_robot.catalogue import find_scenario
 
 
 def shortened(name: str, duration_s: float) -> str:
-    """Text of a shipped scenario with another duration.
+    """Return the text of a shipped scenario with another duration.
 
     Args:
         name: of the scenario.

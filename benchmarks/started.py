@@ -43,7 +43,7 @@ class Started:
             )
 
     def __enter__(self) -> Self:
-        """Nothing more to do: it runs."""
+        """Return itself; the process already runs."""
         return self
 
     def __exit__(
@@ -65,7 +65,7 @@ class Started:
         return self.process.wait(DEADLINE_S)
 
     def said(self) -> str:
-        """All it has said so far."""
+        """Return all it has said so far."""
         return self._log.read_text(errors="replace")
 
     def wait_for(self, words: str) -> None:

@@ -38,33 +38,33 @@ STOCK = read_toml(find_settings(START))["zmp"]
 Point = dict[str, Any]
 FALL_COST, COM_UNIT_MM, FORCE_UNIT_N = 1000.0, 10.0, 50.0
 FIXED: Point = {"friction": 0.6}
-"""The margin to the true friction that the other controller has."""
+"""The same margin to the true friction as the whole-body controller."""
 SPEED_LIMITS = [(0.2, 0.1), (3.0, 1.0)]
 GRID = {
     "cop_admittance": [0.01, 0.02, 0.04, 0.07, 0.1],
-    "force_admittance": [1e-4, 2e-4, 3.5e-4, 5e-4],
+    "dfz_admittance": [1e-4, 2e-4, 3.5e-4, 5e-4],
 }
 RANGES: dict[str, list[Any]] = {
     "level_base": [0.0, 1.0],
     "level_height": [0.0, 1.0],
     "com_weight": [1e3, 1e4, 1e5],
     "contact_damping": [150.0, 300.0],
-    "dcm_kp": [1.0, 2.0, 3.0, 4.0, 5.0],
-    "dcm_ki": [5.0, 10.0, 15.0, 20.0],
-    "dcm_kd": [0.0, 0.25, 0.5],
+    "dcm_prop_gain": [1.0, 2.0, 3.0, 4.0, 5.0],
+    "dcm_integral_gain": [5.0, 10.0, 15.0, 20.0],
+    "dcm_deriv_gain": [0.0, 0.25, 0.5],
     "dcm_bias": ["off", "bias", "filter"],
     "com_admittance": [0.0, 0.1, 0.25, 0.5],
-    "height_stiffness": [0.0, 0.5],
-    "drift_hz": [0.5, 1.0, 2.0],
+    "dfz_damping": [0.0, 0.5],
+    "vdc_frequency": [0.5, 1.0, 2.0],
     "cop_admittance": [0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.085, 0.1],
-    "force_admittance": [5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 5e-4],
+    "dfz_admittance": [5e-5, 1e-4, 2e-4, 3e-4, 4e-4, 5e-4],
 }
 
 
 def run_once(
     point: Point, scenario: str, seed: int, servo_profile: str | None
 ) -> tuple[bool, float, float]:
-    """One training run: fell, CoM error [mm], force deviation [N]."""
+    """Return one training run: fell, CoM error [mm], force deviation [N]."""
     plan = make_plan(
         scenario,
         robot="walker",
@@ -97,7 +97,7 @@ class Search:
         self.rows: list[Point] = []
 
     def best_of(self, points: list[Point]) -> Point:
-        """The cheapest of some points; the earlier one when equal."""
+        """Return the cheapest of some points; the earlier one when equal."""
         known = {_key(row["point"]) for row in self.rows}
         new = [p for p in points if _key(p) not in known]
         new = list({_key(p): p for p in new}.values())
@@ -132,21 +132,21 @@ def _summarise(point: Point, runs: list[tuple[bool, float, float]]) -> Point:
 
 
 def _key(point: Point) -> tuple[tuple[str, Any], ...]:
-    """What makes a point: the settings in which it differs from the start."""
+    """Return what makes a point: the settings in which it differs from the start."""
     changed = {k: v for k, v in point.items() if STOCK[k] not in (v, [v, v])}
     return tuple(sorted(changed.items()))
 
 
 def search(found: Search, *, rounds: int, out: Path) -> None:
-    """Grid over the foot admittances, then coordinate rounds until nothing changes."""
+    """Search a grid of the foot admittances, then coordinate rounds until no change."""
     # Where the search begins, so that the table shows what tuning brought.
     found.best_of([{}])
-    grid = itertools.product(GRID["cop_admittance"], GRID["force_admittance"])
+    grid = itertools.product(GRID["cop_admittance"], GRID["dfz_admittance"])
     best = found.best_of(
         [
             FIXED
-            | {"rotation_limit_rad_s": turn, "lift_limit_m_s": lift}
-            | {"cop_admittance": cop, "force_admittance": force}
+            | {"max_fdc_velocity_rad_s": turn, "max_vertical_velocity_m_s": lift}
+            | {"cop_admittance": cop, "dfz_admittance": force}
             for (cop, force), (turn, lift) in itertools.product(grid, SPEED_LIMITS)
         ]
     )

@@ -42,7 +42,7 @@ OFF, ON = "without", "with"
 SETTLE_S = 2.0
 """Left out after the page has come or gone."""
 START_S = 60.0
-"""How long processes may take to come up."""
+"""Time allowed for processes to start [s]."""
 LONGEST_S = 3600.0
 MS_PER_NS = 1e-6
 
@@ -57,7 +57,7 @@ class RoundTrips:
     """
 
     def __init__(self) -> None:
-        """Nothing is going on."""
+        """Start with no durations."""
         self.phase: list[int] | None = None
 
     def add(self, duration_ns: int) -> None:
@@ -67,7 +67,7 @@ class RoundTrips:
 
 
 def distribution(durations_ns: list[int]) -> Distribution:
-    """Of a window [ms].
+    """Summarise a window [ms].
 
     Raises:
         RuntimeError: nothing was measured.
@@ -81,7 +81,7 @@ def distribution(durations_ns: list[int]) -> Distribution:
 
 
 def child(*words: str, log: Path) -> subprocess.Popen[bytes]:
-    """A command of ours as a process; it says what it says to a file."""
+    """Start a ``surefoot`` command as a process that logs to a file."""
     with log.open("wb") as stderr:
         return subprocess.Popen(
             [sys.executable, "-m", "surefoot.cli", *words],

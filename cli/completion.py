@@ -8,7 +8,7 @@ _SUFFIX = ".toml"
 
 
 def complete_scenario(incomplete: str) -> list[str]:
-    """Shipped scenarios, and scenario files."""
+    """Return shipped scenarios, and scenario files."""
     from surefoot.sim_robot.catalogue import list_scenarios
 
     names = [name for name in list_scenarios() if name.startswith(incomplete)]
@@ -16,7 +16,7 @@ def complete_scenario(incomplete: str) -> list[str]:
 
 
 def complete_channel(incomplete: str) -> list[tuple[str, str]]:
-    """Channels that can be listened to, with what they carry."""
+    """Return the channels that can be listened to, with what they carry."""
     from surefoot.cli.bus.topics import PUBLISHED
 
     return [
@@ -27,7 +27,7 @@ def complete_channel(incomplete: str) -> list[tuple[str, str]]:
 
 
 def complete_robot(incomplete: str) -> list[str]:
-    """Shipped robots, and robot files."""
+    """Return shipped robots, and robot files."""
     from surefoot.robot_io.robot import list_robots
 
     names = [name for name in list_robots() if name.startswith(incomplete)]
@@ -35,14 +35,14 @@ def complete_robot(incomplete: str) -> list[str]:
 
 
 def complete_controller(incomplete: str) -> list[str]:
-    """Shipped and installed controllers."""
+    """Return shipped and installed controllers."""
     from surefoot.stabilizer.factory import controller_names
 
     return [name for name in controller_names() if name.startswith(incomplete)]
 
 
 def complete_setting(incomplete: str) -> list[str]:
-    """Settings that ``--set`` knows, up to the equals sign."""
+    """Return settings that ``--set`` knows, up to the equals sign."""
     from surefoot.schemas.settings import setting_names
 
     known = (f"{name}=" for name in setting_names())
@@ -50,7 +50,7 @@ def complete_setting(incomplete: str) -> list[str]:
 
 
 def _files(incomplete: str) -> list[str]:
-    """TOML files and folders that begin so; a folder that cannot be read has none."""
+    """Return TOML files and folders that begin so; none of an unreadable folder."""
     folder = Path(incomplete) if incomplete.endswith("/") else Path(incomplete).parent
     prefix = "" if str(folder) == "." and not incomplete.startswith("./") else folder
     try:

@@ -133,7 +133,7 @@ def count_bar(
 
 @contextmanager
 def _bar(title: str, *, total: int, words: str) -> Iterator[Callable[[int, str], None]]:
-    """A bar on a terminal, nothing elsewhere; takes what is done, and words for it."""
+    """Show a bar on a terminal, nothing elsewhere; yields a function to update it."""
     bar = Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -153,7 +153,7 @@ def _bar(title: str, *, total: int, words: str) -> Iterator[Callable[[int, str],
 def live_table(
     *, enabled: bool = True
 ) -> Iterator[Callable[[RenderableType], None] | None]:
-    """A table that is renewed in place, on a terminal only; gone at the end.
+    """Show a table that is updated in place, on a terminal only; gone at the end.
 
     Yields:
         A function to be given the present table; None where nobody would see it.
@@ -166,7 +166,7 @@ def live_table(
 
 
 def _words(error: BaseException) -> str:
-    """What an error says; the system's own in words, not by its number."""
+    """Return an error's message; of a system error its text without the number."""
     if isinstance(error, ImportError):
         return f"{error}; {import_advice(error)}"
     if not isinstance(error, OSError) or type(error).__module__ != "builtins":
@@ -179,7 +179,7 @@ def _words(error: BaseException) -> str:
 
 
 def import_advice(error: ImportError) -> str:
-    """What to install, by what could not be loaded: a system library or a package."""
+    """Return what to install for a system library or package that failed to load."""
     if "shared object" not in str(error):
         return "install what is missing: pip install . (in a checkout: make install)"
     return (

@@ -120,7 +120,7 @@ def _both_sides(
     connect: list[str],
     insecure: bool,
 ) -> tuple[Endpoints, Endpoints]:
-    """How it dials the robot, and how it listens; they must not meet each other."""
+    """Return where it dials the robot and where it listens; they must differ."""
     from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
 

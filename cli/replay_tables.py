@@ -8,7 +8,7 @@ from surefoot.playback.recompute import Difference, ReplayOutcome
 
 
 def outcome_table(outcome: ReplayOutcome) -> Table:
-    """A row per stabilizer of the record."""
+    """Return a table with one row per stabilizer of the record."""
     table = Table("stabilizer", "controller", "ticks", "compared", "differing")
     for session in outcome.sessions:
         table.add_row(
@@ -22,7 +22,7 @@ def outcome_table(outcome: ReplayOutcome) -> Table:
 
 
 def verdict(outcome: ReplayOutcome) -> str:
-    """Equal, or where not."""
+    """Say whether all commands are equal, or where they differ."""
     if outcome.is_equal:
         return f"all {outcome.compared} commands are equal, bit for bit"
     session = next(session for session in outcome.sessions if session.differing)

@@ -64,7 +64,7 @@ def robot(
         f"{', '.join(meeting.router or meeting.listen)}"
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
-    from surefoot.sim_robot.node import run_robot  # heavy: a wrong file is told first
+    from surefoot.sim_robot.node import run_robot  # slow import; report bad files first
 
     with naming_scenario(path):
         done = run_robot(

@@ -128,7 +128,7 @@ def _mode(*, lockstep: bool, inline: bool) -> Mode:
 def _meeting(
     file: Path | None, *, listen: list[str], connect: list[str]
 ) -> Endpoints | None:
-    """Where the user wants the two to meet; None for no wish."""
+    """Return where the two processes should meet; None if the user does not say."""
     from surefoot.endpoints import choose_endpoints
 
     if file is None and not listen and not connect:

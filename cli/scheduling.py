@@ -1,4 +1,4 @@
-"""What the user asked of the scheduler, done or told why not."""
+"""Processor and priority of a process, as the user asked for them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def check_priority(priority: int | None, *, lockstep: bool) -> None:
 
 
 def claim_processor(*, cpu: int | None, priority: int | None) -> None:
-    """Pins this process and takes its priority; goes on without where not permitted.
+    """Pin this process and set its priority; go on without if not permitted.
 
     Called before anything starts a thread: threads inherit both.
 

@@ -74,7 +74,7 @@ def stabilizer(
         f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
-    # Heavy: a wrong file is told first.
+    # Slow import; report bad files first.
     from surefoot.stabilizer.factory import make_controller
     from surefoot.stabilizer.node import run_stabilizer
 

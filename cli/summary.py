@@ -37,7 +37,7 @@ class ScenarioRow(NamedTuple):
 
 
 def run_table(result: RunResult) -> Table:
-    """The figures of a run."""
+    """Return a table of a run's figures."""
     table = _figures(
         f"{result.scenario}, {result.controller}, {result.robot}, seed {result.seed}, "
         f"{result.mode}"
@@ -89,7 +89,7 @@ def controller_table(result: ControllerResult, name: str) -> Table:
 
 
 def relay_table(result: RelayResult) -> Table:
-    """What a relay did to each channel."""
+    """Return a table of what a relay did to each channel."""
     kinds = [kind for kind in _fault_counts(result) if kind not in _PASSAGE]
     table = Table("channel", *_PASSAGE, *kinds, title=result.plan)
     for name, counts in result.counts.items():
@@ -99,7 +99,7 @@ def relay_table(result: RelayResult) -> Table:
 
 
 def study_tables(summaries: Summaries) -> RenderableGroup:
-    """For people at a terminal: a table a case."""
+    """Return one table per case."""
     from surefoot.studies.tables import cells_of
 
     tables: dict[str, Table] = {}
@@ -117,7 +117,7 @@ def study_tables(summaries: Summaries) -> RenderableGroup:
 
 
 def scenario_table(rows: Iterable[ScenarioRow]) -> Table:
-    """The shipped scenarios."""
+    """Return a table of the shipped scenarios."""
     table = Table(box=None, pad_edge=False)
     table.add_column("scenario", no_wrap=True, style="bold")
     table.add_column("duration", justify="right")
@@ -186,7 +186,7 @@ def _counts(counts: dict[str, int]) -> str:
 
 
 def _fault_counts(result: RelayResult) -> Counter[str]:
-    """Messages that each kind of fault did something to, over all channels."""
+    """Count the messages that each kind of fault changed, over all channels."""
     total: Counter[str] = Counter()
     for counts in result.counts.values():
         total.update(counts)
@@ -201,7 +201,7 @@ def _faults(result: RelayResult) -> str:
 
 
 def histogram_table(name: str, histogram: Histogram) -> Table:
-    """One line per range of times that anything fell into, or lies between such.
+    """Return a table with one row per range of times, from the first to the last used.
 
     Bars are proportional to the share, and whatever happened at all shows at least a
     sliver: the rare late tick is what one looks for.

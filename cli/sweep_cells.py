@@ -13,7 +13,7 @@ from surefoot.studies.study import make_cells
 
 
 def parse_seeds(text: str) -> list[int]:
-    """Seeds as ``0:50`` (from, up to but without) or ``1,4,7``.
+    """Parse seeds such as ``0:50`` (0 to 49) or ``1,4,7``.
 
     Raises:
         UsageError: neither.
@@ -33,7 +33,7 @@ def parse_seeds(text: str) -> list[int]:
 
 
 def parse_vary(text: str) -> list[tuple[str, Any]]:
-    """One ``PATH=A,B,C``, or ``PATH=FROM:TO:COUNT`` for evenly spaced numbers.
+    """Parse ``PATH=A,B,C``, or ``PATH=FROM:TO:COUNT`` for evenly spaced numbers.
 
     Raises:
         UsageError: neither.
@@ -74,7 +74,7 @@ def all_cells(
     servo_profiles: Sequence[str],
     seeds: Sequence[int],
 ) -> list[Cell]:
-    """Every combination; a whole round of all cases before the next seed.
+    """Return every combination; a whole round of all cases before the next seed.
 
     Raises:
         UsageError: a name or a text that cannot be read.

@@ -54,7 +54,7 @@ def view(
             "pip install 'surefoot[view]'"
         )
     chosen = free_port(port)
-    from surefoot.view.page import LivePage  # heavy: a wrong option is told first
+    from surefoot.view.page import LivePage  # slow import; report bad options first
 
     stop = StopRequest()
     with stop.on_signals():

@@ -16,7 +16,7 @@ import numpy as np
 from surefoot.robot_io.timing import TimingLog
 
 SWITCH_INTERVAL_S = 1e-4
-"""How long another thread waits for the interpreter at most; 5 ms by default."""
+"""Longest wait of another thread for the interpreter [s]; Python's default is 5 ms."""
 NS_PER_S = 1e9
 MAX_LAG_PERIODS = 5
 """A loop that is late by more does not try to catch up: a burst of ticks in no time
@@ -34,7 +34,7 @@ class Pace(StrEnum):
 
 @contextmanager
 def quiet_interpreter() -> Iterator[None]:
-    """No garbage collection, and short turns for other threads, while inside.
+    """Stop garbage collection and give other threads short turns, while inside.
 
     Numbers that overflow make no warning either: a loop looks at its numbers itself.
 
@@ -145,7 +145,7 @@ def take_priority(priority: int) -> str:
 
 
 def _limit() -> str:
-    """The largest real-time priority this account may ask for."""
+    """Return the largest real-time priority this account may ask for."""
     import resource  # not on every system; this one has it, or has no SCHED_FIFO
 
     soft, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)

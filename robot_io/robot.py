@@ -139,14 +139,14 @@ class Robot:
 
 
 def list_robots() -> list[str]:
-    """Names of the shipped robots, sorted."""
+    """Return the names of the shipped robots, sorted."""
     return sorted(
         p.name for p in ROBOTS_DIR.iterdir() if (p / f"{p.name}.toml").is_file()
     )
 
 
 def find_robot(name_or_path: str) -> Path:
-    """Path of a robot file: a shipped name, or a path to a TOML.
+    """Return the path of a robot file, given a shipped name or a path.
 
     Raises:
         RobotFileError: there is no such robot; the message lists the shipped ones.
@@ -187,7 +187,7 @@ def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
 
 
 def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
-    """Hold a robot file that was read already against its URDF.
+    """Check a robot file that was read already against its URDF.
 
     Args:
         file: resolved: extended, the servo profile chosen.
@@ -210,7 +210,7 @@ def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
 
 
 def _read(path: Path) -> tuple[RobotFile, Path]:
-    """The file, on top of the one it extends, and the folder of its URDF."""
+    """Read the file over the one it extends; return it with its URDF's folder."""
     table = read_toml(path)
     folder = path.parent
     if EXTENDS in table:
@@ -222,7 +222,7 @@ def _read(path: Path) -> tuple[RobotFile, Path]:
 def _merged(
     path: Path, table: dict[str, Any], *, below: Path
 ) -> tuple[dict[str, Any], Path]:
-    """A table over that of another file; tables in it are merged, all else replaced."""
+    """Lay a table over another file's: tables are merged, all else is replaced."""
     base = read_toml(below)
     if EXTENDS in base:
         raise FileFormatError(

@@ -113,7 +113,7 @@ def _check_links(file: RobotFile, path: Path, root: ElementTree.Element) -> None
 
 
 def _check_sole(foot: Foot, path: Path, root: ElementTree.Element) -> None:
-    """A box under the sensor is what touches the ground: it must be the sole."""
+    """Check that the box under the sensor, which touches the ground, is the sole."""
     boxes = root.findall(f"link[@name='{foot.ft_link}']/collision/geometry/box")
     if len(boxes) != 1:
         return

@@ -42,7 +42,7 @@ class TimingLog:
         self._count += 1
 
     def distribution(self) -> Distribution:
-        """Median, 99th percentile and maximum [ms]; zeros when there is nothing."""
+        """Return median, 99th percentile and maximum [ms]; zeros when empty."""
         if not self._count:
             return Distribution(median=0.0, p99=0.0, max=0.0)
         kept = self._durations_ns[: len(self)]
@@ -60,7 +60,7 @@ class TimingLog:
 
 
 class CommandLatency:
-    """Times what a whole-body loop is about, on one clock, the robot's.
+    """Measures sensor-to-servo latency on the robot's clock.
 
     Attributes:
         log: stamp of the sensors to command applied; one per command that acts.
@@ -77,15 +77,15 @@ class CommandLatency:
         self._acting_ns = [_NOTHING] * TICKS_KEPT
 
     def sensed(self, tick: int, *, stamp_ns: int) -> None:
-        """The sensors of a tick were stamped."""
+        """Note when the sensors of a tick were stamped."""
         self._stamps_ns[tick % TICKS_KEPT] = stamp_ns
 
     def stamp_ns(self, tick: int) -> int:
-        """When the sensors of a recent tick were stamped [ns]."""
+        """Return when the sensors of a recent tick were stamped [ns]."""
         return self._stamps_ns[tick % TICKS_KEPT]
 
     def taken(self, answered_tick: int, *, acts_at: int) -> None:
-        """A command was let through.
+        """Note a command that the gate let pass.
 
         Args:
             answered_tick: the tick it answers.
@@ -94,7 +94,7 @@ class CommandLatency:
         self._acting_ns[acts_at % TICKS_KEPT] = self.stamp_ns(answered_tick)
 
     def applied(self, tick: int) -> None:
-        """The servos follow what acts from this tick on."""
+        """Note that the servos follow what acts from this tick on."""
         index = tick % TICKS_KEPT
         if self._acting_ns[index] != _NOTHING:
             self.log.add(time.monotonic_ns() - self._acting_ns[index])

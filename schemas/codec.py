@@ -20,7 +20,7 @@ from surefoot.schemas.validation import explain
 MAX_MESSAGE_BYTES = 65536
 _T = TypeVar("_T", bound=msgspec.Struct)
 _UNREADABLE = (ValueError, TypeError, RecursionError, msgpack.UnpackException)
-"""What msgpack raises on bytes that are not MessagePack."""
+"""Exceptions of msgpack for bytes that are not MessagePack."""
 
 
 def encode(message: msgspec.Struct) -> bytes:
@@ -42,7 +42,7 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
         data: bytes from the bus.
         kind: the struct that the topic carries.
         joint_count: n_a of the robot; when given, every per-joint field must have
-            exactly so many numbers.
+            exactly this many numbers.
 
     Returns:
         The message; every number in it is finite.
@@ -78,12 +78,12 @@ _encoder = msgspec.msgpack.Encoder()
 
 @cache
 def _decoder(kind: type[_T]) -> msgspec.msgpack.Decoder[_T]:
-    """Straight from bytes to struct: half the time of two steps."""
+    """Return a decoder from bytes to struct: half the time of two steps."""
     return msgspec.msgpack.Decoder(kind)
 
 
 def _decode_in_steps(data: bytes, kind: type[_T]) -> _T:
-    """Find out what is wrong with bytes that are no such message.
+    """Find out what is wrong with bytes that do not decode.
 
     First whether they are MessagePack at all, then for which version they were
     written, then which field does not fit.

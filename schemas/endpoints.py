@@ -66,7 +66,7 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
     router: list[str] = []
     """Where a router listens, when there is one: everyone dials it, also the robot."""
     lease_ms: Annotated[int, msgspec.Meta(ge=50, le=60000)] = 500
-    """A peer silent for so long is gone."""
+    """Silence after which a peer counts as gone."""
     retry_ms: Annotated[int, msgspec.Meta(ge=10, le=10000)] = 50
     """First pause between two attempts to connect; doubles up to four times."""
     max_bytes: Annotated[int, msgspec.Meta(ge=1024, le=65536)] = MAX_INCOMING_BYTES

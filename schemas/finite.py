@@ -12,7 +12,7 @@ import msgspec.inspect
 
 
 class NonFinite(NamedTuple):
-    """A number that is not one, and where it stands."""
+    """A NaN or infinity, and its place."""
 
     path: str
     value: float
@@ -51,7 +51,7 @@ def _first(places: Iterable[tuple[str, Any]]) -> NonFinite | None:
 
 
 def _surely_finite(message: msgspec.Struct) -> bool:
-    """A finite sum has finite terms: settles nearly every message in a microsecond."""
+    """Check by sums, since a finite sum has finite terms: a microsecond per message."""
     fields = _float_fields(type(message))
     if fields is None:
         return False
@@ -72,7 +72,7 @@ class _FloatFields(NamedTuple):
 
 @cache
 def _float_fields(kind: type[msgspec.Struct]) -> _FloatFields | None:
-    """Fields with floats; None when some are deeper than a list."""
+    """Return fields with floats; None when some are deeper than a list."""
     numbers, lists = [], []
     for field in msgspec.structs.fields(kind):
         info = msgspec.inspect.type_info(field.type)

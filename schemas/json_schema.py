@@ -68,7 +68,7 @@ def json_schema(kind: type[msgspec.Struct]) -> JsonObject:
 
 
 def all_schemas() -> dict[str, JsonObject]:
-    """File name to schema, for every message and every file format."""
+    """Return file name to schema, for every message and every file format."""
     carried = [topic.message for topic in TOPICS] + [
         messages.ServiceReply,
         messages.StabilizerReply,
@@ -78,7 +78,7 @@ def all_schemas() -> dict[str, JsonObject]:
 
 
 def as_text(schema: JsonObject) -> str:
-    """The schema as it is written to its file."""
+    """Return the schema as it is written to its file."""
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
@@ -109,7 +109,7 @@ def _describe(schema: JsonObject, struct: type[msgspec.Struct]) -> None:
 
 
 def _structs_within(kind: type[msgspec.Struct]) -> list[type[msgspec.Struct]]:
-    """A struct and all structs at any depth of its fields."""
+    """Return a struct and all structs at any depth of its fields."""
     found: dict[type[msgspec.Struct], None] = {}
 
     def visit(info: object) -> None:

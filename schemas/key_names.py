@@ -23,7 +23,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
-    """Words a hint for an unknown key.
+    """Word a hint for an unknown key.
 
     Args:
         field: its path, such as ``platform[0].motion[1].frequency``.
@@ -42,7 +42,7 @@ def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
 
 
 def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
-    """Texts that a field may hold, when there are only some.
+    """Return the texts that a field may hold, if they are limited.
 
     Args:
         field: its path, such as ``platform[0].motion[1].axis``.
@@ -65,7 +65,7 @@ def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
 def _structs_around(
     field: str, kind: type[msgspec.Struct]
 ) -> tuple[list[msgspec.inspect.StructType], str]:
-    """Struct types that the last key of a path may stand in, and that key."""
+    """Return the structs that may hold the last key of a path, and that key."""
     *parents, name = _INDEX.sub("", field).split(".")
     structs = _structs(msgspec.inspect.type_info(kind))
     for parent in parents:
@@ -80,7 +80,7 @@ def _structs_around(
 
 
 def _texts(info: msgspec.inspect.Type) -> list[str]:
-    """Texts that a type allows, when it allows only some."""
+    """Return the texts that a type allows, if they are limited."""
     if isinstance(info, msgspec.inspect.LiteralType):
         return [value for value in info.values if isinstance(value, str)]
     if isinstance(info, msgspec.inspect.EnumType):
@@ -103,7 +103,7 @@ def _key_names(structs: Iterable[msgspec.inspect.StructType]) -> Iterable[str]:
 
 
 def _structs(info: msgspec.inspect.Type) -> list[msgspec.inspect.StructType]:
-    """Struct types directly behind a type: itself, its items or its alternatives."""
+    """Return the struct types in a type: itself, its items or its alternatives."""
     if isinstance(info, msgspec.inspect.StructType):
         return [info]
     if isinstance(info, msgspec.inspect.ListType):

@@ -32,12 +32,12 @@ Values = dict[str, list[float]]
 
 
 def live_values(settings: ControllerSettings) -> Values:
-    """The settings that may change, with their present values."""
+    """Return the settings that may change, with their present values."""
     return {name: _numbers(_get(settings, name)) for name in LIVE_SETTINGS}
 
 
 def with_values(settings: ControllerSettings, values: Values) -> ControllerSettings:
-    """Settings with some of them replaced.
+    """Return settings with some values replaced.
 
     Args:
         settings: where to start from.
@@ -64,7 +64,7 @@ def with_values(settings: ControllerSettings, values: Values) -> ControllerSetti
 
 
 def between(before: Values, after: Values, *, share: float) -> Values:
-    """Values on the way from one to the other.
+    """Interpolate between two sets of values.
 
     Args:
         before: at share 0.

@@ -59,7 +59,7 @@ class _Fault(FileStruct, frozen=True, kw_only=True):
         return tuple(entry.name for entry in TOPICS if entry.direction in speakers)
 
     def is_on(self, at_s: float) -> bool:
-        """Whether it acts on what comes at a time [s]."""
+        """Return whether it acts on what comes at a time [s]."""
         end_s = math.inf if self.duration_s is None else self.start_s + self.duration_s
         return self.start_s <= at_s < end_s
 
@@ -158,7 +158,7 @@ class RelayPlan(FileStruct, frozen=True, kw_only=True):
     fault: list[RelayFault] = []
 
     def faults_of(self, channel: str) -> list[tuple[int, RelayFault]]:
-        """Faults that act on a channel, each with its place in the file."""
+        """Return faults that act on a channel, each with its place in the file."""
         return [
             (index, fault)
             for index, fault in enumerate(self.fault)

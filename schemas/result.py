@@ -78,7 +78,7 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     ticks: int
     tick_ms: Distribution
     force_error_rms_n: Pair
-    """Measured against wanted normal force, left and right."""
+    """Measured against desired normal force, left and right."""
     qp_failures: int
     stale_snapshots: int
     degraded_ticks: int
@@ -134,7 +134,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     base_tilt_max_deg: float
     """Farthest the base leaned from upright."""
     force_error_rms_n: Pair
-    """Measured against wanted normal force, left and right."""
+    """Measured against desired normal force, left and right."""
     force_deviation_rms_n: Pair | None
     """True vertical force against half the robot's weight, left and right."""
     force_peak_n: Pair

@@ -14,7 +14,7 @@ Side = Literal["left", "right"]
 
 
 class Imu(FileStruct, frozen=True, kw_only=True):
-    """Where the inertial unit sits."""
+    """Where the IMU sits."""
 
     frame: str
     """URDF link whose frame the readings are in."""
@@ -93,7 +93,7 @@ class Joint(FileStruct, frozen=True, kw_only=True):
     armature_kg_m2: NonNegative
     """Rotor inertia seen at the joint."""
     damping_nm_s_rad: NonNegative
-    """Passive damping of the drive."""
+    """Passive damping of the servo."""
     torque_limit_nm: Positive
     """Largest torque; the same as in the URDF."""
     velocity_limit_rad_s: Positive

@@ -24,7 +24,7 @@ _NOT_SWEPT = ("name", "description")
 
 
 def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
-    """A scenario with some of its values changed, in the order given.
+    """Return a scenario with some of its values changed, in the order given.
 
     Args:
         scenario: to start from; stays as it is.
@@ -47,7 +47,7 @@ def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
 
 
 def scenario_paths(scenario: Scenario) -> list[str]:
-    """Every path of a scenario that can be overridden, derived ones included."""
+    """Return every path of a scenario that can be overridden, derived ones included."""
     table: Table = msgspec.to_builtins(scenario)
     paths = [path for path in _leaves(table) if path not in _NOT_SWEPT]
     for index, _ in enumerate(scenario.push):
@@ -109,7 +109,7 @@ def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:
 
 
 def _leaves(value: Any, path: str = "") -> Iterable[str]:
-    """Paths of all values; a list of numbers is one value, and so is each number."""
+    """Yield the paths of all values: lists of numbers, and each number in them."""
     if isinstance(value, dict):
         for key, inner in value.items():
             if inner is not None and key not in ("kind", "axis", "foot"):
@@ -150,7 +150,7 @@ def _set_direction(push: Table, direction_deg: float) -> None:
 
 
 def _set_impulse(push: Table, impulse_n_s: float) -> None:
-    """Scales the force; the push keeps its direction and its duration."""
+    """Scale the force; the push keeps its direction and its duration."""
     size = math.hypot(*push["force_n"])
     if size == 0.0:
         raise FileFormatError(
@@ -162,7 +162,7 @@ def _set_impulse(push: Table, impulse_n_s: float) -> None:
 
 
 def _set_peak_rate(motion: Table, rate: float) -> None:
-    """Frequency at which the sine's greatest rate is this, at its amplitude."""
+    """Set the frequency such that the sine's greatest rate is this."""
     amplitude = motion["amplitude_deg" if _turns(motion) else "amplitude_m"]
     if amplitude == 0.0:
         raise FileFormatError(
@@ -173,7 +173,7 @@ def _set_peak_rate(motion: Table, rate: float) -> None:
 
 
 def _set_tilt_rate(table: Table, rate: float) -> None:
-    """All turning about horizontal axes: ramps together at this rate, sines each.
+    """Set the rate about horizontal axes: of all ramps together, of each sine.
 
     A ramp about a diagonal is one about roll and one about pitch: each gets its share
     so that both end together and the rates add up, as vectors, to the one asked for.
@@ -190,7 +190,7 @@ def _set_tilt_rate(table: Table, rate: float) -> None:
 
 
 def _set_pace(table: Table, factor: float) -> None:
-    """How fast everything moves, against the file; a free fall stays one."""
+    """Scale the speed of all motions; a free fall stays one."""
     for platform in table["platform"]:
         for motion in platform["motion"]:
             for key in ("frequency_hz", "rate_m_s", "rate_deg_s"):

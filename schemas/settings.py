@@ -103,7 +103,7 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     limit_time_s: Positive = 0.02
     """Velocity damper: a joint may close the gap to its limit in no less [s]."""
     limit_margin_rad: NonNegative = 0.01
-    """Kept free before the joint range ends."""
+    """Margin to the joint limits."""
     stance_leak: NonNegative = 0.3
     """Pull of the feet back to the stance along the sole and about z [1/s]."""
     windup_limit_rad: Positive = 0.2
@@ -120,7 +120,7 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     cutoff_hz: Positive = 15.0
     """Low-pass of the estimated twist."""
     lead_s: NonNegative = 0.015
-    """Lead that makes up for the low-pass and the damping of the drives [s]."""
+    """Lead that makes up for the low-pass and the damping of the servos [s]."""
     firm_force_n: Positive = 100.0
     """Feed-forward is whole above this normal force, and in proportion below [N]."""
     edge_begins: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.7
@@ -169,9 +169,9 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
     regained_above_n: Positive = 40.0
     """Normal force over which contact is back [N]."""
     lost_after_s: NonNegative = 0.005
-    """For so long under the threshold."""
+    """Time under the threshold until contact is lost."""
     regained_after_s: NonNegative = 0.003
-    """For so long over the threshold."""
+    """Time over the threshold until contact is back."""
     search_force_n: Positive = 80.0
     """Normal force a lifted foot reaches for [N]."""
     descent_limit_m_s: Positive = 0.4
@@ -181,20 +181,19 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
 
 
 class SafetySettings(FileStruct, frozen=True, kw_only=True):
-    """What the stabilizer believes of its sensors, and when it gives up."""
+    """Plausibility limits of the sensors, and when to stop balancing."""
 
     ft_lost: Literal["degrade", "hold"] = "degrade"
     """One ankle sensor lost: go on without its force terms, or hold the posture."""
     both_ft_lost: Literal["degrade", "hold"] = "hold"
     """The same for both of them."""
     bridge_s: Positive = 0.01
-    """A missing or impossible reading is bridged with the last good one for so long,
-    then the sensor is lost [s]."""
+    """Time for which the last good reading bridges missing or impossible ones, until
+    the sensor is lost [s]."""
     frozen_after_s: Positive = 0.02
-    """A sensor that repeats itself to the last bit for so long, while others move, is
-    lost [s]."""
+    """Time of identical readings, while others move, until a sensor is lost [s]."""
     recover_s: Positive = 0.1
-    """A lost ankle sensor that is good again for so long is believed again [s]."""
+    """Time for which a lost ankle sensor must be good until it is used again [s]."""
     force_range_n: Positive = 12000.0
     """Largest force an ankle sensor can report, each axis [N]. A foot that hits ground
     coming up at it feels 5000 for some ms."""
@@ -205,11 +204,11 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     moment_jump_nm: Positive = 1000.0
     """Largest change of an ankle moment in one tick, each axis [N m]."""
     overload_n: Positive = 1500.0
-    """A foot carries more than this only while something hits it [N]."""
+    """Force above which a foot is overloaded: only an impact reaches it [N]."""
     overload_after_s: Positive = 0.03
-    """Its sensor is lost when it says so for longer [s]."""
+    """Time above it after which the sensor is lost; impacts are over sooner [s]."""
     gyro_range_rad_s: Positive = 35.0
-    """Largest rate of turn the inertial unit can report, each axis [rad/s]."""
+    """Largest rate of turn the IMU can report, each axis [rad/s]."""
     accel_range_m_s2: Positive = 300.0
     """Largest specific force it can report, each axis [m/s^2]."""
     gyro_jump_rad_s: Positive = 4.0
@@ -217,15 +216,15 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     accel_jump_m_s2: Positive = 200.0
     """Largest change of the specific force in one tick, each axis [m/s^2]."""
     joint_margin_rad: Positive = 0.2
-    """A joint reported farther than this outside its range is impossible [rad]."""
+    """Distance outside its range beyond which a joint reading is impossible [rad]."""
     joint_jump_rad: Positive = 0.1
     """Largest change of any joint in one tick [rad]."""
     tilt_limit_rad: Positive = 0.8
-    """Leaning farther than this from how it started, the robot has fallen [rad]."""
+    """Tilt from the start beyond which the robot has fallen [rad]."""
     unloaded_n: Positive = 30.0
-    """Feet that carry less than this together carry nothing [N]."""
+    """Load of both feet together below which they carry nothing [N]."""
     unloaded_after_s: Positive = 1.0
-    """Feet that carry nothing for so long: the robot has fallen [s]."""
+    """Time without load on the feet after which the robot has fallen [s]."""
     ramp_out_s: Positive = 0.05
     """With a sensor lost or after a fall, the last motion fades out over this time
     before the posture is held [s]."""
@@ -258,7 +257,7 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     contact: ContactSettings = ContactSettings()
     """Contact of the feet."""
     safety: SafetySettings = SafetySettings()
-    """Sensors and giving up."""
+    """Plausibility of sensors, stopping and falling."""
     zmp: ZmpSettings = ZmpSettings()
     """The ZMP baseline."""
 
@@ -308,7 +307,7 @@ def build_settings(
 
 
 def _with_preset(table: dict[str, Any]) -> dict[str, Any]:
-    """The table over the values of the preset it asks for, if it names a valid one."""
+    """Lay the table over the values of the preset that it names."""
     choice = table.get("whole_body")
     name = choice.get("preset") if isinstance(choice, dict) else None
     for section, values in PRESETS.get(str(name), {}).items():
@@ -319,7 +318,7 @@ def _with_preset(table: dict[str, Any]) -> dict[str, Any]:
 
 
 def _spread(table: dict[str, Any]) -> dict[str, Any]:
-    """One number given for a setting per axis stands for all its axes."""
+    """Repeat a single number for all axes of a setting."""
     for section in msgspec.structs.fields(ControllerSettings):
         part = table.get(section.name)
         if not isinstance(part, dict):
@@ -333,7 +332,7 @@ def _spread(table: dict[str, Any]) -> dict[str, Any]:
 
 
 def setting_names() -> list[str]:
-    """All settable names, as ``section.name``."""
+    """Return all settable names, as ``section.name``."""
     return [
         f"{section.name}.{field.name}"
         for section in msgspec.structs.fields(ControllerSettings)
@@ -358,7 +357,7 @@ def _parse_override(text: str, known: list[str]) -> tuple[str, Any]:
 
 
 def _near_settings(key: str, known: list[str]) -> str:
-    """The nearest setting; else those of the section; else the sections."""
+    """Return the nearest setting, else those of the section, else the sections."""
     near = difflib.get_close_matches(key, known, n=1)
     if near:
         return f"did you mean {near[0]!r}?"

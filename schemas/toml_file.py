@@ -85,7 +85,7 @@ def toml_text(table: dict[str, Any]) -> str:
 
 
 def struct_table(value: FileStruct) -> dict[str, Any]:
-    """The table of a file that reads back as a struct."""
+    """Return the table that reads back as a struct."""
     table: dict[str, Any] = _without_none(msgspec.to_builtins(value))
     return table
 

@@ -52,7 +52,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic("reference", "ref", Direction.TO_STABILIZER, messages.Reference,
           "as planned", "what a planner asks of the stabilizer"),
     Topic("stabilizer", "stabilizer/status", Direction.FROM_STABILIZER,
-          messages.StabilizerStatus, "50 Hz", "wanted and measured wrenches, timing"),
+          messages.StabilizerStatus, "50 Hz", "desired and measured wrenches, timing"),
     Topic("settings_change", "stabilizer/settings", Direction.FROM_STABILIZER,
           messages.SettingsChange, "on change", "settings changed during a run"),
     Topic("settings", "srv/settings", Direction.STABILIZER_SERVICE,
@@ -87,7 +87,7 @@ def topic(name: str) -> Topic:
 
 
 def resolve_keys(overrides: dict[str, str]) -> dict[str, str]:
-    """Keys of all channels, with a robot file's own keys put in.
+    """Return the keys of all channels, with a robot file's own keys put in.
 
     Args:
         overrides: channel name to key; a leading slash (as ROS writes it) is

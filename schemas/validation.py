@@ -70,7 +70,7 @@ def _reworded(text: str, path: str, raw: Any, kind: type[msgspec.Struct]) -> str
 
 
 def _is_lone_table(expected: str, got: Any) -> bool:
-    """Whether a table stands where a list of tables belongs: [x] for [[x]]."""
+    """Return whether a table stands for a list of tables: [x] instead of [[x]]."""
     return expected.startswith("array") and isinstance(got, dict)
 
 
@@ -83,7 +83,7 @@ def _choices(valid: list[str], got: Any) -> str:
 
 
 def _value_at(raw: Any, path: str) -> tuple[Any, bool]:
-    """What stands at a path, and whether there is anything."""
+    """Return the value at a path, and whether there is one."""
     for index, name in _STEP.findall(path):
         try:
             raw = raw[int(index)] if index else raw[name]

@@ -14,12 +14,12 @@ SCENARIOS_DIR = Path(__file__).parent / "scenarios"
 
 
 def list_scenarios() -> list[str]:
-    """Names of the shipped scenarios, sorted."""
+    """Return the names of the shipped scenarios, sorted."""
     return sorted(path.stem for path in SCENARIOS_DIR.glob("*.toml"))
 
 
 def find_scenario(name_or_path: str) -> Path:
-    """Path of a scenario file: a shipped name, or a path to a TOML.
+    """Return the path of a scenario file, given a shipped name or a path.
 
     Raises:
         ScenarioError: there is no such scenario; the message lists the shipped ones.
@@ -40,6 +40,9 @@ def find_scenario(name_or_path: str) -> Path:
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """Load a scenario by shipped name or path.
 
+    Args:
+        name_or_path: ``moving-platform-slow`` or ``path/to/scenario.toml``.
+
     Raises:
         ScenarioError: no such scenario.
         FileFormatError: the file is malformed.
@@ -49,7 +52,7 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
 @contextmanager
 def naming_scenario(path: Path) -> Iterator[None]:
-    """Names the file in a :class:`ScenarioError` that says which key is wrong.
+    """Add the file's name to a :class:`ScenarioError` raised inside.
 
     Bodies, ticks and ranges are checked where robot and scenario come together, which
     know nothing of files.

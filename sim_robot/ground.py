@@ -48,7 +48,7 @@ class Ground:
         return bool(self._laws)
 
     def aim(self, time_s: float) -> None:
-        """Before a step: pushes the platforms towards where they will be.
+        """Push the platforms towards where they will be after the next step.
 
         Args:
             time_s: end of the step.
@@ -65,7 +65,7 @@ class Ground:
         self._force *= PLATFORM_INERTIA / SIM_STEP_S
 
     def arrive(self) -> None:
-        """After a step: puts the platforms exactly where they belong."""
+        """Put the platforms exactly where they belong after a step."""
         self._write()
 
     def _write(self) -> None:

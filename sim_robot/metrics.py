@@ -126,7 +126,7 @@ class PlantMetrics:
             self._count_errors(state)
 
     def figures(self) -> StandingFigures:
-        """What the run amounts to so far; zero where nothing has counted yet."""
+        """Return the figures so far; zero where nothing has counted yet."""
         count = max(self._counted, 1)
         return StandingFigures(
             has_counted=self._counted > 0,
@@ -152,7 +152,7 @@ class PlantMetrics:
 
 
 def _com_over_soles(state: StandingState) -> tuple[float, float, float]:
-    """CoM: x and y from the midpoint of the soles, z in the world [m]."""
+    """Return the CoM: x and y from the midpoint of the soles, z in the world [m]."""
     # Three numbers at a time: plain floats are quicker than arrays here.
     x, y, z = state.com.tolist()
     left_x, left_y, _ = state.sole_left.tolist()
@@ -174,7 +174,7 @@ class FallDetector:
         self._least_height = FALL_HEIGHT_RATIO * (base - 0.5 * (left + right))
 
     def check(self) -> bool:
-        """Whether the robot is low, leans too far, or touches down with a link."""
+        """Check whether the robot is low, leans or touches down with a link."""
         base, left, right, *links = self._view.heights()
         # A state that is not a number fails one of these: that is a fall, too.
         standing = (

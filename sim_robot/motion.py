@@ -32,7 +32,7 @@ def motion_law(motion: Motion) -> MotionLaw:
 
 
 def _sine(motion: SineMotion) -> MotionLaw:
-    """A(u) sin(w s + phase), u = s f: fades in over one period, twice smooth."""
+    """Make A(u) sin(w s + phase), u = s f, faded in over one period, C2 smooth."""
     amplitude, start_s = motion.amplitude, motion.start_s
     frequency_hz = motion.frequency_hz
     omega = math.tau * frequency_hz
@@ -56,7 +56,7 @@ def _sine(motion: SineMotion) -> MotionLaw:
 
 
 def _ramp(amplitude: float, *, rate: float, start_s: float) -> MotionLaw:
-    """Speeds up over a blend, cruises, slows down over a blend.
+    """Make a motion that speeds up over a blend, cruises and slows down.
 
     A ramp too short to reach its rate has no cruise and a lower peak.
     """
@@ -84,7 +84,7 @@ def _ramp(amplitude: float, *, rate: float, start_s: float) -> MotionLaw:
 
 
 def _drop(motion: DropMotion) -> MotionLaw:
-    """Falls freely and brakes over a blend so that it rests at the amplitude."""
+    """Make a free fall that brakes over a blend and rests at the amplitude."""
     if motion.rate is not None:
         return _ramp(motion.amplitude, rate=motion.rate, start_s=motion.start_s)
     amplitude, start_s = motion.amplitude, motion.start_s
@@ -116,6 +116,6 @@ def _drop(motion: DropMotion) -> MotionLaw:
 
 
 def _speed_up(time_s: float) -> tuple[float, float]:
-    """Way and speed, ``time_s`` into a smooth start towards speed one."""
+    """Return distance and speed, ``time_s`` into a smooth start to unit speed."""
     u = time_s / BLEND_S
     return BLEND_S * u * u * u * (1.0 - 0.5 * u), u * u * (3.0 - 2.0 * u)

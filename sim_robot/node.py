@@ -54,7 +54,7 @@ def run_robot(
     stop: StopRequest | None = None,
     on_tick: Callable[[int], None] | None = None,
 ) -> RobotRun:
-    """Run a scenario on the bus, commanded by whoever takes the lease.
+    """Run a scenario on the bus for the commander that takes the lease.
 
     The robot stands at tick 0, in HOLD, until a commander has enabled it: scenarios
     begin with the commander, however long it takes to come up. Sensors are published
@@ -71,7 +71,7 @@ def run_robot(
         histogram: whether the result holds those of the times.
         wait_s: how long to wait for a commander; None for ever [s].
         stop: ends the run from outside, besides signals.
-        on_tick: told the tick now and then, for a progress bar.
+        on_tick: called with the tick now and then, for a progress bar.
 
     Returns:
         The run; also when it was stopped or nobody came.

@@ -135,12 +135,12 @@ class Plant:
         return first_tick
 
     def truth(self) -> PlantTruth:
-        """True state at the present tick."""
+        """Return the true state at the present tick."""
         mujoco.mj_subtreeVel(self._model, self.data)
         return self.view.truth(self._tick)
 
     def _simulate(self, q_command: Array, *, end_s: float) -> None:
-        """One simulation step up to ``end_s``.
+        """Simulate one step up to ``end_s``.
 
         Forces and integration first, kinematics of the new state last: poses and
         velocities are then of the present, at no further cost.

@@ -96,7 +96,7 @@ class Renderer:
         self._drawing = _open_drawing(model, width=width, height=height)
 
     def __enter__(self) -> Renderer:
-        """Nothing more to do."""
+        """Return itself."""
         return self
 
     def __exit__(
@@ -200,7 +200,7 @@ class Renderer:
 
 
 def _legs_at_rest(plan: PlatformPlan) -> list[tuple[Vec3, Vec3]]:
-    """Six legs in pairs: foot in the world, head from the platform's top centre."""
+    """Return six legs in pairs: foot in the world, head from the platform's centre."""
     legs = []
     for leg in range(LEGS):
         towards = math.tau * (leg + 0.5) / LEGS
@@ -227,7 +227,7 @@ def _legs_at_rest(plan: PlatformPlan) -> list[tuple[Vec3, Vec3]]:
 
 
 def _has_gl() -> bool:
-    """Whether MuJoCo may be asked for OpenGL at all.
+    """Return whether MuJoCo can use OpenGL here.
 
     Without a display it falls back on GLFW, which ends the whole process with an
     abort when it is asked a second time; so here, and only here, the environment is

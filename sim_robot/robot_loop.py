@@ -18,9 +18,9 @@ from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.truth import truth_message
 
 DEADLINE_S = 2.0
-"""Lockstep: how long an answer may take."""
+"""Lockstep: longest wait for an answer [s]."""
 FIRST_DEADLINE_S = 15.0
-"""The same for the first one, while a controller may still build its model."""
+"""The same for the first answer, while a controller may still build its model [s]."""
 TRUTH_EVERY_TICKS = 20
 
 
@@ -72,7 +72,7 @@ class RobotLoop:
         self._is_answered = False
 
     def histograms(self) -> dict[str, Histogram]:
-        """Of all times taken here, by name."""
+        """Return the histograms of all times taken here, by name."""
         logs = {
             "sensors to servos": self.latency.log,
             "round trip": self.round_trip,
@@ -123,7 +123,7 @@ class RobotLoop:
                 self._on_tick(tick)
 
     def _note_mode(self, tick: int) -> None:
-        """Answer are due for ticks from the first ACTIVE one on."""
+        """Note since when answers are due: from the first ACTIVE tick on."""
         if self._gate.mode is not RobotMode.ACTIVE:
             if self._is_lockstep and self._active_since is not None:
                 self._pacer.restart()  # from now on its time goes by the clock
@@ -133,7 +133,7 @@ class RobotLoop:
             self._is_answered = False
 
     def _take_answer(self, tick: int, now_s: float, stop: StopRequest) -> None:
-        """Lockstep: waits for the answer that has to act in this tick's step."""
+        """Wait for the answer that has to act in this tick's step; lockstep."""
         due = self._simulated.commands_needed(tick)
         if due is None or self._active_since is None or due < self._active_since:
             return

@@ -82,7 +82,7 @@ def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
 
 
 def robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjSpec:
-    """The robot alone: free base, drives, soles and sensors.
+    """Make the robot alone: free base, servos, soles and sensors.
 
     Args:
         robot: what its files say.
@@ -110,7 +110,7 @@ def robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjS
 
 
 def _add_drives(spec: mujoco.MjSpec, robot: Robot, *, kp_scale: float) -> None:
-    """Servos: torque = kp (set-point - q) - kd dq within the limit, bus order."""
+    """Add servos: torque = kp (set-point - q) - kd dq within limits, bus order."""
     for entry in robot.file.joint:
         joint = spec.joint(entry.name)
         joint.armature = entry.armature_kg_m2
@@ -133,7 +133,7 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, *, kp_scale: float) -> None:
 
 
 def _add_sole_box(spec: mujoco.MjSpec, foot: Foot) -> None:
-    """The box that touches the ground, in the sole's own massless body.
+    """Add the box that touches the ground, in the sole's own massless body.
 
     A force sensor between that body and the foot then reads the contact wrench,
     at the sole, and nothing else.

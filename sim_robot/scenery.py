@@ -68,7 +68,7 @@ def _add_sky_and_floor(spec: mujoco.MjSpec) -> None:
 
 
 def _add_mat(spec: mujoco.MjSpec, plan: PlatformPlan) -> None:
-    """A lighter top face inside the platform's rim, to show how it lies."""
+    """Add a lighter top face inside the platform's rim, to show its attitude."""
     size = plan.half_size - _MAT_RIM_M
     size[2] = _MAT_HALF_THICKNESS_M
     spec.body(plan.name).add_geom(

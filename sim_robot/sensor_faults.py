@@ -47,7 +47,7 @@ class SensorFaults:
         self._last: Snapshot | None = None
 
     def apply(self, snapshot: Snapshot) -> Snapshot:
-        """What the robot reports instead; called once per tick, in order."""
+        """Return the readings with faults applied; called once per tick, in order."""
         if not self._faults:
             return snapshot
         missing: list[str] = []

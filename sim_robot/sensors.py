@@ -39,7 +39,7 @@ class Accelerometer:
 
     R a_k = (v_k - v_(k-1)) / period - g holds exactly: integrating the readings
     gives the true velocity. (The simulator's own sensor reports the acceleration
-    before the implicit damping of the drives, some per cent off what happens.)
+    before the implicit damping of the servos, some per cent off the true one.)
     """
 
     def __init__(self, *, period_s: float) -> None:
@@ -209,7 +209,7 @@ class SensorSuite:
             data: the state to read, from then on.
             settings: noise, biases and resolution of the scenario.
             period_s: control period.
-            delay_ticks: a snapshot reports what was so many ticks ago.
+            delay_ticks: age of what a snapshot reports.
             seed: of the run; equal seeds give equal noise.
         """
         self._joint_qpos, self._joint_dof = world.joint_qpos, world.joint_dof

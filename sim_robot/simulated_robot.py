@@ -186,13 +186,13 @@ class SimulatedRobot:
         return self._faults.unread
 
     def truth(self) -> PlantTruth:
-        """True state at the present tick."""
+        """Return the true state at the present tick."""
         if self._truth is None:
             self._truth = self.plant.truth()
         return self._truth
 
     def commands_needed(self, tick: int) -> int | None:
-        """The tick whose answer must be there before ``tick`` can step.
+        """Return the tick whose answer must be there before ``tick`` can step.
 
         Returns:
             ``tick`` less the command delay; None while nothing is needed yet.

@@ -72,7 +72,7 @@ class PlantView:
         )
 
     def heights(self) -> list[float]:
-        """World z of the base, the soles, then every link above the ankles [m]."""
+        """Return world z of base, soles, then every link above the ankles [m]."""
         heights: list[float] = self._heights.take(self._height_bodies).tolist()
         return heights
 

@@ -10,7 +10,7 @@ TOLERANCE_TICKS = 1e-6
 
 
 def whole_ticks(span_s: float, tick_s: float, *, what: str) -> int:
-    """How many ticks a time span is.
+    """Convert a time span to whole ticks.
 
     Args:
         span_s: the span [s].

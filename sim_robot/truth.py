@@ -1,4 +1,4 @@
-"""What the simulator knows and the robot does not."""
+"""True state of the simulator, which the robot does not know."""
 
 from __future__ import annotations
 

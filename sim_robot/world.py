@@ -105,7 +105,7 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
 
 
 def _nominal_soles(spec: mujoco.MjSpec, robot: Robot) -> tuple[Vec3, Vec3]:
-    """Sole centres from the base in the nominal posture, each (3,) [m]."""
+    """Return the sole centres from the base in the nominal posture, each (3,) [m]."""
     model = spec.compile()
     data = mujoco.MjData(model)
     for name, angle in zip(robot.joint_names, robot.nominal, strict=True):
@@ -153,7 +153,7 @@ def _forget_platform_inertia(model: mujoco.MjModel, robot: Robot) -> None:
 def _upper_bodies(
     model: mujoco.MjModel, base_body: int, *, feet: tuple[Foot, Foot]
 ) -> NDArray[np.intp]:
-    """The robot's bodies without sole, foot and the two ankle links above it."""
+    """Return the robot's bodies without sole, foot and the two ankle links above it."""
     low: set[int] = set()
     for foot in feet:
         body = _body_id(model, foot.sole_frame)

@@ -1,1 +1,1 @@
-"""The controller: state from sensors, wanted wrenches, commanded joint velocities."""
+"""The controller: state from sensors, desired wrenches, commanded joint velocities."""

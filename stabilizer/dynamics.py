@@ -98,7 +98,7 @@ class Dynamics:
         self.J_contact.dot(self.X, out=self.Lambda_c_inv)
 
     def inertia_matrix(self) -> Mat:
-        """(n_v, n_v) inertia matrix of the last update, for tests and tools."""
+        """Return the (n_v, n_v) inertia matrix of the last update, for tests."""
         upper: Mat = np.triu(self._data.M)
         full: Mat = upper + np.triu(upper, 1).T
         return full

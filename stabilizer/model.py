@@ -39,7 +39,7 @@ class RobotModel:
     in the order of the bus outside; ``to_model`` and ``to_bus`` convert.
 
     Attributes:
-        pin_model: Pinocchio's model, with the drives' rotor inertia.
+        pin_model: Pinocchio's model, with the servos' rotor inertia.
         n_a: number of joints.
         n_v: 6 + n_a.
         mass: total mass [kg].
@@ -50,7 +50,7 @@ class RobotModel:
         plates: what hangs below each sensor.
         half_sizes: half length and half width of left and right sole [m].
         is_leg: (n_a,) whether a joint lies between base and a sole.
-        T_base_imu: placement of the inertial unit in the base.
+        T_base_imu: placement of the IMU in the base.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -110,7 +110,7 @@ class RobotModel:
         self.T_base_imu: pin.SE3 = base.placement.actInv(imu.placement)
 
     def _leg_joints(self) -> NDArray[np.bool_]:
-        """(n_a,) joints on the way from the base to a sole."""
+        """Return which joints lie between the base and a sole, (n_a,)."""
         is_leg = np.zeros(self.n_a, dtype=bool)
         for sole_id in self.sole_ids:
             joint = self.pin_model.frames[sole_id].parentJoint
@@ -139,7 +139,7 @@ class RobotModel:
         return frame_id
 
     def nominal_configuration(self) -> Array:
-        """(7 + n_a,) nominal posture, base upright, soles level at z = 0.
+        """Return the nominal configuration, (7 + n_a,): base upright, soles at z = 0.
 
         The stance frame is the world: origin midway between the soles.
         """
@@ -152,7 +152,7 @@ class RobotModel:
 
 
 def _plate_below(model: pin.Model, sensor_id: int) -> Plate:
-    """Mass and centre of mass of all links fixed below the sensor.
+    """Return mass and centre of mass of all links fixed below the sensor.
 
     Pinocchio keeps a fixed link's inertia in the frame of its fixed joint.
     """
@@ -176,5 +176,5 @@ def _is_below(model: pin.Model, frame_id: int, ancestor_id: int) -> bool:
 
 
 def skew(v: Vec3) -> Mat:
-    """(3, 3) matrix with ``skew(a) @ b == cross(a, b)``."""
+    """Return the (3, 3) matrix with ``skew(a) @ b == cross(a, b)``."""
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])

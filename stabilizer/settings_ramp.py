@@ -8,9 +8,9 @@ from surefoot.schemas.messages import SCHEMA_VERSION, SettingsChange
 from surefoot.schemas.settings import ControllerSettings
 
 RAMP_S = 0.5
-"""A gain that jumps would make the commanded acceleration jump."""
+"""Length of a ramp [s]: a jump of a gain would make the acceleration jump."""
 EVERY_TICKS = 10
-"""Settings move in steps of so many ticks: each costs some hundred microseconds."""
+"""Ticks between two steps of a ramp: each step costs some hundred microseconds."""
 
 
 class SettingsRamp:

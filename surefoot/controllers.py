@@ -32,5 +32,5 @@ def make_controller(
 
 
 def list_controllers() -> list[str]:
-    """Names of all controllers: shipped ones and installed entry points."""
+    """Return the names of all controllers: shipped ones and installed entry points."""
     return factory.controller_names()

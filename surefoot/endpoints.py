@@ -56,7 +56,7 @@ LONGEST_SOCKET_PATH = 90
 
 @contextmanager
 def private_bus() -> Iterator[Endpoints]:
-    """A bus of one run's own: a Unix socket in a folder that only this user enters.
+    """Provide a private bus: a Unix socket in a folder that only this user enters.
 
     No other process can take its address meanwhile, and it costs the loop less than
     the loopback interface. Without such sockets, or with a path too long, a free port.
@@ -71,7 +71,7 @@ def private_bus() -> Iterator[Endpoints]:
 
 
 def loopback_endpoints() -> Endpoints:
-    """A free port of the loopback interface, for both sides of one run."""
+    """Choose a free port of the loopback interface for both sides of one run."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     locator = f"tcp/127.0.0.1:{port}"

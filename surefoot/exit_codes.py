@@ -22,7 +22,7 @@ class ExitCode(IntEnum):
 
 
 def exit_code_of(error: BaseException) -> ExitCode | None:
-    """The exit code an error means.
+    """Return the exit code of an error.
 
     Args:
         error: what ended a command.

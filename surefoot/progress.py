@@ -1,4 +1,4 @@
-"""How long work tells how far it is: a bar that the caller brings, or none."""
+"""Progress of long work, shown by a bar that the caller provides."""
 
 from __future__ import annotations
 
@@ -27,6 +27,6 @@ class CountBar(Protocol):
 def no_bar(
     title: str, *, total: int, done: int, of: str = "runs"
 ) -> Iterator[Callable[[], None]]:
-    """A bar that shows nothing: the default of every function of the library."""
+    """Provide a bar that shows nothing: the default throughout the library."""
     del title, total, done, of
     yield lambda: None

@@ -126,7 +126,7 @@ def _not_none(path: Path | None) -> Path:
 
 
 def _checked(scenario: Scenario) -> Scenario:
-    """A scenario built in Python, held to what a file must be."""
+    """Check a scenario built in Python like one from a file."""
     return scenario_from_table(struct_table(scenario), source=repr(scenario.name))
 
 
@@ -139,7 +139,7 @@ def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:
 
 
 def _find_relay_plan(relay: str, mode: Mode) -> Path:
-    """Path of a relay plan that can be used, checked now rather than in a child."""
+    """Find a relay plan and check it here, before a child process needs it."""
     if mode == "lockstep":
         raise UsageError(
             "--relay needs --realtime, or --inline in simulated time: in lockstep "
@@ -176,7 +176,7 @@ def resolve_settings(
 
 
 def _sections(values: Mapping[str, Any]) -> dict[str, Any]:
-    """``{"tsid.base_kp": 120.0}`` as tables; tables themselves stay as they are."""
+    """Turn ``{"tsid.base_kp": 120.0}`` into tables; keep tables as they are."""
     tables: dict[str, Any] = {}
     for name, value in values.items():
         section, dot, key = name.partition(".")
@@ -189,5 +189,5 @@ def _sections(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def settings_text(settings: ControllerSettings) -> str:
-    """Settings as a file that ``--settings`` reads back."""
+    """Return settings as a file that ``--settings`` reads back."""
     return toml_text(msgspec.to_builtins(settings))

@@ -72,7 +72,7 @@ def simulate(
         seed: of the sensor noise, 0 or more.
         relay: a shipped relay plan or the path of one: its faults between the two.
         record: keep every tick's signals.
-        on_tick: told each tick.
+        on_tick: called with each tick.
 
     Returns:
         The run, the same bit for bit as on the bus in lockstep.
@@ -155,7 +155,7 @@ def run(
         relay: a shipped relay plan or the path of one; in real time only.
         out: a new folder that keeps the run with every message of the bus; None
             keeps nothing on disk.
-        on_tick: told the robot's progress.
+        on_tick: called with the robot's tick now and then.
 
     Raises:
         ChildFailedError: one of the processes failed; holds its last words.
@@ -206,7 +206,7 @@ def execute(
         view_port: serve a live page of two processes at this port; None for no page.
         histogram: whether the result holds those of all times.
         priority: of SCHED_FIFO for two processes; None for ordinary ones.
-        on_tick: told the present tick now and then.
+        on_tick: called with the present tick now and then.
 
     Raises:
         ChildFailedError: one of the processes failed; the folder then keeps the logs.
@@ -250,7 +250,7 @@ def execute(
 
 
 def _name_of(controller: Any) -> str:
-    """What to call a controller in results."""
+    """Return what to call a controller in results."""
     if isinstance(controller, str):
         return controller
     kind = controller if isinstance(controller, type) else type(controller)
@@ -258,7 +258,7 @@ def _name_of(controller: Any) -> str:
 
 
 def _made(controller: Any, plan: RunPlan) -> Any:
-    """The controller to run: made from a name or a class, or as it was given."""
+    """Return the controller to run, made from a name or class if necessary."""
     if controller is None or isinstance(controller, str):
         return make_controller(controller or plan.controller, plan.robot, plan.settings)
     if hasattr(controller, "step") and not isinstance(controller, type):

@@ -39,7 +39,7 @@ def check_fields(paths: Iterable[str], kind: type[msgspec.Struct]) -> None:
 
 
 def pick(message: Any, path: str) -> Any:
-    """The value at a path of a message, as :func:`msgspec.to_builtins` gives it.
+    """Return the value at a path of a message, as built-in types.
 
     Raises:
         UsageError: this message has nothing there.
@@ -64,7 +64,7 @@ def _there_is(value: Any) -> str:
 
 
 def message_lines(channel: str, message: dict[str, Any], *, size: int) -> list[str]:
-    """A message as lines of text.
+    """Return a message as lines of text.
 
     Args:
         channel: its name.
@@ -80,13 +80,13 @@ def message_lines(channel: str, message: dict[str, Any], *, size: int) -> list[s
 
 
 def field_lines(fields: dict[str, Any]) -> list[str]:
-    """One indented line a field, the values under each other."""
+    """Return one indented line per field, with aligned values."""
     width = max(map(len, fields), default=0)
     return [f"  {name:<{width}}  {text_of(value)}" for name, value in fields.items()]
 
 
 def text_of(value: Any) -> str:
-    """A value in few digits."""
+    """Return a value in few digits."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -131,7 +131,7 @@ class Echo:
         self._as_json = as_json
 
     def lines(self, heard: RawMessage) -> list[str]:
-        """Lines to print for a message; none when it is passed over.
+        """Return lines to print for a message; none when it is passed over.
 
         Raises:
             UsageError: the message has no such field.

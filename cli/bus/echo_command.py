@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from surefoot.schemas.topics import Topic
 
 SILENT_S = 3.0
-"""A channel silent for so long is told to be [s]."""
+"""Silence after which a channel is reported as silent [s]."""
 _TAKE_S = 0.2
 
 

@@ -92,7 +92,7 @@ class TimingMeter:
             self._count(head.tick)
 
     def timing(self, now_ns: int) -> ChannelTiming:
-        """What can be told at a time of the monotonic clock."""
+        """Summarise the channel at a time of the monotonic clock."""
         self._forget_before(now_ns - self._window_ns)
         received = [time for time, _ in self._recent]
         periods = [(b - a) / NS_PER_MS for a, b in pairwise(received)]
@@ -140,7 +140,7 @@ _decoder = msgspec.msgpack.Decoder(Head)
 
 
 def distribution(values: list[float]) -> Distribution:
-    """Median, 99th percentile and maximum of at least one value [ms]."""
+    """Return median, 99th percentile and maximum of at least one value [ms]."""
     ordered = sorted(values)
     return Distribution(
         median=_quantile(ordered, 0.5), p99=_quantile(ordered, 0.99), max=ordered[-1]
@@ -148,12 +148,12 @@ def distribution(values: list[float]) -> Distribution:
 
 
 def _quantile(ordered: list[float], share: float) -> float:
-    """The value that so much of the values do not exceed."""
+    """Return a quantile of sorted values."""
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 def hz_table(timings: Iterable[ChannelTiming]) -> Table:
-    """One line a channel."""
+    """Return a table with one row per channel."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("channel", no_wrap=True)
     for heading in _HEADINGS:
@@ -183,7 +183,7 @@ def _times(times: Distribution | None) -> tuple[str, str, str]:
 
 
 def _ms(value: float) -> str:
-    """As many digits as are of interest, in four or five characters."""
+    """Format milliseconds with the digits of interest, in four or five characters."""
     if abs(value) < _FINE_MS:
         return f"{value:.2f}"
     return f"{value:.1f}" if abs(value) < _COARSE_MS else f"{value:.0f}"

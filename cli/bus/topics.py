@@ -33,7 +33,7 @@ class TopicRow(msgspec.Struct, kw_only=True):
     type: str
     direction: str
     publishers: list[str] | None
-    """Who may publish, or processes_of answers a service; None where nobody tells."""
+    """Who may publish, or who answers a service; None if unknown."""
     subscribers: list[str] | None
     messages: int
     rate_hz: float
@@ -170,7 +170,7 @@ def _mean_size(payloads: list[bytes]) -> float | None:
 
 
 def topics_table(told: Topics) -> Table:
-    """One line a channel."""
+    """Return a table with one row per channel."""
     namespace = told.channels[0].key.split("/")[0]
     table = _table(
         f"{told.robot}: keys under {namespace}/, heard for {told.listened_s:.1f} s",
@@ -190,7 +190,7 @@ def topics_table(told: Topics) -> Table:
 
 
 def unknown_table(told: Topics) -> Table:
-    """One line a key that is no channel."""
+    """Return a table with one row per key that is not a channel."""
     table = _table(f"keys that are no channel of {told.robot}", ("key",))
     for row in told.unknown:
         table.add_row(
@@ -215,7 +215,7 @@ def _table(title: str, first: tuple[str, ...]) -> Table:
 
 
 def _names(names: list[str] | None) -> str:
-    """What they are; processes_of exactly is told under the table."""
+    """Return how many there are of each kind; the names stand under the table."""
     if names is None:
         return "?"
     kinds = dict.fromkeys(name.split()[0] for name in names)
@@ -231,7 +231,7 @@ def _size(size: float | None) -> str:
 
 
 def find_channel(text: str, robot: Robot) -> Topic:
-    """A channel that carries messages.
+    """Find a channel that carries messages.
 
     Args:
         text: name of the topic table, or key with or without the namespace.
@@ -257,7 +257,7 @@ def find_channel(text: str, robot: Robot) -> Topic:
 
 
 def same_clock(locators: list[str]) -> bool:
-    """Whether processes_of is dialed there reads the same monotonic clock as we do."""
+    """Return whether the process dialed there has this process's monotonic clock."""
     from surefoot.robot_io.security.locators import is_local
 
     return all(is_local(locator) for locator in locators)

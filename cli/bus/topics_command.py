@@ -66,7 +66,7 @@ def topics(
 
 
 def _hear(listener: Listener, for_s: float) -> tuple[list[RawMessage], float]:
-    """All that is heard from the first message on, at most ``for_s`` long."""
+    """Return all that is heard from the first message on, at most ``for_s`` long."""
     import time
 
     # The robot begins to send once it knows of us, some milliseconds from now.

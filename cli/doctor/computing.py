@@ -14,12 +14,12 @@ JITTER_TICKS = 500
 TICK_S = 1e-3
 MS_PER_S = 1e3
 GOOD_JITTER_S = 0.5e-3
-"""A robot's tick of a millisecond leaves this much for waking late."""
+"""Wake-up delay that a control period of 1 ms tolerates [s]."""
 RT_PRIORITY = 50
 
 
 def check_blas() -> Diagnosis:
-    """Whether linear algebra works in one thread."""
+    """Check that linear algebra works in one thread."""
     import numpy as np
     from threadpoolctl import threadpool_info
 
@@ -41,7 +41,7 @@ def check_blas() -> Diagnosis:
 
 
 def check_msgpack() -> Diagnosis:
-    """Whether MessagePack has its compiled part."""
+    """Check that MessagePack has its compiled part."""
     is_compiled = find_spec("msgpack._cmsgpack") is not None
     return finding(
         "MessagePack",
@@ -53,7 +53,7 @@ def check_msgpack() -> Diagnosis:
 
 
 def check_processors() -> Diagnosis:
-    """Processors this process may use, and how busy they are."""
+    """Check how many processors this process may use, and how busy they are."""
     count = _usable_cpus()
     load = os.getloadavg()[0]
     words = f"{count} processor{'s' if count != 1 else ''}, load {load:.1f}"
@@ -72,7 +72,7 @@ def check_processors() -> Diagnosis:
 
 
 def check_clock() -> Diagnosis:
-    """How late a sleeping process is woken."""
+    """Measure how late a sleeping process is woken."""
     late = []
     due = time.monotonic()
     for _ in range(JITTER_TICKS):
@@ -93,7 +93,7 @@ def check_clock() -> Diagnosis:
 
 
 def check_priority() -> Diagnosis:
-    """Whether processes may have real-time priority."""
+    """Check that processes may have real-time priority."""
     limit = getattr(resource, "RLIMIT_RTPRIO", None)
     if limit is None or not hasattr(os, "sched_setscheduler"):
         return Diagnosis(
@@ -120,7 +120,7 @@ def _usable_cpus() -> int:
 
 
 def _may_be_real_time() -> bool:
-    """Try it for a moment; the limit alone does not tell, for root has none."""
+    """Try it for a moment: the limit alone is not enough, since root has none."""
     policy, before = os.sched_getscheduler(0), os.sched_getparam(0)
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(RT_PRIORITY))

@@ -28,7 +28,7 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def finding(name: str, got: str, *, bad: Severity | None, advice: str) -> Diagnosis:
-    """A finding with advice only where something is bad.
+    """Make a finding that has advice only if something is bad.
 
     Args:
         name: what was looked at.

@@ -22,7 +22,7 @@ _EXTRAS = {
 
 
 def check_python() -> Diagnosis:
-    """Whether Python is new enough."""
+    """Check that Python is new enough."""
     wanted = ".".join(map(str, LEAST_PYTHON))
     is_old = sys.version_info < LEAST_PYTHON
     return finding(
@@ -34,7 +34,7 @@ def check_python() -> Diagnosis:
 
 
 def check_packages() -> list[Diagnosis]:
-    """A line for all that is well, and one for each package that is not."""
+    """Check packages: one line for all good ones, and one for each other."""
     names = required_packages()
     pins = read_pins(PINS)
     found, others = [], []
@@ -71,7 +71,7 @@ def check_packages() -> list[Diagnosis]:
 
 
 def check_extras() -> list[Diagnosis]:
-    """Optional parts, each with how to get it."""
+    """Check the optional parts; each missing one comes with how to get it."""
     findings = []
     for extra, packages in _EXTRAS.items():
         missing = [name for name in packages if _installed(name) is None]
@@ -88,14 +88,14 @@ def check_extras() -> list[Diagnosis]:
 
 
 def required_packages() -> list[str]:
-    """What surefoot needs in any case, by the names of its own description."""
+    """Return the packages that surefoot always needs, from its metadata."""
     wanted = requires("surefoot") or []
     matches = (_NAME.match(line) for line in wanted if not _EXTRA.search(line))
     return [match.group() for match in matches if match]
 
 
 def read_pins(path: Path) -> dict[str, str]:
-    """Versions of a constraints file by normalised name; none without the file."""
+    """Read the versions of a constraints file by normalised name; empty without one."""
     if not path.is_file():
         return {}
     lines = (line.strip() for line in path.read_text(encoding="utf-8").splitlines())

@@ -27,7 +27,7 @@ _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
 
 
 def check_bus() -> Diagnosis:
-    """Whether Zenoh works on loopback, and how quickly."""
+    """Check that Zenoh works on loopback, and how quickly."""
     from surefoot.robot_io.bus.loopback import measure_loopback
 
     name = "Zenoh on loopback"
@@ -50,7 +50,7 @@ def check_bus() -> Diagnosis:
 
 
 def check_port() -> Diagnosis:
-    """Whether the port where the robot listens by default is free."""
+    """Check that the port where the robot listens by default is free."""
     host, port = DEFAULT_LOCATOR.removeprefix("tcp/").split(":")
     try:
         socket.create_server((host, int(port))).close()
@@ -67,12 +67,12 @@ def check_port() -> Diagnosis:
 
 
 def check_disk() -> list[Diagnosis]:
-    """Room for records in this folder, and for the files of a run underway."""
+    """Check the room for records in this folder, and for temporary files."""
     return [_room(Path.cwd()), _temporary_folder()]
 
 
 def check_pictures() -> Diagnosis:
-    """Whether MuJoCo draws without a window."""
+    """Check that MuJoCo draws without a window."""
     asked = os.environ.get("MUJOCO_GL")
     works = [name for name in ((asked,) if asked else _GL_BACKENDS) if _draws(name)]
     return finding(
@@ -87,7 +87,7 @@ def check_pictures() -> Diagnosis:
 
 
 def check_browser() -> Diagnosis:
-    """Whether there is a browser for the live page and reports."""
+    """Check that there is a browser for the live page and reports."""
     found = [path for path in map(shutil.which, _BROWSERS) if path]
     if not found and sys.platform == "darwin":
         found = ["the system's own"]

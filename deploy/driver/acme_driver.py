@@ -40,7 +40,7 @@ class AcmeAdapter:
         self._period_s = robot.period_s
 
     def read(self, tick: int, stamp_ns: int) -> Snapshot:
-        """All sensors, in SI, our order, frames and signs."""
+        """Read all sensors, in SI units and in our order, frames and signs."""
         q = self._from_vendor(self._sdk.get_motor_degrees())
         dq, self._q = (q - self._q) / self._period_s, q
         imu, cells = self._sdk.get_imu(), self._sdk.get_load_cells()
@@ -50,7 +50,7 @@ class AcmeAdapter:
             stamp_ns=stamp_ns,
             q=q,
             dq=dq,
-            effort=np.zeros_like(q),  # this SDK tells none
+            effort=np.zeros_like(q),  # this SDK does not report it
             quat_xyzw=np.array([x, y, z, w]),
             angular_velocity=np.radians(imu["gyro_deg_s"]),
             linear_acceleration=STANDARD_GRAVITY_M_S2 * np.array(imu["accel_g"]),
@@ -60,7 +60,7 @@ class AcmeAdapter:
         )
 
     def write(self, q_command: Array) -> None:
-        """Positions, as the gate let them pass."""
+        """Send joint positions to the motors; the gate has already checked them."""
         self._sdk.set_motor_degrees(self._to_vendor(q_command))
 
     def _to_vendor(self, q: Array) -> list[float]:

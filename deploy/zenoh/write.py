@@ -31,7 +31,7 @@ FILES = {
 
 
 def text(name: str) -> str:
-    """One of the files."""
+    """Return one of the files."""
     endpoint_file, role, robot_name = FILES[name]
     endpoints = load(HERE.parent / endpoint_file, Endpoints)
     if endpoints.tls is not None:

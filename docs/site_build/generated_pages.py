@@ -1,9 +1,10 @@
-"""Pages of the site that are made from the code, so that they cannot grow old."""
+"""Pages of the site that are generated from the code, so they are never out of date."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
+from docs.site_build.api_page import api_page
 from docs.site_build.bus_page import bus_page
 from docs.site_build.commands_page import commands_page
 from docs.site_build.file_pages import (
@@ -22,6 +23,7 @@ def changelog_page() -> str:
 
 
 PAGES: dict[str, Callable[[], str]] = {
+    "reference/api.md": api_page,
     "reference/commands.md": commands_page,
     "reference/settings.md": settings_page,
     "reference/bus.md": bus_page,

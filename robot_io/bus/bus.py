@@ -22,11 +22,11 @@ from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.schemas.endpoints import Endpoints
 
 GRANULARITY_S = 0.005
-"""How late a wait with a deadline may end, where time goes by the clock."""
+"""How late a wait with a deadline may end in real time [s]."""
 LOCKSTEP_GRANULARITY_S = 0.02
-"""The same in lockstep, where both sides wait anyway and every look costs time."""
+"""The same in lockstep, where both sides wait anyway and each check costs time."""
 DIAL_S = 0.5
-"""One attempt: Zenoh cannot be interrupted in it."""
+"""Length of one attempt to connect, which Zenoh cannot interrupt [s]."""
 
 
 class Bus:
@@ -52,7 +52,7 @@ class Bus:
         keys: dict[str, str] | None = None,
         granularity_s: float = GRANULARITY_S,
     ) -> None:
-        """Prepares; entering the context opens the session.
+        """Prepare; entering the context opens the session.
 
         Args:
             endpoints: both sides of the bus.
@@ -68,7 +68,7 @@ class Bus:
         self._granularity_s = granularity_s
         self._stack = ExitStack()
         self._tokens: list[zenoh.LivelinessToken] = []
-        """Kept: one that nobody holds is withdrawn at once."""
+        """Kept, since Zenoh withdraws a token that is no longer referenced."""
 
     def __enter__(self) -> Self:
         """Open the session.

@@ -13,7 +13,7 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 TOKEN_BYTES = 16
-"""Shorter than any message, so that one comparison of lengths tells them apart."""
+"""Shorter than any message, so that the length alone identifies a token."""
 
 
 class Waker:
@@ -76,7 +76,7 @@ class Waker:
         self._interrupted = True
 
     def is_over(self) -> bool:
-        """Whether the wait under way has ended; takes back a interrupt."""
+        """Return whether the current wait has ended; clears an interrupt."""
         self.was_interrupted = self._interrupted
         if self._interrupted:
             self._interrupted = False
@@ -105,7 +105,7 @@ class Channel:
     def __init__(
         self, session: zenoh.Session, key: str, *, waker: Waker, depth: int
     ) -> None:
-        """Subscribes.
+        """Subscribe.
 
         Args:
             session: an open session.
@@ -120,7 +120,7 @@ class Channel:
         self._try_receive = self._subscriber.handler.try_recv
 
     def poll(self) -> bytes | None:
-        """The next payload, or None when there is none yet."""
+        """Return the next payload, or None when there is none yet."""
         while True:
             sample = self._try_receive()
             if sample is None:
@@ -130,7 +130,7 @@ class Channel:
                 return payload
 
     def wait(self, deadline: float) -> bytes | None:
-        """The next payload; waits for it.
+        """Wait for the next payload and return it.
 
         Args:
             deadline: until when, on ``time.monotonic`` [s].

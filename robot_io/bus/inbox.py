@@ -41,7 +41,7 @@ class MessageReader(Generic[T]):
         self._joint_count = joint_count
 
     def _decode(self, data: bytes) -> T | None:
-        """The message, or None when it cannot be read."""
+        """Return the message, or None when it cannot be read."""
         try:
             return decode(data, self._kind, joint_count=self._joint_count)
         except MessageError as error:
@@ -70,7 +70,7 @@ class Inbox(MessageReader[M]):
         self._last_tick = NEVER
 
     def peek(self) -> M | None:
-        """The next message, left where it is; None when there is none yet."""
+        """Return the next message without taking it; None if there is none yet."""
         while self._head is None:
             data = self._channel.poll()
             if data is None:
@@ -79,7 +79,7 @@ class Inbox(MessageReader[M]):
         return self._head
 
     def peek_wait(self, deadline: float) -> M | None:
-        """The next message, waited for.
+        """Wait for the next message and return it, without taking it.
 
         Args:
             deadline: until when, on ``time.monotonic`` [s].
@@ -130,7 +130,7 @@ class Latest(MessageReader[T]):
         self._message: T | None = None
 
     def poll(self) -> T | None:
-        """The newest message so far, the same object until a newer one comes."""
+        """Return the newest message so far, the same object until a newer one comes."""
         while (data := self._channel.poll()) is not None:
             message = self._decode(data)
             if message is not None:

@@ -106,12 +106,12 @@ def open_session(
 
 
 def listens(endpoints: Endpoints, role: Role) -> bool:
-    """Whether a process waits for the others to come."""
+    """Return whether a process listens."""
     return role is Role.ROUTER or (role is Role.ROBOT and not endpoints.router)
 
 
 def dialed(endpoints: Endpoints) -> list[str]:
-    """Where those dial that do not listen."""
+    """Return the locators that a process which does not listen dials."""
     return endpoints.router or endpoints.connect
 
 
@@ -123,7 +123,7 @@ def session_config(
     timeout_s: float,
     keys: dict[str, str] | None = None,
 ) -> JsonObject:
-    """Zenoh's configuration for a process.
+    """Return Zenoh's configuration for a process.
 
     Args:
         endpoints: both sides of the bus.
@@ -218,7 +218,7 @@ def _transport(endpoints: Endpoints) -> JsonObject:
 
 
 def _tls(endpoints: Endpoints) -> JsonObject:
-    """Certificates on both ends, and no other protocol beside."""
+    """Return the TLS part: certificates on both ends, and no other protocol."""
     tls = endpoints.tls
     if tls is None:
         return {}
@@ -238,7 +238,7 @@ def _tls(endpoints: Endpoints) -> JsonObject:
 
 
 def _close(session: zenoh.Session) -> None:
-    """Closes; a peer that neither talks nor hangs up must not hide other errors."""
+    """Close the session; a hanging peer must not hide other errors."""
     try:
         session.close()  # type: ignore[no-untyped-call]
     except zenoh.ZError as error:
@@ -246,7 +246,7 @@ def _close(session: zenoh.Session) -> None:
 
 
 def _cause(error: zenoh.ZError) -> str:
-    """Zenoh's words without the source files of its build."""
+    """Return Zenoh's message without the source files of its build."""
     return str(error).split(" at /")[0]
 
 

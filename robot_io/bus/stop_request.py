@@ -12,7 +12,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class StopRequest:
-    """A wish to end, from a signal or from another thread.
+    """A request to end, from a signal or from another thread.
 
     The first signal asks for an orderly end, the second for one at once. A third one
     is not caught any more: the system ends the process.
@@ -24,14 +24,14 @@ class StopRequest:
     """
 
     def __init__(self) -> None:
-        """Nobody has asked yet."""
+        """Start without a request."""
         self.is_set = False
         self.is_urgent = False
         self.cause = ""
         self._wake: Callable[[], None] | None = None
 
     def set(self, cause: str = "asked to stop") -> None:
-        """Asks; only sets flags, so a signal handler may call it at any point."""
+        """Request the end; only sets flags, so a signal handler may call it."""
         self.cause = self.cause or cause
         self.is_set = True
         if self._wake is not None:

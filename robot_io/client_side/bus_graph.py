@@ -1,4 +1,4 @@
-"""Who is on the bus, from what each Zenoh session tells of itself."""
+"""Who is on the bus, from the declarations of each Zenoh session."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from zenoh.handlers import Callback
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER
 
 TIMEOUT_S = 1.0
-"""A process that hangs may keep the census so long [s]."""
+"""Longest wait for a process that does not answer [s]."""
 _GRACE_S = 1.0
 _SHORT_ID = 6
 _KINDS = ("publisher", "subscriber", "queryable", "token")
 
 
 class Declaration(NamedTuple):
-    """A process has to do with a key, or with all that a pattern matches."""
+    """A declaration of a process on a key or a pattern of keys."""
 
     key: str
     process: str
@@ -30,10 +30,10 @@ class BusGraph(NamedTuple):
     """Who has declared what; keys are as on the wire.
 
     Attributes:
-        is_told: whether anyone told anything; access control may forbid it.
-        publishers: processes_of may publish, by key.
-        subscribers: processes_of wants to receive, by key.
-        services: processes_of answers, by key.
+        is_told: whether any session reported; access control may forbid it.
+        publishers: who may publish, by key.
+        subscribers: who receives, by key.
+        services: who answers queries, by key.
         processes: everyone, by name.
     """
 
@@ -88,7 +88,7 @@ def read_bus_graph(session: zenoh.Session, *, namespace: str) -> BusGraph:
 
 
 def processes_of(declarations: Iterable[Declaration], key: str) -> list[str]:
-    """Processes that have to do with a key, by name."""
+    """Return the names of the processes with declarations that match a key."""
     wanted = zenoh.KeyExpr(key)
     return sorted(
         {
@@ -100,7 +100,7 @@ def processes_of(declarations: Iterable[Declaration], key: str) -> list[str]:
 
 
 def _replies(session: zenoh.Session) -> list[zenoh.Reply]:
-    """All replies of Zenoh's own administration, in a list that nothing waits for.
+    """Collect all replies of Zenoh's admin space in a list, without blocking.
 
     A channel would either block the close of a session that is interrupted here, or
     lose what is still in it when the query is over.
@@ -135,7 +135,7 @@ def _names(
 
 
 def _sources(payload: bytes) -> list[str]:
-    """Sessions that declared it themselves; those that pass it on are left out."""
+    """Return the sessions that declared it, without those that only forward it."""
     told = _table(payload).get("clients")
     return [str(source) for source in told] if isinstance(told, list) else []
 

@@ -46,14 +46,14 @@ from surefoot.schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
 SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
 RELEASE_TIMEOUT_S = 1.0
-"""A robot that does not answer misses us soon anyway: leaving it must not take long."""
+"""Short: if the robot is gone, its lease expires by itself [s]."""
 DIAL_S = 0.5
-"""A stop request waits for at most this: Zenoh's dialing cannot be broken off."""
+"""Longest delay of a stop request, since Zenoh's dialing cannot be interrupted [s]."""
 STOP_POLL_S = 0.05
 PATIENCE_S = 0.005
-"""How long one sensor may keep the others of its tick waiting."""
+"""How long the sensors of a tick wait for a missing one [s]."""
 LOCKSTEP_PATIENCE_S = 0.05
-"""The same in lockstep, where time stands still meanwhile."""
+"""The same in lockstep, where the robot's time stands still meanwhile [s]."""
 
 
 _give_way = getattr(os, "sched_yield", lambda: None)
@@ -84,7 +84,7 @@ class RobotClient:
         in_order: bool,
         stop: StopRequest,
     ) -> None:
-        """Prepares; :meth:`connect` dials.
+        """Prepare; :meth:`connect` dials.
 
         Args:
             robot: names keys and joints.
@@ -122,7 +122,7 @@ class RobotClient:
             self._stack.close()
 
     def connect(self, *, timeout_s: float) -> bool:
-        """Dials, and waits until the robot is ready.
+        """Dial, and wait until the robot is ready.
 
         Args:
             timeout_s: how long in all [s].
@@ -200,7 +200,7 @@ class RobotClient:
         return self._services.ask(self._robot.keys["mode"], request)
 
     def stop_robot(self) -> ServiceReply:
-        """E-stop; needs no lease.
+        """Press the e-stop; needs no lease.
 
         Raises:
             RobotUnreachableError: no answer.
@@ -220,11 +220,11 @@ class RobotClient:
         return self._assembler.wait(time.monotonic() + timeout_s)
 
     def missing_sensors(self) -> tuple[str, ...]:
-        """Channels that nothing has come from since enabling."""
+        """Return the channels without any message since enabling."""
         return self._assembler.missing()
 
     def send(self, q_command: Array, *, tick: int) -> None:
-        """Commands the joints.
+        """Command the joints.
 
         Args:
             q_command: (n_a,) in bus order [rad].
@@ -243,27 +243,27 @@ class RobotClient:
         _give_way()  # to Zenoh's sender, if it waits for this processor
 
     def status(self) -> RobotStatus | None:
-        """What the robot last said of itself; None before it has."""
+        """Return the robot's newest status; None before the first."""
         return self._status.poll()
 
     def reference(self) -> Reference | None:
-        """What a planner last asked for; None when none has."""
+        """Return the planner's newest reference; None before the first."""
         return self._reference.poll()
 
     def publish_status(self, status: StabilizerStatus) -> None:
-        """Tell everyone how the controller fares."""
+        """Publish the controller's status."""
         self._own_status.put(encode(status))
 
     def publish_change(self, change: SettingsChange) -> None:
-        """Tell everyone of a change of settings."""
+        """Publish a change of settings."""
         self._own_changes.put(encode(change))
 
     def next_request(self) -> Asked | None:
-        """What somebody asks of the stabilizer, to be answered; None for nothing."""
+        """Return the next request to the stabilizer, to be answered; None if none."""
         return self._requests.next()
 
     def _commands_still(self) -> bool:
-        """Whether there is a lease to give back; a robot that is off has taken it.
+        """Return whether there is a lease to give back; a robot in OFF has freed it.
 
         When the end is urgent it is not given back but lost: the robot notices that.
         """

@@ -1,4 +1,4 @@
-"""Listens to keys as they are on the wire, and to when each message came."""
+"""Listens to keys as they are on the wire, and stamps each message."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Listener(ReadOnlyClient):
         patterns: Iterable[str],
         elsewhere: bool = False,
     ) -> None:
-        """Prepares; :meth:`connect` dials.
+        """Prepare; :meth:`connect` dials.
 
         Args:
             robot: whose presence counts, and whose namespace is put before patterns.
@@ -77,7 +77,7 @@ class Listener(ReadOnlyClient):
         self._session: zenoh.Session | None = None
 
     def take(self, *, timeout_s: float = 0.0) -> list[RawMessage]:
-        """All messages that have come, in the order in which they came.
+        """Return all messages that have come, in the order in which they came.
 
         Args:
             timeout_s: how long to wait for the first one [s].
@@ -92,7 +92,7 @@ class Listener(ReadOnlyClient):
         return [self._heard.popleft() for _ in range(len(self._heard))]
 
     def bus_graph(self) -> BusGraph:
-        """Who publishes, subscribes and answers on the bus, this one left out."""
+        """Return who publishes, subscribes and answers, except this process."""
         if self._session is None:
             raise RuntimeError("not connected; call connect first")
         return read_bus_graph(self._session, namespace=self._namespace)

@@ -1,4 +1,4 @@
-"""Looks on at a robot's bus: whoever is there beside the one who commands."""
+"""Read-only clients of a robot's bus: recorders, viewers, tools."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ ALL_CHANNELS = tuple(
 """Every channel that can be subscribed to."""
 REQUEST_TIMEOUT_S = 2.0
 POLL_S = 0.002
-"""How often a wait looks: fine enough for viewers, cheap enough for idle hours."""
+"""Polling period of a wait [s]: fine enough for viewers, cheap when idle."""
 
 
 class LatestMessages(NamedTuple):
-    """The newest message of each channel a viewer needs; None where none has come."""
+    """Newest message of each channel that a viewer shows; None before the first."""
 
     joints: JointState | None = None
     imu: ImuState | None = None
@@ -69,7 +69,7 @@ class ReadOnlyClient(ABC):
     """Dials a robot and knows whether it is there; has no part in its control."""
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
-        """Prepares; :meth:`connect` dials.
+        """Prepare; :meth:`connect` dials.
 
         Args:
             robot: whose presence counts.
@@ -127,7 +127,7 @@ class ReadOnlyClient(ABC):
 
     @staticmethod
     def _token() -> str:
-        """Key of a liveliness token of its own."""
+        """Return the key of its own liveliness token."""
         return f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}"
 
     def _on_robot(self, key: str, is_there: bool) -> None:
@@ -154,7 +154,7 @@ class Sample(NamedTuple):
 
 
 class Observer(ReadOnlyClient):
-    """Receives channels of a robot without any part in its control.
+    """Receives channels of a robot and commands nothing.
 
     A context manager, used by one thread. Zenoh keeps the messages in rings until
     they are taken, so a slow reader never holds up the robot::
@@ -189,7 +189,7 @@ class Observer(ReadOnlyClient):
         depth: int = 1,
         identity: str = "an observer",
     ) -> None:
-        """Prepares; :meth:`connect` dials.
+        """Prepare; :meth:`connect` dials.
 
         Args:
             robot: names keys and joints.
@@ -215,7 +215,7 @@ class Observer(ReadOnlyClient):
         return tuple(sorted(self._stabilizers))
 
     def take(self, *, timeout_s: float = 0.0) -> list[Sample]:
-        """All messages that have come, channel by channel, each in its order.
+        """Return all messages that have come, channel by channel, each in its order.
 
         Args:
             timeout_s: how long to wait for the first one [s].
@@ -241,7 +241,7 @@ class Observer(ReadOnlyClient):
         )
 
     def latest(self) -> dict[str, msgspec.Struct]:
-        """The newest message of each channel that something has come from.
+        """Return the newest message of each channel that has had any.
 
         Raises:
             MessageError: one is malformed.
@@ -250,7 +250,7 @@ class Observer(ReadOnlyClient):
         return {name: self.decode(sample) for name, sample in newest.items()}
 
     def latest_messages(self) -> LatestMessages:
-        """The newest message of what a viewer needs, whenever it came.
+        """Return the newest message of each channel that a viewer shows.
 
         Without waiting; a message that cannot be read is passed over.
         """
@@ -273,7 +273,7 @@ class Observer(ReadOnlyClient):
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
         """Open the bus and declare everything, the liveliness token last.
 
-        Declarations reach the robot in this order: whoever sees the token, or
+        Declarations reach the robot in this order: a process that sees the token, or
         receives something on the last channel, knows that the robot sends the others.
         """
         bus = stack.enter_context(

@@ -1,4 +1,4 @@
-"""What somebody beside the control loop may ask of robot and stabilizer."""
+"""Requests to robot and stabilizer from outside the control loop."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class ServiceCaller:
     def ask(
         self, key: str, request: msgspec.Struct, *, timeout_s: float | None = None
     ) -> ServiceReply:
-        """Asks, again while the service is not known yet.
+        """Send a request, repeated while the service is not known yet.
 
         Args:
             key: of the service, relative to the namespace.
@@ -109,7 +109,7 @@ class ServiceCaller:
 
 
 class Requests:
-    """Asks without holding the lease; with TLS, the certificate says who may what.
+    """Requests that need no lease; with TLS, the certificate decides who may send them.
 
     The e-stop is open to everyone; the rest needs an operator's certificate.
     """
@@ -125,7 +125,7 @@ class Requests:
         self._caller, self._robot, self._source = caller, robot, source
 
     def stop_robot(self) -> ServiceReply:
-        """E-stop; open to everyone.
+        """Press the e-stop; open to everyone.
 
         Raises:
             RobotUnreachableError: no answer.
@@ -145,7 +145,7 @@ class Requests:
 
         Raises:
             RequestRefusedError: no such body, or too strong.
-            RobotUnreachableError: no answer: this robot is none to be pushed.
+            RobotUnreachableError: no reply; only simulated robots accept pushes.
         """
         request = PushRequest(
             schema=SCHEMA_VERSION,

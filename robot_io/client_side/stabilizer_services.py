@@ -1,4 +1,4 @@
-"""What the stabilizer is asked: other gains, hold and resume."""
+"""Services of the stabilizer: change of gains, hold and resume."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from surefoot.schemas.messages import (
 )
 
 REQUESTS_KEPT = 64
-"""More than a person presses; a flood drops the oldest, unanswered."""
+"""Requests that may wait; beyond it the oldest are dropped, unanswered."""
 
 Request = SettingsRequest | ControlRequest
 
@@ -42,7 +42,7 @@ class Asked(NamedTuple):
         settings: dict[str, list[float]],
         refusal: str = "",
     ) -> None:
-        """Answers, once.
+        """Send the answer, once.
 
         Args:
             tick: from which on it counts.
@@ -75,7 +75,7 @@ class StabilizerServices:
         )
 
     def next(self) -> Asked | None:
-        """The next request; None when there is none, which costs nothing."""
+        """Return the next request; None when there is none, which costs nothing."""
         while self._queue:
             kind, query = self._queue.popleft()
             payload = query.payload

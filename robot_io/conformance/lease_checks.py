@@ -14,7 +14,7 @@ LEFT_S = 2.0
 
 
 def check_status(probe: Probe, findings: Findings) -> None:
-    """Status comes in time, and allows the run.
+    """Check that status comes in time and allows the run.
 
     Raises:
         RunBrokenOffError: the robot is off, in fault or commanded by someone else.

@@ -66,7 +66,7 @@ def check_foot_order(probe: Probe, findings: Findings) -> None:
 
 
 def check_motion(probe: Probe, findings: Findings) -> None:
-    """Nothing of all this has moved the robot."""
+    """Check that the run so far has not moved the robot."""
     findings.add(
         "moved",
         probe.moved_rad < MOST_RAD,
@@ -81,7 +81,7 @@ def _of_size(rates: Array) -> Array:
 
 
 def _nudge(probe: Probe, index: int) -> Array:
-    """(n_a,) how far the joints follow while one is nudged, and back again [rad]."""
+    """Nudge one joint and back; return how far all joints followed, (n_a,) [rad]."""
     step = np.zeros(probe.robot.n_a)
     step[index] = NUDGE_RAD
     before = _set_points(probe, probe.stream(LOOK_S))
@@ -93,7 +93,7 @@ def _nudge(probe: Probe, index: int) -> Array:
 
 
 def _set_points(probe: Probe, recording: Recording) -> Array:
-    """What the servos seem to aim at: position, and what their torque adds to it.
+    """Infer the servos' set-points from positions and torques.
 
     A joint that the ground holds answers with torque instead of motion, and takes
     others along; its servo's aim still is its own.
@@ -115,5 +115,5 @@ def _left_share(probe: Probe, step: Array) -> float:
 
 
 def _ramp(step: Array, duration_s: float) -> Offset:
-    """From nothing to ``step``, and then staying there."""
+    """Return a ramp from 0 to ``step`` that then stays there."""
     return lambda t: step * min(t / duration_s, 1.0)

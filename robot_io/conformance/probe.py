@@ -37,7 +37,7 @@ KEPT = 512
 ANSWER_S = 2.0
 STREAM_S = 0.1
 GAP_S = 0.2
-"""A tick may be so late before the stream is given up for this time."""
+"""Lateness of a tick after which streaming stops for this time [s]."""
 Offset = Callable[[float], Array]
 """Of the time since the stream began [s] to (n_a,) beside the held posture [rad]."""
 
@@ -63,11 +63,11 @@ class Recording:
     )
 
     def column(self, channel: str, name: str) -> Array:
-        """One field of all messages of a channel: (messages,) or (messages, size)."""
+        """Return one field of a channel's messages: (messages,) or (messages, size)."""
         return np.array([getattr(m, name) for m in self.messages[channel]])
 
     def mean(self, channel: str, name: str) -> Array:
-        """Mean of one field over the recording."""
+        """Return the mean of one field over the recording."""
         mean: Array = self.column(channel, name).mean(axis=0)
         return mean
 
@@ -142,7 +142,7 @@ class Probe:
         return answer
 
     def command(self, **changes: Any) -> bytes:
-        """A command to hold the posture, with some fields otherwise."""
+        """Make a command that holds the posture, with some fields replaced."""
         self._sequence += 1
         fields: dict[str, Any] = {
             "schema": SCHEMA_VERSION,
@@ -156,7 +156,7 @@ class Probe:
         return encode(JointCommand(**fields))
 
     def put(self, data: bytes) -> None:
-        """Send bytes where commands belong."""
+        """Send bytes as a command."""
         self._command.put(data)
 
     def stream(
@@ -221,7 +221,7 @@ class Probe:
         return None
 
     def count_statuses(self, duration_s: float) -> int:
-        """Statuses that come in a time [s]."""
+        """Count the status messages that come in a time [s]."""
         self._statuses.discard()
         end, count = time.monotonic() + duration_s, 0
         while time.monotonic() < end:
@@ -230,7 +230,7 @@ class Probe:
         return count
 
     def is_mode(self, mode: RobotMode, *, timeout_s: float = ANSWER_S) -> bool:
-        """Whether the robot gets into a mode in time."""
+        """Return whether the robot reaches a mode in time."""
         return (
             self.wait_status(lambda s: s.mode is mode, timeout_s=timeout_s) is not None
         )

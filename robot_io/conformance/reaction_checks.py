@@ -17,7 +17,7 @@ MS_PER_S = 1e3
 
 
 def check_watchdog(probe: Probe, findings: Findings) -> None:
-    """Enables, falls silent and waits; leaves the robot in HOLD, the lease ours.
+    """Enable, fall silent and wait; leave the robot in HOLD, the lease ours.
 
     Raises:
         RunBrokenOffError: the robot cannot be brought back.

@@ -23,7 +23,7 @@ SAME_RAD = 1e-9
 
 
 def check_refusals(probe: Probe, findings: Findings) -> None:
-    """Slips bad commands between good ones; the robot must be ACTIVE."""
+    """Send bad commands between good ones; the robot must be ACTIVE."""
     posture = probe.q_held.tolist()
     replayed = probe.command()
     bad: dict[str, Callable[[], bytes]] = {
@@ -67,7 +67,7 @@ def _check_one(
 
 
 def _check_held(probe: Probe, findings: Findings) -> None:
-    """In HOLD nobody is followed, not even the holder of the lease."""
+    """Check that in HOLD no command is followed, not even the commander's."""
     probe.ask("mode", "hold")
     before = _counts(probe)
     probe.stream(STREAM_S)
@@ -82,7 +82,7 @@ def _check_held(probe: Probe, findings: Findings) -> None:
 
 
 def _counts(probe: Probe) -> Counter[str]:
-    """Refusals so far; asked for when all that was sent has been judged."""
+    """Return the refusals so far, once all that was sent has been checked."""
     probe.wait_status(lambda status: True, timeout_s=STREAM_S)
     probe.wait_status(lambda status: True, timeout_s=STREAM_S)
     return Counter(probe.status.refused if probe.status is not None else {})

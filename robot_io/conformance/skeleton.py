@@ -33,7 +33,7 @@ class Skeleton:
         self.mass_kg = sum(self._masses.values())
 
     def mass_below_sensor_kg(self, foot: Foot) -> float:
-        """Mass that hangs below a foot's sensor; the sensor does not carry it."""
+        """Return the mass below a foot's sensor, which the sensor does not carry."""
         return sum(
             mass
             for link, mass in self._masses.items()
@@ -41,7 +41,7 @@ class Skeleton:
         )
 
     def sole_height_rates(self, foot: Foot, q: Array) -> Array:
-        """How the height of a sole in the base frame follows each joint.
+        """Return the derivative of a sole's height in the base frame by each joint.
 
         Args:
             foot: which one.
@@ -71,7 +71,7 @@ class Skeleton:
         return rates
 
     def _up(self, link: str) -> list[str]:
-        """A link and all above it."""
+        """Return a link and all links above it."""
         chain = [link]
         while (joint := self._joints.get(chain[-1])) is not None:
             parent = joint.find("parent")
@@ -103,7 +103,7 @@ def _origin(joint: ElementTree.Element) -> tuple[Vec3, Mat]:
 
 
 def _rotation(axis: Vec3, angle: float) -> Mat:
-    """Rodrigues' formula."""
+    """Return a rotation by Rodrigues' formula."""
     x, y, z = axis / np.linalg.norm(axis)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turned: Mat = np.eye(3) + np.sin(angle) * cross

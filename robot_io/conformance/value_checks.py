@@ -109,7 +109,7 @@ def _check_imu(name: str, recording: Recording, findings: Findings) -> None:
 
 
 def _turned(quat_xyzw: Array, v: Vec3) -> Vec3:
-    """A vector turned by a quaternion, which need not be quite a unit."""
+    """Return a vector turned by a quaternion of about unit norm."""
     xyz, w = quat_xyzw[:3], quat_xyzw[3]
     turned: Vec3 = v + 2.0 * np.cross(xyz, np.cross(xyz, v) + w * v)
     return turned

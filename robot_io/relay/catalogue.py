@@ -11,12 +11,12 @@ PLANS_DIR = Path(__file__).parent / "plans"
 
 
 def list_plans() -> list[str]:
-    """Names of the shipped plans, sorted."""
+    """Return the names of the shipped plans, sorted."""
     return sorted(path.stem for path in PLANS_DIR.glob("*.toml"))
 
 
 def find_plan(name_or_path: str) -> Path:
-    """Path of a plan: a shipped name, or a path to a TOML.
+    """Return the path of a plan, given a shipped name or a path.
 
     Raises:
         FileFormatError: there is no such plan; the message names the nearest.

@@ -1,4 +1,4 @@
-"""What the controller's side hears of a relayed robot, in simulated time.
+"""Sensors of a relayed robot on the controller's side, in simulated time.
 
 Joins messages as the client's assembler does, without a bus: the last sensor to be
 sent says that a tick is there, one that is late is waited for, one that stays away is
@@ -96,7 +96,7 @@ class DelayedSensors:
         self._is_waiting = False
 
     def next(self, now_s: float) -> SnapshotReading | None:
-        """The snapshot to answer now; None while there is none.
+        """Return the snapshot to answer now; None while there is none.
 
         Args:
             now_s: the time, never going back [s].

@@ -20,7 +20,7 @@ class Schedule(Generic[T]):
     """A queue by time; what is due at the same time comes in the order it was put."""
 
     def __init__(self) -> None:
-        """Nothing is to be done."""
+        """Start with an empty queue."""
         self._heap: list[tuple[float, int, T]] = []
         self._count = 0
         self._latest_s = -math.inf
@@ -55,7 +55,7 @@ class Dispatcher:
     """
 
     def __init__(self) -> None:
-        """Prepares; :meth:`running` starts the thread."""
+        """Prepare; :meth:`running` starts the thread."""
         self.error: Exception | None = None
         self._schedule: Schedule[Deed] = Schedule()
         self._changed = threading.Condition()

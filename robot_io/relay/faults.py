@@ -48,7 +48,7 @@ done to it."""
 
 @singledispatch
 def act_of(fault: RelayFault, chance: Random) -> Act:
-    """What a fault does to a message that meets it.
+    """Return what a fault does to a message that meets it.
 
     Args:
         fault: of the plan.

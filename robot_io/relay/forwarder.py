@@ -199,7 +199,7 @@ class _OpenQuery:
             self._query.reply(self._query.key_expr, reply.ok.payload.to_bytes())
 
     def end_one(self) -> None:
-        """Nothing more comes for one of the asks."""
+        """Note that one of the queries is finished."""
         with self._lock:
             self._asks -= 1
             is_over = self._asks == 0

@@ -1,4 +1,4 @@
-"""What becomes of the messages of one channel; pure: no clock and no bus."""
+"""Applies faults to the messages of one channel; pure: no clock and no bus."""
 
 from __future__ import annotations
 
@@ -80,14 +80,14 @@ class PlanClock:
     """Counts from the first joint command; before it the plan is not in force."""
 
     def __init__(self) -> None:
-        """Have not begun."""
+        """Start without a time."""
         self._began_s: float | None = None
 
     def begin(self, now_s: float) -> None:
-        """Begins; later calls change nothing."""
+        """Begin; later calls change nothing."""
         if self._began_s is None:
             self._began_s = now_s
 
     def elapsed_s(self, now_s: float) -> float | None:
-        """Time since it began [s]; None before."""
+        """Return the time since it began [s]; None before."""
         return None if self._began_s is None else now_s - self._began_s

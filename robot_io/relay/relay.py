@@ -33,7 +33,7 @@ from surefoot.schemas.topics import (
 
 POLL_S = 0.1
 DIAL_S = 0.5
-"""A stop request waits for at most this: Zenoh's dialing cannot be broken off."""
+"""Longest delay of a stop request, since Zenoh's dialing cannot be interrupted [s]."""
 FROM_THE_ROBOTS_SIDE = (
     Direction.FROM_ROBOT,
     Direction.TO_STABILIZER,
@@ -52,7 +52,7 @@ class Relay:
     """
 
     def __init__(self, robot: Robot, plan: RelayPlan, *, seed: int) -> None:
-        """Prepares; :meth:`run` opens both sides.
+        """Prepare; :meth:`run` opens both sides.
 
         Args:
             robot: names keys and namespace.
@@ -86,7 +86,7 @@ class Relay:
             wait_s: how long to dial the robot [s].
             listening: whose ``listen``, certificates and access are used instead where
                 the stabilizer's side dials, since with TLS each side has an identity.
-            on_ready: told once both sides are open.
+            on_ready: called once both sides are open.
 
         Returns:
             What was done to the messages.

@@ -23,7 +23,7 @@ class NoAnswer(Enum):
 
 
 class CommandInbox:
-    """Reads joint commands and has the gate judge every single one.
+    """Reads joint commands and has the gate check each of them.
 
     Attributes:
         newest_tick: the tick answered by the command read last; -1 before any.

@@ -63,7 +63,7 @@ class LoopDelay:
         self.mean_s = 0.0
 
     def follow(self, answered: int) -> None:
-        """The servos follow a command that answers the sensors of this tick."""
+        """Note that the servos follow a command that answers this tick's sensors."""
         self._answered = answered
 
     def count(self, tick: int) -> None:
@@ -119,7 +119,7 @@ class CommandLimits:
         return self._diagnose(wanted, before)
 
     def worst_joint(self) -> tuple[int, float]:
-        """Index of the joint cut most in the last clip, and by how much [rad]."""
+        """Return the joint cut most in the last clip, and by how much [rad]."""
         index = int(self._excess.argmax())
         return index, float(self._excess[index])
 
@@ -269,7 +269,7 @@ class CommandGate:
     def status(
         self, *, tick: int, stamp_ns: int, now_s: float, deadline_misses: int
     ) -> RobotStatus:
-        """What to tell everyone.
+        """Return the status to publish.
 
         Args:
             tick: the present tick.
@@ -354,7 +354,7 @@ class CommandGate:
             self.modes.reason = f"command {done}: {self._excess(clipped)}"
 
     def _excess(self, limits: tuple[Limit, ...]) -> str:
-        """The limits a command ran into, and how far beyond them it is."""
+        """Return the limits that a command exceeds, and by how much."""
         joint, excess = self._limits.worst_joint()
         return f"{', '.join(limits)}: {self._names[joint]} by {excess:.4f} rad"
 

@@ -107,7 +107,7 @@ class Lease:
         return True
 
     def renew(self, *, now_s: float) -> None:
-        """The holder has been heard of."""
+        """Renew the lease: the commander was heard."""
         self._renewed_s = now_s
 
     def release(self) -> None:
@@ -115,7 +115,7 @@ class Lease:
         self.holder = ""
 
     def has_expired(self, *, now_s: float) -> bool:
-        """Whether the holder has been silent for too long."""
+        """Return whether the commander has been silent for too long."""
         return bool(self.holder) and now_s - self._renewed_s > self._duration_s
 
 
@@ -181,11 +181,11 @@ class ModeMachine:
         )
 
     def holds_lease(self, who: str) -> bool:
-        """Whether it is this one who commands."""
+        """Return whether this identity is the commander."""
         return bool(who) and who == self.lease.holder
 
     def why_not(self, who: str) -> str:
-        """Why someone may not command: whose turn it is instead."""
+        """Return why an identity may not command: who does instead."""
         if self.lease.holder:
             return f"{self.lease.holder} holds the lease, {who or 'no name'} does not"
         return "nobody holds the lease; take it first"

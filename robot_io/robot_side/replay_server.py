@@ -1,4 +1,4 @@
-"""The robot's side of the bus without a robot: says again what was said once."""
+"""The robot's side of the bus without a robot: publishes recorded messages."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from surefoot.schemas.topics import (
 REFUSAL = "a replay cannot be commanded"
 URGENT = (*TICK_SENSORS, "joint_command")
 SETTLED_S = 0.2
-"""Who has subscribed to nothing new for so long has subscribed to all it wants."""
+"""Time without a new subscription after which an audience is complete [s]."""
 POLL_S = 0.01
 
 
@@ -51,7 +51,7 @@ class ReplayServer:
     def __init__(
         self, robot: Robot, *, endpoints: Endpoints, channels: Iterable[str]
     ) -> None:
-        """Prepares; entering the context opens the bus.
+        """Prepare; entering the context opens the bus.
 
         Args:
             robot: names keys and joints.
@@ -118,7 +118,7 @@ class ReplayServer:
         return False
 
     def publish(self, channel: str, data: bytes) -> None:
-        """Say something again.
+        """Publish a recorded message.
 
         Args:
             channel: one of those named at the start.

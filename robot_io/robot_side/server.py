@@ -55,7 +55,7 @@ class RobotServer:
         push: Callable[[PushRequest], Answer] | None = None,
         pace: Pace = Pace.REALTIME,
     ) -> None:
-        """Prepares; entering the context opens the bus.
+        """Prepare; entering the context opens the bus.
 
         Args:
             robot: names keys and joints.
@@ -63,7 +63,7 @@ class RobotServer:
             endpoints: where to listen.
             stop: ends waits.
             push: answers pushes; None on a robot that is not simulated.
-            pace: told to whoever asks for command; hardware knows real time only.
+            pace: sent with each answer to a lease request; real time on hardware.
         """
         self._push = push
         self._robot = robot
@@ -86,7 +86,7 @@ class RobotServer:
         self.deadline_misses = 0
 
     def __enter__(self) -> Self:
-        """Open the bus, ready for whoever sees the robot's liveliness token.
+        """Open the bus, ready once the robot's liveliness token is visible.
 
         Raises:
             EndpointError: cannot listen there.
@@ -192,7 +192,7 @@ class RobotServer:
         return self._commands.newest(self._tick, now_s=now_s)
 
     def publish_status(self, *, now_s: float, at_once: bool = False) -> None:
-        """Tell what the gate does, when it has changed or 50 times a second.
+        """Publish the gate's status when it has changed, and 50 times a second.
 
         Args:
             now_s: the robot's time [s].

@@ -1,4 +1,4 @@
-"""What the robot is asked: mode, lease and e-stop, and who is there to ask."""
+"""Services of the robot: mode, lease, e-stop and pushes; presence of stabilizers."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class RobotServices:
             robot: names the keys.
             gate: answers.
             push: answers pushes; None on a robot that is not simulated.
-            pace: told with every answer.
+            pace: sent with every answer.
         """
         self._push = push
         self._pace = pace
@@ -80,7 +80,7 @@ class RobotServices:
         bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_presence)
 
     def wait(self, timeout_s: float) -> None:
-        """Wait until something came in, at most so long [s]."""
+        """Wait until something came in, at most this long [s]."""
         self._something_came.wait(timeout_s)
 
     def serve(self, *, now_s: float) -> bool:
@@ -144,7 +144,7 @@ class RobotServices:
         return self._gate.request(asked.action, asked.commander, now_s=now_s)
 
     def _answer_estop(self, data: bytes, now_s: float) -> Answer:
-        """Stop even when the request cannot be read: whoever wrote it meant it."""
+        """Stop even when the request cannot be read: its sender meant a stop."""
         del now_s
         try:
             source = decode(data, EstopRequest).source

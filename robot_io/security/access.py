@@ -1,6 +1,6 @@
 """Zenoh's access control, written out for a robot's keys.
 
-It is enforced by whoever listens, robot or router, on what comes in and what goes out;
+The listening side, robot or router, enforces it on what comes in and what goes out;
 nothing depends on the good will of who dials.
 """
 
@@ -18,7 +18,7 @@ PUSH = "push"
 def access_control(
     access: Access, *, keys: dict[str, str], namespace: str
 ) -> JsonObject:
-    """Rules by identity; what no rule allows is dropped.
+    """Return the rules by identity; what no rule allows is dropped.
 
     Args:
         access: common names by what they may do.
@@ -73,7 +73,7 @@ def _groups(access: Access) -> dict[str, list[str]]:
 
 def _rules(keys: dict[str, str], namespace: str) -> list[JsonObject]:
     def of(*directions: Direction) -> list[str]:
-        """Full keys of the channels of some directions, the e-stop apart."""
+        """Return the full keys of all channels of some directions but the e-stop."""
         return [
             f"{namespace}/{keys[topic.name]}"
             for topic in TOPICS

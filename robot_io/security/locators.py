@@ -1,4 +1,4 @@
-"""Refuses to offer the bus to a network that anyone may be on."""
+"""Checks locators, and refuses to offer the bus to an open network."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def check_exposure(endpoints: Endpoints) -> None:
 
 
 def protocol_of(locator: str) -> str:
-    """What stands before the first slash."""
+    """Return the protocol of a locator."""
     return locator.split("/", 1)[0]
 
 

@@ -4,7 +4,7 @@ In words: find the acceleration of base and joints with which
 
     the soles take up the admittance's twists       weight 1e4
     the centre of mass follows the pendulum         weight 1000, legs and base only
-    the base turns to its wanted orientation        weight 200
+    the base turns to its desired orientation       weight 200
     the joints return to the posture                weight 10
 
 within the joints' position and velocity limits. The base of the Walker is pelvis and
@@ -81,7 +81,7 @@ class CommandedRobot:
         self._diagonal = np.zeros(n_v)
         self._diagonal[BASE] = BASE_WEIGHT / CONTACT_WEIGHT
         self._diagonal[N_BASE_V:] = POSTURE_WEIGHT / CONTACT_WEIGHT
-        self._wanted: Array = np.zeros(n_v)
+        self._desired: Array = np.zeros(n_v)
         self._stiffness = zmp.contact_stiffness
         self._damping = zmp.contact_damping
         self._speed = np.minimum(model.velocity_limit, limits.velocity_limit_rad_s)
@@ -118,10 +118,10 @@ class CommandedRobot:
         """Compute the velocity after this tick.
 
         Args:
-            twist: (12,) wanted sole twists, commanded sole frames.
+            twist: (12,) desired sole twists, commanded sole frames.
             in_contact: which feet stand.
             com: reference of the centre of mass.
-            R_base: (3, 3) wanted base rotation.
+            R_base: (3, 3) desired base rotation.
             posture: (n_a,) joints to return to, model order [rad].
 
         Returns:
@@ -144,22 +144,22 @@ class CommandedRobot:
         T.T.dot(T, out=qp.P)
         qp.P.flat[:: self._model.n_v + 1] += self._diagonal
         t.dot(T, out=qp.q_lin)
-        qp.q_lin += self._diagonal * self._velocity_wanted(R_base, posture)
+        qp.q_lin += self._diagonal * self._velocity_desired(R_base, posture)
         np.negative(qp.q_lin, out=qp.q_lin)
         self._set_limits()
         return qp.solve()
 
-    def _velocity_wanted(self, R_base: Mat, posture: Array) -> Array:
-        """(n_v,) next velocity as base orientation and posture ask."""
-        wanted = self._wanted
+    def _velocity_desired(self, R_base: Mat, posture: Array) -> Array:
+        """Return the next velocity desired for base orientation and posture, (n_v,)."""
+        desired = self._desired
         R = pin.Quaternion(self.q[3:7]).toRotationMatrix()
-        wanted[BASE] = BASE_STIFFNESS * pin.log3(R.T @ R_base)
-        wanted[BASE] -= 2.0 * BASE_STIFFNESS**0.5 * self.v[BASE]
-        wanted[N_BASE_V:] = POSTURE_STIFFNESS * (posture - self.q[7:])
-        wanted[N_BASE_V:] -= 2.0 * POSTURE_STIFFNESS**0.5 * self.v[N_BASE_V:]
-        wanted *= self._dt
-        wanted += self.v
-        return wanted
+        desired[BASE] = BASE_STIFFNESS * pin.log3(R.T @ R_base)
+        desired[BASE] -= 2.0 * BASE_STIFFNESS**0.5 * self.v[BASE]
+        desired[N_BASE_V:] = POSTURE_STIFFNESS * (posture - self.q[7:])
+        desired[N_BASE_V:] -= 2.0 * POSTURE_STIFFNESS**0.5 * self.v[N_BASE_V:]
+        desired *= self._dt
+        desired += self.v
+        return desired
 
     def integrate(self, velocity: Array, q_measured: Array, *, fade: float) -> None:
         """Take up a velocity, never far from the robot.
@@ -182,7 +182,7 @@ class CommandedRobot:
         self.kinematics.update_jacobians(self.q, self.v)
 
     def _add_stance_pull(self, t: Array, in_contact: list[bool]) -> None:
-        """The slow return of the soles, stiff for a foot that stands alone."""
+        """Add the slow return of the soles, stiff for a foot that stands alone."""
         alone = in_contact[0] != in_contact[1]
         for side in (0, 1):
             R, p = self.kinematics.R_world_sole[side], self.kinematics.p_sole[side]
@@ -195,7 +195,7 @@ class CommandedRobot:
             t[start + 3 : start + 6] += self._stiffness * turn
 
     def _set_limits(self) -> None:
-        """Velocity limits, and a damper before each end of the joint range."""
+        """Set velocity limits, with a damper before each end of the joint range."""
         limits, model, speed = self._limits, self._model, self._speed
         margin, q = limits.limit_margin_rad, self.q[7:]
         low = (model.lower + margin - q) / limits.limit_time_s

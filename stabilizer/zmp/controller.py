@@ -36,7 +36,7 @@ from surefoot.stabilizer.zmp.distribution import (
     net_wrench,
     zero_moment_point,
 )
-from surefoot.stabilizer.zmp.foot_admittance import ComAdmittance, FootAdmittance
+from surefoot.stabilizer.zmp.foot_admittance import FootAdmittance, ZmpCompensation
 from surefoot.stabilizer.zmp.kinematics import Kinematics
 
 GROUND_SPEED_LAG_S = 0.02
@@ -81,13 +81,13 @@ class ZmpController(BalanceController):
         self.feedback = DcmFeedback(zmp, period_s=robot.period_s)
         self.distribution = WrenchDistribution(self.model, zmp)
         self.feet = FootAdmittance(zmp)
-        self.com_admittance = ComAdmittance(zmp, period_s=robot.period_s)
+        self.com_admittance = ZmpCompensation(zmp, period_s=robot.period_s)
         self.commanded = CommandedRobot(
             self.model, zmp, settings.dik, period_s=robot.period_s
         )
         self._velocity: Vec3 = np.zeros(3)
         self._twist: Array = np.zeros(12)
-        self._velocity_blend = min(1.0, self._dt / zmp.com_velocity_lag_s)
+        self._velocity_blend = min(1.0, self._dt / zmp.com_velocity_cutoff_period_s)
         self._height = self.stance.com_height
         self._lift = 0.0
         self._lift_rate = 0.0
@@ -110,7 +110,7 @@ class ZmpController(BalanceController):
             return status, QpStatus.NOT_TRIED
         self._twist = twist = self.feet.update(
             F_meas=state.F_meas,
-            F_wanted=self.distribution.F,
+            F_desired=self.distribution.F,
             in_contact=in_contact,
             R_measured=self.measured.R_world_sole,
             R_commanded=commanded.kinematics.R_world_sole,

@@ -10,17 +10,17 @@ from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.zmp_settings import ZmpSettings
 
 ORIGINAL_PERIOD_S = 0.005
-"""Period that the published standard deviations are meant for [s]."""
+"""Period of the published standard deviations [s]."""
 FIRST_STD_M = 0.01
-"""Uncertainty of DCM and bias when the filter begins [m]."""
+"""Initial standard deviation of DCM error and bias [m]."""
 
 
 class DcmBiasEstimator:
     """Kalman filter of the DCM error e and of the bias b that is measured on top.
 
-    A model with misplaced masses sees the centre of mass beside where it is. The
-    pendulum tells the two apart: a true error e runs away from the ZMP's error z
-    with de/dt = omega (e - z), a bias does not. Per tick, with a = exp(omega dt):
+    A model with misplaced masses puts the centre of mass beside its true place. The
+    pendulum separates the two: a true error e diverges from the ZMP error z with
+    de/dt = omega (e - z), a bias does not. Per tick, with a = exp(omega dt):
 
         e <- a e + (1 - a) z of the tick before,   b <- b turned with the base,
         measured: e + b.
@@ -37,7 +37,7 @@ class DcmBiasEstimator:
     """
 
     def __init__(self, settings: ZmpSettings, *, period_s: float) -> None:
-        """Begin when first fed.
+        """Initialise; the filter starts with the first update.
 
         Args:
             settings: standard deviations and limit.
@@ -45,12 +45,12 @@ class DcmBiasEstimator:
         """
         self._dt = period_s
         rates = ORIGINAL_PERIOD_S * period_s
-        self._drift_variance = rates * settings.dcm_bias_drift_m_s**2
-        self._zmp_variance = rates * settings.dcm_bias_zmp_std_m**2
+        self._drift_variance = rates * settings.bias_drift_per_second_std_m**2
+        self._zmp_variance = rates * settings.zmp_measure_error_std_m**2
         self._dcm_variance = (
-            ORIGINAL_PERIOD_S / period_s * settings.dcm_bias_dcm_std_m**2
+            ORIGINAL_PERIOD_S / period_s * settings.dcm_measure_error_std_m**2
         )
-        self._limit = settings.dcm_bias_limit_m
+        self._limit = settings.bias_limit_m
         self._zmp: Vec3 = np.zeros(3)
         self._yaw = 0.0
         self._is_running = False
@@ -59,7 +59,7 @@ class DcmBiasEstimator:
         self.covariance: Mat = np.zeros((2, 2))
 
     def reset(self) -> None:
-        """Forget everything; the next update begins anew."""
+        """Forget everything; the next update starts the filter again."""
         self._is_running = False
         self.bias[:] = 0.0
 
@@ -67,8 +67,8 @@ class DcmBiasEstimator:
         """Take one more measurement.
 
         Args:
-            measured: (3,) DCM error, wanted less measured, horizontal [m].
-            zmp: (3,) ZMP error, wanted less measured, horizontal [m].
+            measured: (3,) DCM error, desired less measured, horizontal [m].
+            zmp: (3,) ZMP error, desired less measured, horizontal [m].
             omega: natural frequency of the pendulum [rad/s].
             yaw: heading of the base, with which the bias turns [rad].
         """
@@ -103,7 +103,7 @@ class DcmBiasEstimator:
         P -= np.outer(seen, seen) / scale
 
     def _limit_bias(self, yaw: float) -> None:
-        """Keep the bias within its limit along the base's axes; the rest is error."""
+        """Clamp the bias along the base's axes and add the rest to the error."""
         own = _turned(self.bias, -yaw)
         limited = _turned(np.clip(own, -self._limit, self._limit), yaw)
         self.error += self.bias - limited
@@ -111,7 +111,7 @@ class DcmBiasEstimator:
 
 
 def _turned(vector: Vec3, angle: float) -> Vec3:
-    """A horizontal vector turned about the vertical."""
+    """Return a horizontal vector turned about the vertical."""
     cos, sin = math.cos(angle), math.sin(angle)
     x, y, _ = vector
     return np.array([cos * x - sin * y, sin * x + cos * y, 0.0])

@@ -1,4 +1,4 @@
-"""Feedback of the divergent component of motion: which force should act."""
+"""Feedback of the divergent component of motion (DCM): the desired CoM acceleration."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from surefoot.stabilizer.zmp.dcm_bias import DcmBiasEstimator
 
 NOTHING = np.zeros(3)
 SHORTEST_PERIODS = 2.0
-"""A time constant is never taken shorter than so many periods."""
+"""Shortest time constant, in periods."""
 STIFFNESS = 5.0
 """Pull of the pendulum to its target [1/s^2]."""
 DAMPING = 2.0 * math.sqrt(STIFFNESS)
 UP = np.array([0.0, 0.0, 1.0])
 GRAVITY_VECTOR = -GRAVITY * UP
 FARTHEST_M = 1.0
-"""A target farther away pulls no harder [m]."""
+"""Distance to the target at which its pull stops growing [m]."""
 LEAST_STIFFNESS = 1.0
-"""Floor of the pendulum's omega^2 [1/s^2]; a falling reference has none."""
+"""Floor of the pendulum's omega^2, which is negative in free fall [1/s^2]."""
 
 
 class StandingPendulum:
@@ -69,11 +69,11 @@ class StandingPendulum:
         self.velocity += dt * self.acceleration
 
 
-class ExponentialAverage:
-    """Exponential moving average, clamped: the baseline's "integrator".
+class ExponentialMovingAverage:
+    """Clamped exponential moving average: the baseline's "integrator".
 
-    It forgets with its time constant, so it never holds more than the error itself:
-    a constant error gives that error, not a ramp.
+    Old values fade with the time constant, so a constant error yields that error, not
+    a ramp.
 
     Attributes:
         value: (3,) the average.
@@ -85,7 +85,7 @@ class ExponentialAverage:
         """Begin at zero.
 
         Args:
-            time_constant_s: of the forgetting [s].
+            time_constant_s: time over which old values fade [s].
             period_s: time between two updates [s].
             limit: largest magnitude per axis.
         """
@@ -138,32 +138,32 @@ class LeakyIntegrator:
 
 
 class DcmFeedback:
-    """PID-like law on the DCM; its integrator is an average.
+    """PID-like law on the DCM whose integrator is a moving average.
 
     e = (c_d - c) + (cd_d - cd) / omega, horizontal;
     cdd* = cdd_d + omega (k_p e + (cd_d - cd) + k_i avg(e) + k_d d), where d is the
-    DCM's velocity error of the pendulum model without its own average. A bias of e can
-    be estimated and taken off first.
+    DCM velocity error of the pendulum model less its own average. A bias of e can be
+    estimated and subtracted first.
 
     Attributes:
         error: (3,) e of the last update, without the bias [m].
-        estimator: of the bias; runs when the settings ask for it.
+        estimator: of the bias; runs if ``zmp.dcm_bias`` is not "off".
     """
 
     def __init__(self, settings: ZmpSettings, *, period_s: float) -> None:
-        """Begin without memory."""
+        """Start with all filters at zero."""
         self._kp, self._ki, self._kd = (
-            settings.dcm_kp,
-            settings.dcm_ki,
-            settings.dcm_kd,
+            settings.dcm_prop_gain,
+            settings.dcm_integral_gain,
+            settings.dcm_deriv_gain,
         )
-        self.average = ExponentialAverage(
-            time_constant_s=settings.dcm_average_s,
-            limit=settings.dcm_average_limit_m,
+        self.average = ExponentialMovingAverage(
+            time_constant_s=settings.dcm_integrator_time_constant_s,
+            limit=settings.max_average_dcm_error_m,
             period_s=period_s,
         )
-        self.offset = ExponentialAverage(
-            time_constant_s=settings.dcm_derivator_s, period_s=period_s
+        self.offset = ExponentialMovingAverage(
+            time_constant_s=settings.dcm_derivator_time_constant_s, period_s=period_s
         )
         self.estimator = DcmBiasEstimator(settings, period_s=period_s)
         self._correction = settings.dcm_bias
@@ -179,7 +179,7 @@ class DcmFeedback:
         in_air: bool,
         yaw: float = 0.0,
     ) -> Vec3:
-        """Compute the acceleration that should act.
+        """Compute the desired CoM acceleration.
 
         Args:
             pendulum: reference.
@@ -212,13 +212,13 @@ class DcmFeedback:
         self.error = error
         feedback = self._kp * error + velocity_error
         feedback += self._ki * average + self._kd * derivative
-        wanted: Vec3 = pendulum.acceleration + omega * feedback
-        return wanted
+        desired: Vec3 = pendulum.acceleration + omega * feedback
+        return desired
 
     def _corrected(
         self, error: Vec3, velocity_error: Vec3, omega: float
     ) -> tuple[Vec3, Vec3]:
-        """Both errors without the bias; filtered, the velocity follows from the DCM."""
+        """Subtract the bias from both errors; ``filter`` takes both from the filter."""
         bias = self.estimator.bias
         if self._correction == "bias":
             return error - bias, velocity_error

@@ -1,4 +1,4 @@
-"""Distribution QP: how both feet share the wanted net wrench.
+"""Distribution QP: how both feet share the desired net wrench.
 
 In words: find the sole wrenches F = (F_left, F_right) that
 
@@ -33,8 +33,10 @@ LEAST_NET_FORCE_N = 1.0
 """With less there is no zero-moment point [N]."""
 
 
-def contact_cone(*, friction: float, half_length: float, half_width: float) -> Mat:
-    """(16, 6) rows C with C F <= 0, F = [force; moment] in the sole frame.
+def wrench_face_matrix(
+    *, friction: float, half_length: float, half_width: float
+) -> Mat:
+    """Return (16, 6) rows C with C F <= 0, F = [force; moment] in the sole frame.
 
     Friction pyramid, centre of pressure inside the rectangle, and the yaw moment
     that friction over the whole rectangle can hold besides the other components.
@@ -75,7 +77,7 @@ class Plane(NamedTuple):
 def contact_plane(
     R_world_sole: list[Mat], p_sole: list[Vec3], in_contact: list[bool]
 ) -> Plane:
-    """Between two standing feet, or of the one that stands.
+    """Return between two standing feet, or of the one that stands.
 
     Args:
         R_world_sole: rotations of left and right sole.
@@ -91,7 +93,7 @@ def contact_plane(
 
 
 def sole_to_world(R_world_sole: Mat, p_sole: Vec3, point: Vec3) -> Mat:
-    """(6, 6) map of a sole-frame wrench to world axes, about a point.
+    """Return (6, 6) map of a sole-frame wrench to world axes, about a point.
 
     The moment is taken about ``point``, never about the world's origin: far from
     there, rounding and the lever of small force errors would swamp it.
@@ -111,7 +113,7 @@ def sole_to_world(R_world_sole: Mat, p_sole: Vec3, point: Vec3) -> Mat:
 def net_wrench(
     F: Array, R_world_sole: list[Mat], p_sole: list[Vec3], point: Vec3
 ) -> Array:
-    """(6,) sum of both feet's wrenches, world axes, about a point.
+    """Return (6,) sum of both feet's wrenches, world axes, about a point.
 
     Args:
         F: (12,) wrenches of the ground on the soles, sole frames.
@@ -148,16 +150,16 @@ class WrenchDistribution:
     """Builds and solves the QP, for both feet or one.
 
     Attributes:
-        F: (12,) wanted wrenches, sole frames; zero for a foot that does not stand.
+        F: (12,) desired wrenches, sole frames; zero for a foot that does not stand.
     """
 
     def __init__(self, model: RobotModel, settings: ZmpSettings) -> None:
         """Allocate a problem for two feet and one for each foot alone."""
         # Costs relative to the net wrench's, which keeps the numbers small.
-        self._ankle = settings.ankle_weight / settings.net_weight
-        self._share = settings.share_weight / settings.net_weight
+        self._ankle = settings.ankle_torque_weight / settings.net_wrench_weight
+        self._share = settings.pressure_weight / settings.net_wrench_weight
         self._cones = [
-            contact_cone(
+            wrench_face_matrix(
                 friction=settings.friction,
                 half_length=settings.sole_scale * foot.half_length_m,
                 half_width=settings.sole_scale * foot.half_width_m,
@@ -169,7 +171,7 @@ class WrenchDistribution:
             rows = slice(6 * side, 6 * side + 6)
             D = ANKLE_SCALE[:, None] * _to_ankle(model.pin_model.frames[sole].placement)
             self._ankle_cost[rows, rows] = D.T @ D
-        least = settings.normal_force_min_n
+        least = settings.min_ds_pressure_n
         self.both = DenseQp("distribution", n=12, m=2 * ROWS_PER_FOOT)
         self.alone = [
             DenseQp(f"distribution {side}", n=6, m=ROWS_PER_FOOT)
@@ -194,7 +196,7 @@ class WrenchDistribution:
         """Distribute a net wrench.
 
         Args:
-            wrench: (6,) wanted, world axes, moment about ``point``.
+            wrench: (6,) desired, world axes, moment about ``point``.
             R_world_sole: rotations of the soles.
             p_sole: (3,) their positions [m].
             point: (3,) what moments are about: the centre of mass [m].
@@ -244,7 +246,7 @@ def centre_of_pressure(F: Array) -> tuple[float, float]:
 
 
 def _to_ankle(T_ankle_sole: object) -> Mat:
-    """(6, 6) shift of a sole wrench to the ankle joint's centre, sole axes."""
+    """Return (6, 6) shift of a sole wrench to the ankle joint's centre, sole axes."""
     p_ankle: Vec3 = T_ankle_sole.inverse().translation  # type: ignore[attr-defined]
     shift = np.eye(6)
     shift[3:, :3] = -skew(p_ankle)

@@ -1,8 +1,8 @@
-"""Foot admittance: how the commanded soles should move, given what they feel.
+"""Foot admittance: desired velocities of the commanded soles, from the wrench error.
 
-Velocities are for the commanded robot's soles. A foot whose centre of pressure is too
-far forward lifts its toe; one that is too far left lifts its left edge; a foot that
-carries more than its share goes up against the other one. All of them yield.
+Every foot yields: one whose centre of pressure is too far forward lifts its toe, one
+whose is too far left lifts its left edge, one that carries more than its share rises
+relative to the other.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from surefoot.stabilizer.zmp.distribution import centre_of_pressure
 
 
 class FootAdmittance:
-    """Wanted sole twists of the commanded robot.
+    """Desired sole twists of the commanded robot.
 
     Attributes:
         twist: (12,) of left and right sole, commanded sole frames.
     """
 
     def __init__(self, settings: ZmpSettings) -> None:
-        """Keep the gains."""
+        """Store the gains."""
         self._settings = settings
         self.twist: Array = np.zeros(12)
 
@@ -32,7 +32,7 @@ class FootAdmittance:
         self,
         *,
         F_meas: Array,
-        F_wanted: Array,
+        F_desired: Array,
         in_contact: list[bool],
         R_measured: list[Mat],
         R_commanded: list[Mat],
@@ -43,20 +43,20 @@ class FootAdmittance:
 
         Args:
             F_meas: (12,) measured wrenches of the ground on the soles.
-            F_wanted: (12,) wanted ones.
+            F_desired: (12,) desired ones.
             in_contact: which feet stand.
             R_measured: rotations of the soles as measured.
             R_commanded: rotations of the commanded soles.
             p_commanded: (3,) positions of the commanded soles [m].
-            p_stance: (3,) where they belong [m].
+            p_stance: (3,) positions of the soles in the stance [m].
 
         Returns:
             (12,) twists, reused by the next call.
         """
         self.twist[:] = 0.0
-        speeds = self.vertical_speeds(
+        speeds = self.foot_force_difference(
             F_meas=F_meas,
-            F_wanted=F_wanted,
+            F_desired=F_desired,
             in_contact=in_contact,
             R_measured=R_measured,
             heights=(p_commanded[0].item(2), p_commanded[1].item(2)),
@@ -65,90 +65,100 @@ class FootAdmittance:
         for side in (0, 1):
             rows = slice(6 * side, 6 * side + 6)
             if in_contact[side]:
-                self.twist[6 * side + 3 : 6 * side + 5] = self.rotation(
-                    F_meas[rows], F_wanted[rows]
+                self.twist[6 * side + 3 : 6 * side + 5] = self.foot_damping(
+                    F_meas[rows], F_desired[rows]
                 )
             # World's vertical, in the commanded sole frame.
             self.twist[6 * side : 6 * side + 3] = speeds[side] * R_commanded[side][2]
         return self.twist
 
-    def rotation(self, F_meas: Array, F_wanted: Array) -> tuple[float, float]:
-        """Foot damping control: rotation about x and y of one sole [rad/s].
+    def foot_damping(self, F_meas: Array, F_desired: Array) -> tuple[float, float]:
+        """Foot damping control: compute the rotation about x and y of one sole [rad/s].
 
-        The wanted moment is that of the wanted centre of pressure under the measured
-        normal force, so a load error does not turn the foot.
+        The desired moment is that of the desired centre of pressure under the measured
+        normal force, so an error of the load does not turn the foot.
 
         Args:
             F_meas: (6,) measured wrench, sole frame.
-            F_wanted: (6,) wanted wrench, sole frame.
+            F_desired: (6,) desired wrench, sole frame.
         """
         settings = self._settings
-        cop_x, cop_y = centre_of_pressure(F_wanted)
+        cop_x, cop_y = centre_of_pressure(F_desired)
         normal = max(F_meas.item(NORMAL), 0.0)
         error_x = F_meas.item(3) - cop_y * normal
         error_y = F_meas.item(4) + cop_x * normal
         # A moment about x moves the centre of pressure along y.
         along_x, along_y = settings.cop_admittance
-        limit = settings.rotation_limit_rad_s
+        limit = settings.max_fdc_velocity_rad_s
         return _clamp(along_y * error_x, limit), _clamp(along_x * error_y, limit)
 
-    def vertical_speeds(
+    def foot_force_difference(
         self,
         *,
         F_meas: Array,
-        F_wanted: Array,
+        F_desired: Array,
         in_contact: list[bool],
         R_measured: list[Mat],
         heights: tuple[float, float],
         stance_heights: tuple[float, float],
     ) -> tuple[float, float]:
-        """Force difference, drift compensation and search: speeds [m/s], world up.
+        """Compute both vertical speeds [m/s], world up.
+
+        Both feet standing: foot force difference control and vertical drift
+        compensation. One foot standing: the other seeks touchdown.
 
         Args:
             F_meas: (12,) measured wrenches.
-            F_wanted: (12,) wanted ones.
+            F_desired: (12,) desired ones.
             in_contact: which feet stand.
             R_measured: rotations of the soles as measured.
             heights: of the commanded soles [m].
-            stance_heights: where they belong [m].
+            stance_heights: of the soles in the stance [m].
         """
         settings = self._settings
         if not (in_contact[0] and in_contact[1]):
-            return self._seek(0, F_meas, in_contact), self._seek(1, F_meas, in_contact)
+            return self._seek_touchdown(0, F_meas, in_contact), self._seek_touchdown(
+                1, F_meas, in_contact
+            )
         up_left, up_right = R_measured[0][2], R_measured[1][2]
-        wanted = float(up_left @ F_wanted[:3] - up_right @ F_wanted[6:9])
+        desired = float(up_left @ F_desired[:3] - up_right @ F_desired[6:9])
         felt = float(up_left @ F_meas[:3] - up_right @ F_meas[6:9])
         height_error = (stance_heights[0] - stance_heights[1]) - (
             heights[0] - heights[1]
         )
-        parting = settings.force_admittance * (wanted - felt)
-        parting -= settings.height_stiffness * height_error
+        parting = settings.dfz_admittance * (desired - felt)
+        parting -= settings.dfz_damping * height_error
         drift = sum(stance_heights) - sum(heights)
-        common = settings.drift_hz * drift
-        limit = settings.lift_limit_m_s
+        common = settings.vdc_frequency * drift
+        limit = settings.max_vertical_velocity_m_s
         return (
             _clamp(0.5 * (common - parting), limit),
             _clamp(0.5 * (common + parting), limit),
         )
 
-    def _seek(self, side: int, F_meas: Array, in_contact: list[bool]) -> float:
-        """A lifted foot goes down while the other one stands; in the air none does."""
+    def _seek_touchdown(
+        self, side: int, F_meas: Array, in_contact: list[bool]
+    ) -> float:
+        """Descend with a lifted foot while the other one stands; in the air, stay."""
         other_stands = in_contact[1 - side]
         if in_contact[side] or not other_stands:
             return 0.0
         settings = self._settings
-        missing = settings.seek_force_n - F_meas.item(6 * side + NORMAL)
-        return -_clamp(settings.seek_admittance * missing, settings.lift_limit_m_s)
+        missing = settings.touchdown_force_n - F_meas.item(6 * side + NORMAL)
+        return -_clamp(
+            settings.touchdown_admittance * missing, settings.max_vertical_velocity_m_s
+        )
 
 
 def _clamp(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
 
 
-class ComAdmittance:
-    """Offset of the CoM reference from the ZMP error.
+class ZmpCompensation:
+    """ZMP compensation control (ZMPCC): offset of the CoM reference.
 
-    The CoM moves towards where the measured ZMP exceeds the distributed one:
+    The CoM moves in the direction in which the measured ZMP exceeds the distributed
+    one:
     cd = -A (z_distributed - z_measured).
 
     Attributes:
@@ -158,12 +168,12 @@ class ComAdmittance:
     """
 
     def __init__(self, settings: ZmpSettings, *, period_s: float) -> None:
-        """Begin without offset."""
+        """Start without offset."""
         self._gain = np.array([*settings.com_admittance, 0.0])
         self._dt = period_s
         self._integral = LeakyIntegrator(
-            leak=settings.com_offset_leak,
-            limit=settings.com_offset_limit_m,
+            leak=settings.zmpcc_integrator_leak_rate,
+            limit=settings.max_com_offset_m,
             period_s=period_s,
         )
         self.offset: Vec3 = self._integral.value

@@ -40,7 +40,7 @@ class Kinematics:
         self.v_sole: Array = np.zeros(12)
 
     def update(self, q: Array, v: Array) -> None:
-        """Poses and velocities at a state.
+        """Compute poses and velocities at a state.
 
         Args:
             q: (7 + n_a,) configuration.
@@ -58,7 +58,7 @@ class Kinematics:
             self.p_sole[side] = placement.translation.copy()
 
     def update_jacobians(self, q: Array, v: Array) -> None:
-        """Everything, Jacobians and drifts too; arguments as for :meth:`update`."""
+        """Also compute Jacobians and drifts; arguments as for :meth:`update`."""
         model, data = self._pin, self._data
         self.J_com[:] = pin.jacobianCenterOfMass(model, data, q)
         pin.computeJointJacobians(model, data, q)

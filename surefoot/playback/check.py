@@ -1,4 +1,4 @@
-"""Runs the controller on a record and tells whether it does the same again."""
+"""Runs the controller on a record and compares its commands with the recorded ones."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _short(commit: str | None) -> str:
 
 
 def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSettings:
-    """Settings attached to a record, with some replaced.
+    """Return the settings attached to a record, with some replaced.
 
     Args:
         timeline: the record; without settings the defaults are meant.
@@ -113,7 +113,7 @@ def check(
         file: named in the outcome.
         law: name of the controller to use; None for the recorded one.
         until_s: compares this much from the first tick [s]; None for all.
-        on_tick: told each tick.
+        on_tick: called with each tick.
 
     Raises:
         UsageError: it holds no command, or not the start of any commander.
@@ -155,7 +155,7 @@ def check(
 
 
 def _followable(session: Session, notes: list[str]) -> Session | None:
-    """The part of a session that the record holds all of."""
+    """Return the part of a session that the record holds all of."""
     who = session.commander
     if 0 not in session.starts:
         tick = session.commands[0].tick
@@ -176,7 +176,7 @@ def _followable(session: Session, notes: list[str]) -> Session | None:
 
 
 def _gap(session: Session) -> tuple[int, int]:
-    """Ticks of the commands before and after the first missing one."""
+    """Return the ticks of the commands before and after the first missing one."""
     for earlier, later in pairwise(session.commands):
         if later.sequence != earlier.sequence + 1:
             return earlier.tick, later.tick
@@ -184,14 +184,14 @@ def _gap(session: Session) -> tuple[int, int]:
 
 
 def _of_session(inputs: Inputs, session: Session) -> Inputs:
-    """Change of settings are the session's own; a planner outlives it."""
+    """Keep the session's own changes of settings, and all references of planners."""
     first, last = session.commands[0].tick, session.commands[-1].tick
     mine = [change for change in inputs.changes if first <= change.tick <= last]
     return Inputs(inputs.robot, inputs.settings, mine, inputs.references)
 
 
 def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
-    """What else than code and settings can make commands differ."""
+    """Describe what besides code and settings can make commands differ."""
     doubts = []
     if stale:
         doubts.append(
@@ -240,7 +240,7 @@ class _Said:
         return str(self._about.get("mode", ""))
 
     def of(self, kind: type[M]) -> list[M]:
-        """All messages of a kind that can be read, in order."""
+        """Return all messages of a kind that can be read, in order."""
         channel = _CHANNELS[kind]
         decoded = (
             self._decoded(entry, kind)
@@ -250,7 +250,7 @@ class _Said:
         return [message for message in decoded if message is not None]
 
     def law_of(self, session: Session) -> str:
-        """Name of the controller that commanded.
+        """Return the name of the controller that commanded.
 
         Raises:
             UsageError: nothing says so.
@@ -313,7 +313,7 @@ _CHANNELS: dict[type[Message], str] = {
 
 
 def first_difference(outcome: ReplayOutcome) -> SessionOutcome | None:
-    """The session that differs first; None when all are equal."""
+    """Return the session that differs first; None when all are equal."""
     for session in outcome.sessions:
         if session.differing:
             return session

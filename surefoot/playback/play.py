@@ -12,17 +12,17 @@ from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.robot_side.replay_server import ReplayServer
 
 LONGEST_NAP_S = 0.05
-"""A slow replay looks at least so often whether it should end."""
+"""Longest sleep of a slow replay before it checks for a stop [s]."""
 SHORTEST_NAP_S = 0.0005
 """Shorter waits are left out, and made up for later."""
 LARGEST_LAG_S = 0.1
-"""A replay that is behind by more does not try to catch up."""
+"""Lag beyond which a replay no longer catches up [s]."""
 
 
 def between(
     timeline: Timeline, *, period_s: float, from_s: float, until_s: float | None
 ) -> list[Entry]:
-    """The messages of a span of time.
+    """Return the messages of a span of time.
 
     Args:
         timeline: the whole record.
@@ -56,7 +56,7 @@ def play(
         raw: whether a channel holds the bytes of the bus.
         tick_s: time from tick to tick [s].
         stop: ends it.
-        on_tick: told each tick before it is played.
+        on_tick: called with each tick before it is played.
 
     Returns:
         Messages played, by channel.
@@ -78,7 +78,7 @@ def play(
 def _paced(
     entries: Iterable[Entry], *, tick_s: float, stop: StopRequest
 ) -> Iterator[tuple[int, list[Entry]]]:
-    """Ticks and their messages, each when its time has come, until asked to stop."""
+    """Yield ticks with their messages, each at its time, until asked to stop."""
     before: tuple[int, int] | None = None
     due_s = time.monotonic()
     for (lap, tick), said in groupby(entries, key=lambda e: (e.round, e.tick)):

@@ -106,7 +106,7 @@ def recompute(
         sensors: at or before the session's first tick.
         inputs: what the controller was given besides.
         controller: name of the law.
-        on_tick: told each tick.
+        on_tick: called with each tick.
     """
     commands = session.commands
     outcome = SessionOutcome(
@@ -168,12 +168,12 @@ class _Gains:
         self._changes = list(inputs.changes)
 
     def advance(self, tick: int) -> None:
-        """As the stabilizer does before it answers a tick."""
+        """Move the settings as the stabilizer does before it answers a tick."""
         self._begin(before=tick + 1)
         self._move()
 
     def resume(self, tick: int) -> None:
-        """The tick at which a hold ended has moved the settings, and had no answer.
+        """Move the settings for the tick at which a hold ended, which had no answer.
 
         Args:
             tick: the one answered next; what was asked before it was asked earlier.
@@ -200,7 +200,7 @@ class _Gains:
 
 
 class _References:
-    """The newest word of a planner when the sensors of a tick were taken."""
+    """The planner's newest reference when the sensors of a tick were taken."""
 
     def __init__(self, references: Sequence[Reference]) -> None:
         self._coming = list(references)

@@ -34,7 +34,7 @@ def replay(
         settings: see :func:`surefoot.simulate`; None for those of the record.
         robot: None for the one that is attached to the record.
         until_s: compare this much from the first tick [s]; None for all.
-        on_tick: told each tick.
+        on_tick: called with each tick.
 
     Returns:
         What was compared, and the first command that differs, bit for bit.

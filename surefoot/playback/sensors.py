@@ -19,7 +19,7 @@ _NULL = b"null"
 
 
 def to_wire(data: bytes, *, is_raw: bool) -> bytes:
-    """The MessagePack bytes of a message.
+    """Return the MessagePack bytes of a message.
 
     JSON knows no NaN and no infinity: a reading that was either is null in the record
     and NaN again afterwards. All other numbers come back bit for bit.
@@ -81,7 +81,7 @@ class RecordedSensors:
         self._latest: dict[str, Any] = dict.fromkeys(TICK_SENSORS)
 
     def at(self, tick: int) -> Reading | None:
-        """The reading a stabilizer makes of a tick; ticks must not go back.
+        """Return the stabilizer's reading of a tick; ticks must not decrease.
 
         Returns:
             None while there is a sensor nothing has come from.

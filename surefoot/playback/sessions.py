@@ -83,7 +83,7 @@ def find_sessions(
 
 
 def find_starts(statuses: Iterable[RobotStatus]) -> list[Start]:
-    """Every time a commander had the robot follow it.
+    """Find every time a commander began to command the robot.
 
     A robot just enabled has no command yet; one that has only missed commands for a
     while goes on with the last one's age, and its controller knows of nothing.

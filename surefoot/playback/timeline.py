@@ -131,7 +131,7 @@ class _Collector:
 
 @contextmanager
 def recorded_robot(record: Record, instead: str | None) -> Iterator[Robot]:
-    """The robot with its servo profile, as it was when the record was made.
+    """Provide the robot with its servo profile as attached to the record.
 
     Its URDF stands in a folder for the time of the context.
 

@@ -22,13 +22,13 @@ from surefoot.schemas.result import ControllerResult, PlantResult, RelayResult
 _LOG = logging.getLogger("surefoot.run")
 
 _START_S = 60.0
-"""A robot that is still there may take so long to come up, on a busy machine [s]."""
+"""Longest wait for a robot process to come up on a busy machine [s]."""
 READY_S = 30.0
 """How long the page may take to come up, on a busy machine [s]."""
 _READY_S = 20.0
-"""The stabilizer waits so long for the recorder, on a busy machine [s]."""
+"""Longest wait for the recorder before the stabilizer starts [s]."""
 _FINISH_S = 60.0
-"""After the run the recorder may take so long to write what it holds [s]."""
+"""Longest time for the recorder to finish its file after the run [s]."""
 
 
 def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
@@ -170,7 +170,7 @@ def run_processes(
         endpoints: where the two meet.
         record: write every tick, and the bus by a recorder of its own. What happens to
             the recorder is told, and never ends the run.
-        on_tick: told the robot's progress.
+        on_tick: called with the robot's tick now and then.
         view_port: serve a live page of the run at this port; None for no page.
         histogram: whether the results hold those of all times.
         priority: of SCHED_FIFO for the two; None for ordinary processes.
@@ -249,7 +249,7 @@ def run_processes(
 
 
 def _relay_result(relay: Child, file: Path) -> RelayResult:
-    """What a relay counted, once it has ended.
+    """Return what a relay counted, once it has ended.
 
     Raises:
         ChildFailedError: it ended without a word of it.

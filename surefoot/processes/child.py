@@ -18,7 +18,7 @@ from surefoot.errors import ERROR_PREFIX
 
 LAST_LINES = 12
 _TERMINATE_S = 5.0
-"""A process asked to end may take so long before it is killed [s]."""
+"""Time for a process to end when asked, before it is killed [s]."""
 READY_LINE = "ready"
 _PROGRESS_PERIOD_S = 0.25
 
@@ -155,13 +155,13 @@ class Child:
         self._watch.join()
 
     def last_lines(self) -> list[str]:
-        """The end of its log, blank lines left out."""
+        """Return the end of its log, blank lines left out."""
         with self.log.open(encoding="utf-8", errors="replace") as file:
             lines = (line.rstrip() for line in file)
             return list(deque(filter(None, lines), maxlen=LAST_LINES))
 
     def last_error(self) -> str:
-        """What it gave as the reason of its end; empty when it gave none."""
+        """Return the reason it gave for its end; empty without one."""
         text = self.log.read_text(encoding="utf-8", errors="replace")
         *_, last = f"\n{text}".rpartition(f"\n{ERROR_PREFIX} ")
         return last.strip() if last != f"\n{text}" else ""
@@ -181,7 +181,7 @@ class Child:
 
 
 def child_environment() -> dict[str, str]:
-    """Ours, such that the child runs the same code as we do from any folder."""
+    """Return the environment with which the child runs this code from any folder."""
     root = str(Path(__file__).resolve().parents[2])
     inherited = os.environ.get("PYTHONPATH", "")
     path = os.pathsep.join(filter(None, [root, inherited]))

@@ -1,4 +1,4 @@
-"""Watches the two processes of a run and tells whose failure it was."""
+"""Watches the two processes of a run and finds whose failure ended it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from surefoot.exit_codes import ExitCode
 from surefoot.processes.child import Child, Event, Exit, Progress
 
 _PARTNER_S = 10.0
-"""Once one process has ended well, the other may take so long [s]."""
+"""Time for the second process to end after the first has ended well [s]."""
 _CAUSE_S = 2.0
-"""Once the stabilizer has failed, the robot's own failure counts for so long [s]."""
+"""Time after the stabilizer's failure in which the robot's own still counts [s]."""
 _WELL = (ExitCode.OK, ExitCode.FELL)
 
 
@@ -31,7 +31,7 @@ def supervise(
         robot: the robot's process; it is what ends a run.
         stabilizer: the stabilizer's process.
         events: of both.
-        on_tick: told the robot's progress.
+        on_tick: called with the robot's tick.
         between: a relay, without which the two cannot go on.
 
     Raises:
@@ -54,7 +54,7 @@ def supervise(
         if isinstance(event, Exit) and event.child is between:
             raise failure(event.child, event.code)
         if not isinstance(event, Exit) or event.child not in (robot, stabilizer):
-            continue  # whoever looks on may come and go
+            continue  # recorder and page may come and go
         codes[event.child.name] = event.code
         if event.child is robot and event.code not in _WELL:
             break
@@ -81,7 +81,7 @@ def _left(until: float) -> float:
 
 
 def failure(child: Child, code: int) -> ChildFailedError:
-    """A child's end as an error that holds its last words.
+    """Turn a child's end into an error that quotes its last lines.
 
     A child that says what is wrong, as every command does, is quoted alone; the log
     before that is of interest only when it ended without a word.

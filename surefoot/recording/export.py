@@ -92,7 +92,7 @@ def _export_tables(
 
 
 def _columns(messages: list[dict[str, Any]]) -> Columns:
-    """A column per number or text; None where a message has no such entry."""
+    """Return a column per number or text; None if a message has no such entry."""
     columns: Columns = {}
     for row, message in enumerate(messages):
         for name, value in _flat("", message):

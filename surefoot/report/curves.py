@@ -1,4 +1,4 @@
-"""What is plotted of a run, each curve named by what it is of."""
+"""Curves of a run for plots, named by their quantity."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def write_page(
 
     Args:
         folder: gets the files.
-        runs: what is told of.
+        runs: shown on the page.
         media: of each run, already in the folder.
         shape: of the robot.
     """
@@ -154,7 +154,7 @@ def _head(run: RunData) -> dict[str, Any]:
 
 
 def _versions(runs: list[RunData]) -> dict[str, list[str]]:
-    """Name of a package, or what it ran on, to one value per run."""
+    """Return name of a package, or what it ran on, to one value per run."""
     names = dict.fromkeys(name for run in runs for name in run.about["packages"])
     versions = {
         name: [str(run.about["packages"].get(name, "")) for run in runs]
@@ -176,7 +176,7 @@ def write_report(
     """Write a report, whole or not at all.
 
     Args:
-        runs: what it tells of.
+        runs: shown on the page.
         out: its folder; a former report there is replaced.
         video: also a video and a still of each run.
         animation: also a short loop of each run.

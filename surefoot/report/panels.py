@@ -134,13 +134,13 @@ def _curve(signal: s.Signal, *, index: int, label: str, alone: bool) -> dict[str
 
 
 def _packed(values: Array) -> dict[str, str]:
-    """Numbers as plotly's script reads them: a quarter of the size of their digits."""
+    """Pack numbers as plotly's script reads them: a quarter of the size of digits."""
     data = np.ascontiguousarray(values, dtype="<f4").tobytes()
     return {"dtype": "f4", "bdata": base64.b64encode(data).decode()}
 
 
 def _in_order(found: Iterable[str]) -> list[str]:
-    """Keys as in PANELS, then platforms by index and axis."""
+    """Return keys as in PANELS, then platforms by index and axis."""
     known = [*PANELS]
     axes = (*s.AXES, *s.TURNS)
 
@@ -168,7 +168,7 @@ class Mark(NamedTuple):
 
 
 def marks_of(runs: list[RunData]) -> list[Mark]:
-    """Pushes, sensor faults, changes of settings and falls, each once."""
+    """Collect pushes, sensor faults, changes of settings and falls, each once."""
     marks = []
     for index, run in enumerate(runs):
         colour = RUN_COLOURS[index] if len(runs) > 1 else GREY

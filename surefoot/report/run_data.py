@@ -1,4 +1,4 @@
-"""A run as its folder has it, checked and ready to be told of."""
+"""Load and validate a run folder."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ class RunData:
     """One run.
 
     Attributes:
-        label: what tells it from the others of a page.
+        label: distinguishes it from the other runs of a page.
         result: its figures.
         about: what ``run.json`` says: seed, mode, versions.
         robot: its files, as they are now.

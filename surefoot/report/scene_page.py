@@ -65,7 +65,7 @@ def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None])
 
 
 def state_at(run: RunData, row: int) -> SceneState:
-    """A tick of a run as a scene.
+    """Return one tick of a run as a scene.
 
     Forces are those the stabilizer measured and wanted last. Runs without a record
     show the true ones instead, and none that were wanted.

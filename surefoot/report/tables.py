@@ -117,7 +117,7 @@ def outcome(result: RunResult) -> str:
 
 
 def figure_rows(results: list[RunResult]) -> list[Row]:
-    """All figures of runs, changes against the first one."""
+    """Return all figures of runs, changes against the first one."""
     rows = [
         Row(name, "", [Cell(said(result), "") for result in results])
         for name, said in _WORDS
@@ -129,7 +129,7 @@ def figure_rows(results: list[RunResult]) -> list[Row]:
 
 
 def setting_rows(runs: list[RunData]) -> list[SettingRow]:
-    """All settings of runs, beside the defaults of this version."""
+    """Return all settings of runs, beside the defaults of this version."""
     shipped = build_settings({}, overrides=[], source="defaults")
     defaults = {
         f"{section}.{name}": value

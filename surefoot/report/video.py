@@ -23,17 +23,17 @@ from surefoot.schemas.arrays import Array
 VIDEO_SIZE, VIDEO_HZ = (960, 720), 25.0
 ANIMATION_SIZE, ANIMATION_HZ = (600, 450), 20.0
 ANIMATION_S = (4.0, 7.0)
-"""Between so short and so long, where it ends most like it began."""
+"""Shortest and longest animation [s]; it is cut where its end matches its start."""
 ANIMATION_QUALITY = 72
 MS_PER_S = 1000
 STEP_S = 0.02
-"""Moments are compared in such steps."""
+"""Step between compared moments [s]."""
 
 
 def best_loop(
     poses: Array, *, period_s: float, length_s: tuple[float, float]
 ) -> tuple[int, int]:
-    """The stretch that ends most like it began, in pose and in speed.
+    """Find the stretch whose end is most like its start, in pose and in speed.
 
     Args:
         poses: (n, m) numbers that are alike when the pictures are.
@@ -100,7 +100,7 @@ def check_drawing(run: RunData, *, video: bool) -> None:
 
     Args:
         run: one to draw.
-        video: whether a video is wanted, which needs an encoder.
+        video: whether to draw a video, which needs an encoder.
 
     Raises:
         EnvironmentFailedError: this machine cannot; the message says what to install.
@@ -166,7 +166,7 @@ def draw_animation(run: RunData, path: Path, *, bar: CountBar = no_bar) -> None:
 
 
 def _pose(run: RunData) -> Array:
-    """(n, m) what a picture shows, as numbers that are alike when it is alike.
+    """Return (n, m) what a picture shows, as numbers that are alike when it is alike.
 
     Where the ground moves, the ground alone: its jerk is what would be seen.
     """

@@ -1,4 +1,4 @@
-"""One run of a study, and how it is told from all others."""
+"""One run of a study and its unique key."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class Variant:
     def resolve(
         self, servo_profile: str, *, extra: tuple[str, ...] = ()
     ) -> ControllerSettings:
-        """All of its settings.
+        """Resolve all of its settings.
 
         Args:
             servo_profile: of the robot it will command.
@@ -144,7 +144,7 @@ def find_variant(name: str) -> Variant:
 
 
 def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
-    """The run's plan, as ``surefoot run --inline`` would make it.
+    """Return the run's plan, as ``surefoot run --inline`` would make it.
 
     Raises:
         FileFormatError: a value does not fit the scenario.
@@ -192,6 +192,6 @@ def run_cell(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Row:
 
 
 def group_of(row: Row) -> Group:
-    """Which group a row belongs to."""
+    """Return which group a row belongs to."""
     values = tuple(row["values"].items())
     return Group(row["scenario"], values, row["variant"], row["servo_profile"])

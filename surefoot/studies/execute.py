@@ -12,7 +12,7 @@ from surefoot.studies.cell import Cell, plan_of, run_cell
 from surefoot.studies.store import StudyStore
 
 IDLE_S = 10
-"""A worker without work ends after so long [s]."""
+"""Idle time after which a worker ends [s]."""
 LOOK_S = 0.5
 
 

@@ -59,7 +59,7 @@ class Extent:
 
 
 def extent(*, quick: bool, seeds: int | None) -> Extent:
-    """The whole study, or the quick one: fewer seeds, rates and controllers."""
+    """Return the full study, or the quick one with fewer seeds, rates, controllers."""
     if quick:
         return Extent(
             seeds or QUICK_SEEDS, (WHOLE_BODY, TUNED), (60.0, 120.0, 180.0, 240.0)
@@ -69,7 +69,7 @@ def extent(*, quick: bool, seeds: int | None) -> Extent:
 
 
 def cells_of(size: Extent) -> list[Cell]:
-    """All runs, a whole round before the next seed."""
+    """Return all runs, a whole round before the next seed."""
     groups: list[Group] = []
     for variant in size.variants:
         for profile in PROFILES:

@@ -22,7 +22,7 @@ EVERY_TICKS = 10
 
 
 def record(scenario: str, variant: str) -> dict[str, Array]:
-    """Every tick of one run with seed 0 and the ideal servo; see RunRecord."""
+    """Record every tick of one run with seed 0 and the ideal servo; see RunRecord."""
     from surefoot.simulation import Simulation
     from surefoot.stabilizer.factory import make_controller
 
@@ -76,7 +76,7 @@ def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
 
 
 def _roll_pitch_yaw(quat_xyzw: Array) -> Array:
-    """(n, 3) angles about x, y, z in turn [rad]."""
+    """Return (n, 3) angles about x, y, z in turn [rad]."""
     from scipy.spatial.transform import Rotation
 
     angles: Array = Rotation.from_quat(quat_xyzw).as_euler("xyz")

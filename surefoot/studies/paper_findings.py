@@ -44,18 +44,18 @@ class Evidence:
     def of(
         self, scenario: str, variant: str, profile: str = d.IDEAL, **values: float
     ) -> GroupSummary | None:
-        """A group's summary; None when it was not run."""
+        """Return a group's summary; None when it was not run."""
         return self.summaries.get(
             Group(scenario, tuple(values.items()), variant, profile)
         )
 
     def where(self, wanted: Callable[[Group], bool]) -> list[GroupSummary]:
-        """All summaries whose group fits."""
+        """Return all summaries whose group fits."""
         return [s for group, s in self.summaries.items() if wanted(group)]
 
 
 def claims(evidence: Evidence) -> list[Claim]:
-    """What the paper claims; ZMP is the tuned baseline unless said."""
+    """Return what the paper claims; ZMP is the tuned baseline unless said."""
     slow, fast = "moving-platform-slow", "moving-platform-fast"
     pair_slow, pair_fast = "two-platforms-slow", "two-platforms-fast"
     return [
@@ -75,7 +75,7 @@ def claims(evidence: Evidence) -> list[Claim]:
 
 
 def goals(evidence: Evidence) -> list[Claim]:
-    """What this project set itself, default settings."""
+    """Return what this project set itself, default settings."""
     one = evidence.of("moving-platform-slow", d.WHOLE_BODY)
     height = None if one is None or one.com_rms_mm is None else one.com_rms_mm[2]
     worst = (
@@ -176,7 +176,7 @@ def _only_whole_body(evidence: Evidence, scenario: str, title: str) -> Claim:
 
 
 def _limit_of(evidence: Evidence, variant: str, statement: str, *, at: float) -> Claim:
-    """Smallest 50 % limit over the axes with the ideal servo; the slow one is told."""
+    """Judge the smallest 50 % limit with the ideal servo; report the slow one."""
     found = [_limits(evidence, variant, profile) for profile in d.PROFILES]
     ideal = found[d.PROFILES.index(d.IDEAL)]
     if not ideal:
@@ -192,7 +192,7 @@ def _limit_of(evidence: Evidence, variant: str, statement: str, *, at: float) ->
 def _limits(
     evidence: Evidence, variant: str, profile: str
 ) -> dict[str, tuple[float, str]]:
-    """By axis: where half the runs fall [deg/s], as number and in words."""
+    """Return where half the runs fall [deg/s], by axis, as numbers and texts."""
     limits = {}
     for name in d.RAMPS:
         for curve in curves_over(evidence.summaries, scenario=name, name=d.TILT_RATE):

@@ -84,7 +84,7 @@ def write_report(
 
 
 def _settings(names: list[str]) -> dict[str, str]:
-    """Every setting of these controllers, once more for servos that get others."""
+    """Return all settings of these controllers, also those for other servos."""
     texts = {}
     for name in names:
         variant = VARIANTS[name]
@@ -115,7 +115,7 @@ def _figures(folder: Path) -> list[str]:
 
 
 def _inline(svg: bytes) -> str:
-    """Of its own, so that the names inside two drawings never meet."""
+    """Make the names inside a drawing unique, so that two drawings do not clash."""
     return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
 
 

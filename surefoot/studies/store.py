@@ -97,7 +97,7 @@ class StudyStore:
 
 
 def read_rows(folder: Path) -> Iterable[Row]:
-    """Finished runs of a folder, a line that was cut off left out."""
+    """Read the finished runs of a folder, without a line that was cut off."""
     path = folder / RUNS
     if not path.is_file():
         return
@@ -110,7 +110,7 @@ def read_rows(folder: Path) -> Iterable[Row]:
 
 
 def code_fingerprint() -> str:
-    """SHA-256 of everything a run depends on in our own packages."""
+    """Return the SHA-256 of everything in this package that a run depends on."""
     root = Path(__file__).parents[2]
     digest = hashlib.sha256()
     for package in _PACKAGES:

@@ -34,7 +34,7 @@ class Study:
     summaries: dict[Group, GroupSummary]
 
     def table(self) -> str:
-        """The summaries as a Markdown table."""
+        """Return the summaries as a Markdown table."""
         return markdown_table(self.summaries)
 
 
@@ -100,7 +100,7 @@ def make_cells(
     servo_profiles: Sequence[str],
     seeds: Sequence[int],
 ) -> list[Cell]:
-    """Every combination; a whole round of all cases before the next seed.
+    """Return every combination; a whole round of all cases before the next seed.
 
     Args:
         scenarios: shipped names or paths.

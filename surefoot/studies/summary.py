@@ -13,7 +13,7 @@ CONFIDENCE = 0.95
 
 
 def success_interval(successes: int, runs: int) -> tuple[float, float]:
-    """Wilson's 95 % confidence interval of a success rate.
+    """Return Wilson's 95 % confidence interval of a success rate.
 
     Args:
         successes: at most ``runs``.
@@ -33,7 +33,7 @@ def success_interval(successes: int, runs: int) -> tuple[float, float]:
 def success_limit(
     levels: Sequence[float], rates: Sequence[float], *, at: float = 0.5
 ) -> float | None:
-    """Where the success rate first falls below a level, between two levels linearly.
+    """Find where the success rate first falls below a level, by interpolation.
 
     Args:
         levels: what was varied, rising.
@@ -90,12 +90,12 @@ class GroupSummary:
         return None if self.com_rms_mm is None else math.hypot(*self.com_rms_mm[:2])
 
     def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
+        """Return the figures as built-in types, for JSON."""
         return asdict(self)
 
 
 def summarise(rows: Iterable[Row]) -> dict[Group, GroupSummary]:
-    """Summaries by group, in the order in which the groups first come."""
+    """Return summaries by group, in the order in which the groups first come."""
     groups: dict[Group, list[Row]] = {}
     for row in rows:
         groups.setdefault(group_of(row), []).append(row)
@@ -128,7 +128,7 @@ def _summary(rows: list[Row]) -> GroupSummary:
 
 
 def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:
-    """Axis by axis; runs that ended before anything counted are left out."""
+    """Combine axis by axis, without runs that ended before anything counted."""
     values = [row[name] for row in rows if row[name] is not None]
     if not values:
         return None

@@ -59,7 +59,7 @@ class Curve:
 
 
 def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve]:
-    """Curves of a scenario over one varied value, all else equal."""
+    """Return the curves of a scenario over one varied value, all else equal."""
     found: dict[str, list[tuple[float, float, float, float]]] = {}
     for group, summary in summaries.items():
         values = dict(group.values)
@@ -118,7 +118,7 @@ def draw_curves(
 
 
 def cells_of(group: Group, summary: GroupSummary) -> list[str]:
-    """A group's row, as text."""
+    """Return a group's row, as text."""
     com = summary.com_rms_mm
     return [
         group.case,
@@ -134,7 +134,7 @@ def cells_of(group: Group, summary: GroupSummary) -> list[str]:
 
 
 def markdown_table(summaries: Summaries) -> str:
-    """For a page."""
+    """Return the summaries as a Markdown table."""
     lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
     lines += [
         "| " + " | ".join(cells_of(group, summary)) + " |"
@@ -144,7 +144,7 @@ def markdown_table(summaries: Summaries) -> str:
 
 
 def write_csv(path: Path, summaries: Summaries) -> None:
-    """One line a group, one number a column."""
+    """Write one row per group and one number per column."""
     with atomic_file(path) as raw:
         text = io.TextIOWrapper(raw, encoding="utf-8", newline="", write_through=True)
         writer = csv.writer(text)
@@ -185,7 +185,7 @@ def _text(value: float | None, form: str) -> str:
 
 
 def summary_rows(summaries: Summaries) -> list[dict[str, object]]:
-    """What summary.json holds: one row a group."""
+    """Return the content of summary.json: one row per group."""
     return [
         {
             "scenario": group.scenario,

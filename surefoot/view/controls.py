@@ -27,7 +27,7 @@ RED = (216, 54, 66)
 GREY = (94, 104, 116)
 Request = Callable[[Requests], object]
 SETTLED_S = 0.25
-"""A slider at rest for so long is taken at its word."""
+"""Time at rest after which a slider's value is sent [s]."""
 SAME = 1e-9
 
 
@@ -213,7 +213,7 @@ class GainSliders:
         return bool(self._known)
 
     def forget(self) -> None:
-        """The stabilizer went away: another one may have other values."""
+        """Forget the values: another stabilizer may have others."""
         with self._lock:
             self._known, self._moved = {}, {}
         for handle in self._handles.values():

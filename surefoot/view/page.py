@@ -34,7 +34,7 @@ WORDS_S = 0.25
 PLOTS_S = 0.2
 IDENTITY = "live-page"
 DIAL_S = 1.0
-"""The page says that there is no robot, and tries again, so often."""
+"""Period of attempts to reach a robot, each reported on the page [s]."""
 MM_PER_M = 1e3
 _NOTHING = LatestMessages()
 GREEN, AMBER, RED, GREY = "#1a9c5f", "#c77700", "#d8434e", "#7a828c"
@@ -92,7 +92,7 @@ def verdict(
 
 
 def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> str:
-    """A badge, the sentence, and who does what.
+    """Return a badge, the sentence, and who does what.
 
     Args:
         words: the verdict.
@@ -310,7 +310,7 @@ def _swatch(colour: tuple[int, int, int], text: str) -> str:
 _LEGEND = (
     "<div style='padding:0.2em 0.8em;font-size:0.8em'>"
     + _swatch(MEASURED, "measured force of the ground, 1 m per kN")
-    + _swatch(WANTED, "wanted force, beside it; wanted CoM")
+    + _swatch(WANTED, "desired force, beside it; desired CoM")
     + _swatch(COM, "centre of mass")
     + _swatch(ZMP, "zero moment point, measured")
     + _swatch(POLYGON, "support polygon")

@@ -36,9 +36,9 @@ FORCE = Plot(
     "F_z [N]",
     (
         Curve("left", BLUE),
-        Curve("left wanted", LIGHT_BLUE),
+        Curve("left desired", LIGHT_BLUE),
         Curve("right", AMBER),
-        Curve("right wanted", LIGHT_AMBER),
+        Curve("right desired", LIGHT_AMBER),
     ),
 )
 TILT = Plot("base tilt [deg]", (Curve("roll", RED), Curve("pitch", GREEN)))

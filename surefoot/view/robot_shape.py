@@ -53,7 +53,7 @@ class RobotShape:
         self.meshes = _link_meshes(urdf)
 
     def poses(self, q: Array) -> dict[str, Mat]:
-        """Where the links are.
+        """Return the poses of the links.
 
         Args:
             q: (n_a,) in bus order [rad].
@@ -71,7 +71,7 @@ class RobotShape:
 
 
 def _motion(joint: _Joint, position: float) -> Mat:
-    """(4, 4) of a joint off its zero, by Rodrigues' formula."""
+    """Return a joint's (4, 4) displacement from zero, by Rodrigues' formula."""
     K = joint.axis
     motion = np.eye(4)
     if joint.slides:
@@ -82,7 +82,7 @@ def _motion(joint: _Joint, position: float) -> Mat:
 
 
 def _sorted_joints(urdf: Any, robot: Robot) -> list[_Joint]:
-    """Parents before children."""
+    """Sort joints so that parents come before children."""
     index = {name: i for i, name in enumerate(robot.joint_names)}
     children: dict[str, list[Any]] = {}
     for joint in urdf.robot.joints:
@@ -106,7 +106,7 @@ def _sorted_joints(urdf: Any, robot: Robot) -> list[_Joint]:
 
 
 def _link_meshes(urdf: Any) -> dict[str, Any]:
-    """All visuals of a link as one mesh."""
+    """Return all visuals of a link as one mesh."""
     import trimesh
 
     parts: dict[str, list[Any]] = {}

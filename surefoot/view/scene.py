@@ -28,15 +28,15 @@ from surefoot.view.scene_state import (
 METRES_PER_NEWTON = 1e-3
 MEASURED_BESIDE_M = 0.09
 WANTED_BESIDE_M = 0.13
-"""Forces are drawn so far outside their place, or the legs would hide them."""
+"""Distance by which forces are drawn beside the legs, which would hide them [m]."""
 GHOST_SKIN_M = 0.006
-"""The ghost is so much thicker than the robot, or it would vanish within it."""
+"""Thickness of the ghost around the robot, in which it would vanish [m]."""
 CORNERS = 8
-"""Of two soles: at most so many bound the support polygon."""
+"""Most corners of the support polygon of two soles."""
 FLOOR_M = -0.35
 """Far below, so that moving ground does not dip into it."""
 SHARED_WITHIN_M = 0.02
-"""A platform whose centre is so near the midline is under both feet."""
+"""Distance from the midline within which a platform is under both feet [m]."""
 MEASURED = (20, 105, 220)
 WANTED = (240, 150, 20)
 GHOST = (70, 160, 255)
@@ -196,7 +196,7 @@ class Scene:
             _place(node, platform)
 
     def _add_platform(self, index: int, pose: Mat) -> Any:
-        """A frame in the middle of the top, the box below it."""
+        """Add a frame in the middle of the top, and the box below it."""
         name = f"/ground/platform_{index}"
         frame = self._scene.add_frame(name, show_axes=False)
         y_foot = float(pose[1, 3])
@@ -258,7 +258,7 @@ def _place(node: Any, T: Mat) -> None:
 
 
 def _arrows(wrenches: Array, soles: tuple[Mat, Mat], *, beside: float) -> Array:
-    """(2, 2, 3) start and end of the force at each sole's pressure point [m].
+    """Return (2, 2, 3) start and end of the force at each sole's pressure point [m].
 
     Args:
         wrenches: (12,) at left and right sole, sole frames.

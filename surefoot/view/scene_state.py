@@ -28,7 +28,7 @@ class SceneState:
         q_command: (n_a,) commanded posture [rad].
         platforms: (4, 4) world from platform, top centre.
         F_meas: (12,) measured wrenches at the soles, sole frames; None if unknown.
-        F_id: (12,) wanted wrenches; None if unknown.
+        F_id: (12,) desired wrenches; None if unknown.
         in_contact: whether left and right foot stand.
         com: (3,) centre of mass [m]; None if unknown.
         com_reference: (3,) where it should be [m]; None if unknown.
@@ -46,7 +46,7 @@ class SceneState:
 
 
 def pose(position: list[float] | Vec3, quat_xyzw: list[float] | Array) -> Mat:
-    """(4, 4) from position [m] and quaternion."""
+    """Return (4, 4) from position [m] and quaternion."""
     T = np.eye(4)
     T[:3, :3] = Rotation.from_quat(np.asarray(quat_xyzw)).as_matrix()
     T[:3, 3] = position
@@ -56,10 +56,10 @@ def pose(position: list[float] | Vec3, quat_xyzw: list[float] | Array) -> Mat:
 def state_of(
     sight: LatestMessages, robot: Robot, shape: RobotShape
 ) -> SceneState | None:
-    """What was seen on the bus, as a scene.
+    """Turn the newest messages of the bus into a scene.
 
     The base is where the simulator's truth says; without one, its attitude is the
-    inertial unit's and its place such that the soles stand around the origin.
+    IMU's and its place such that the soles stand around the origin.
 
     Args:
         sight: newest messages.
@@ -121,7 +121,7 @@ def _standing_base(
 
 
 def pressure_point(F: Vec6) -> Vec3:
-    """Centre of pressure of a foot.
+    """Return the centre of pressure of a foot.
 
     Args:
         F: (6,) wrench of the ground at the sole, sole frame.
@@ -135,7 +135,7 @@ def pressure_point(F: Vec6) -> Vec3:
 
 
 def zero_moment_point(wrenches: Array, soles: tuple[Mat, Mat]) -> Vec3 | None:
-    """Pressure of both feet in one point.
+    """Return the zero-moment point of both feet.
 
     Args:
         wrenches: (12,) of the ground at left and right sole, sole frames.
@@ -153,7 +153,7 @@ def zero_moment_point(wrenches: Array, soles: tuple[Mat, Mat]) -> Vec3 | None:
 
 
 def sole_corners(foot: Foot, sole: Mat) -> Mat:
-    """(4, 3) corners of a sole in the world [m].
+    """Return the corners of a sole in the world, (4, 3) [m].
 
     Args:
         foot: its rectangle.
@@ -166,7 +166,7 @@ def sole_corners(foot: Foot, sole: Mat) -> Mat:
 
 
 def support_polygon(corners: Mat) -> Mat:
-    """Hull of what stands on the ground, seen from above.
+    """Return the convex hull of the standing soles, seen from above.
 
     Args:
         corners: (m, 3) of all soles that stand, m at least 3.

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+
 import msgspec
 import pytest
 
+import surefoot
+from docs.site_build.api_page import api_page
 from docs.site_build.bus_page import bus_page
 from docs.site_build.commands_page import commands_page
+from docs.site_build.docstring import parse
 from docs.site_build.settings_page import settings_page
 from docs.site_build.struct_table import FieldRow, field_rows
 from docs.site_build.structs import structs_within
@@ -89,3 +95,30 @@ def test_tables_of_a_file_have_their_heads() -> None:
     assert heads["Sensors"] == "[sensors]"
     robot = {kind.__name__: head for kind, head in structs_within(RobotFile).items()}
     assert robot["ServoProfile"] == "[servo.profiles.NAME]"
+
+
+def test_the_api_page_has_every_public_name_with_words() -> None:
+    page = api_page()
+    for name in surefoot.__all__:
+        entry = page.split(f"\n### `{name}`\n")[1].split("\n### ")[0]
+        words = re.sub(r"```.*?```", "", entry, flags=re.DOTALL).split("\n## ")[0]
+        assert len(words.split()) >= 4, name
+        value = getattr(surefoot, name)
+        if inspect.isfunction(value):
+            for parameter in inspect.signature(value).parameters:
+                assert f"- `{parameter}`: " in entry, f"{name}: {parameter}"
+
+
+def test_a_docstring_becomes_markdown() -> None:
+    doc = parse(
+        "Do it.\n\nSee :func:`run` and ``x``::\n\n    do(1)\n\nArgs:\n"
+        "    x: what\n        follows [m].\n\nReturns:\n    A :class:`Thing`.",
+        known={"run"},
+    )
+    assert doc.text == (
+        "Do it.\n\nSee [`run`](#run) and `x`\n\n```python\ndo(1)\n```\n"
+    )
+    assert doc.sections == [
+        ("Args", "**Arguments**\n\n- `x`: what follows [m].\n"),
+        ("Returns", "**Returns**\n\nA `Thing`.\n"),
+    ]

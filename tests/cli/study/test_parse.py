@@ -67,6 +67,6 @@ def test_every_variant_has_settings_for_every_servo_profile() -> None:
 def test_the_tuned_baseline_has_its_own_settings_for_slow_servos() -> None:
     tuned = VARIANTS["zmp-tuned"]
     assert tuned.resolve("ideal") == ControllerSettings()
-    slow = tuned.resolve("harmonic", extra=("zmp.dcm_kp=1.5",)).zmp
+    slow = tuned.resolve("harmonic", extra=("zmp.dcm_prop_gain=1.5",)).zmp
     assert slow.cop_admittance != ControllerSettings().zmp.cop_admittance
-    assert slow.dcm_kp == 1.5
+    assert slow.dcm_prop_gain == 1.5

@@ -7,13 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from surefoot.stabilizer.zmp.dcm_feedback import ExponentialAverage, LeakyIntegrator
+from surefoot.stabilizer.zmp.dcm_feedback import (
+    ExponentialMovingAverage,
+    LeakyIntegrator,
+)
 
 EXACT = 1e-12
 
 
 def test_average_after_one_time_constant_is_63_percent() -> None:
-    average = ExponentialAverage(time_constant_s=10.0, period_s=0.001)
+    average = ExponentialMovingAverage(time_constant_s=10.0, period_s=0.001)
     for _ in range(10_000):
         average.update(np.array([0.02, -0.01, 0.0]))
     rise = 1.0 - math.exp(-1.0)
@@ -22,7 +25,7 @@ def test_average_after_one_time_constant_is_63_percent() -> None:
 
 def test_average_of_a_constant_becomes_the_constant_and_no_more() -> None:
     """It is no integral: an error that stays for ever counts once."""
-    average = ExponentialAverage(time_constant_s=0.1, period_s=0.001)
+    average = ExponentialMovingAverage(time_constant_s=0.1, period_s=0.001)
     constant = np.array([0.02, -0.03, 0.0])
     for _ in range(5_000):
         average.update(constant)
@@ -31,7 +34,7 @@ def test_average_of_a_constant_becomes_the_constant_and_no_more() -> None:
 
 
 def test_average_never_leaves_its_limit_and_comes_back_at_once() -> None:
-    average = ExponentialAverage(time_constant_s=0.1, period_s=0.001, limit=0.05)
+    average = ExponentialMovingAverage(time_constant_s=0.1, period_s=0.001, limit=0.05)
     for _ in range(1_000):
         average.update(np.array([3.0, -3.0, 0.0]))
         assert np.abs(average.value).max() <= 0.05
@@ -43,7 +46,7 @@ def test_average_never_leaves_its_limit_and_comes_back_at_once() -> None:
 def test_average_does_not_depend_on_the_rate() -> None:
     values = []
     for period_s, ticks in ((0.005, 200), (0.001, 1_000)):
-        average = ExponentialAverage(time_constant_s=0.7, period_s=period_s)
+        average = ExponentialMovingAverage(time_constant_s=0.7, period_s=period_s)
         for _ in range(ticks):
             average.update(np.ones(3))
         values.append(average.value.copy())
@@ -51,7 +54,7 @@ def test_average_does_not_depend_on_the_rate() -> None:
 
 
 def test_time_constant_has_a_floor_of_two_periods() -> None:
-    average = ExponentialAverage(time_constant_s=1e-9, period_s=0.001)
+    average = ExponentialMovingAverage(time_constant_s=1e-9, period_s=0.001)
     assert average.update(np.ones(3))[0] == pytest.approx(1.0 - math.exp(-0.5))
 
 

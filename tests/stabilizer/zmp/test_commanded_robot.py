@@ -113,16 +113,16 @@ def test_joint_speeds_stay_within_their_limits(
 def test_base_turns_to_its_wanted_orientation(
     robot: CommandedRobot, model: RobotModel
 ) -> None:
-    wanted = pin.rpy.rpyToMatrix(0.03, -0.04, 0.0)
+    desired = pin.rpy.rpyToMatrix(0.03, -0.04, 0.0)
     com = robot.kinematics.p_com.copy()
     for _ in range(3_000):
         solution = robot.solve(
             twist=np.zeros(12),
             in_contact=BOTH,
             com=ComTarget(com, STILL, STILL),
-            R_base=wanted,
+            R_base=desired,
             posture=model.nominal,
         )
         robot.integrate(solution.x, robot.q[7:].copy(), fade=1.0)
     R = pin.Quaternion(robot.q[3:7]).toRotationMatrix()
-    assert np.linalg.norm(pin.log3(R.T @ wanted)) < 0.01
+    assert np.linalg.norm(pin.log3(R.T @ desired)) < 0.01

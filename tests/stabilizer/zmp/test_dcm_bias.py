@@ -99,7 +99,7 @@ def test_bias_turns_with_the_base() -> None:
 
 
 def test_limit_is_along_the_axes_of_the_base_and_what_it_cuts_is_error() -> None:
-    law = estimator(dcm_bias_dcm_std_m=1e-6, dcm_bias_limit_m=0.02)
+    law = estimator(dcm_measure_error_std_m=1e-6, bias_limit_m=0.02)
     eighth = 0.25 * math.pi
     for far in (1.0, 1.2, 1.4):
         seen = np.array([far, 0.0, 0.0])
@@ -122,16 +122,17 @@ def standing_offset(correction: Literal["off", "bias", "filter"]) -> float:
     height = GRAVITY / OMEGA**2
     pendulum = StandingPendulum(np.array([0.0, 0.0, height]), period_s=PERIOD_S)
     law = DcmFeedback(
-        ZmpSettings(dcm_kp=3.0, dcm_ki=0.0, dcm_bias=correction), period_s=PERIOD_S
+        ZmpSettings(dcm_prop_gain=3.0, dcm_integral_gain=0.0, dcm_bias=correction),
+        period_s=PERIOD_S,
     )
     com, speed = np.array([0.0, 0.0, height]), np.zeros(3)
     zmp = np.zeros(3)
     seen = np.array([0.012, 0.0, 0.0])
     for _ in range(20_000):
-        wanted = law.update(
+        desired = law.update(
             pendulum, com=com + seen, velocity=speed, zmp=zmp, in_air=False
         )
-        zmp = com - wanted / OMEGA**2
+        zmp = com - desired / OMEGA**2
         zmp[2] = 0.0
         com = com + PERIOD_S * speed * (1.0, 1.0, 0.0)
         speed = speed + PERIOD_S * OMEGA**2 * (com - zmp) * (1.0, 1.0, 0.0)

@@ -32,69 +32,74 @@ def beside(x: float, y: float, z: float) -> Array:
 
 
 def feedback(**gains: float) -> DcmFeedback:
-    none = {"dcm_kp": 0.0, "dcm_ki": 0.0, "dcm_kd": 0.0}
+    none = {"dcm_prop_gain": 0.0, "dcm_integral_gain": 0.0, "dcm_deriv_gain": 0.0}
     return DcmFeedback(ZmpSettings(**{**none, **gains}), period_s=PERIOD_S)
 
 
 def test_at_the_reference_nothing_is_wanted(pendulum: StandingPendulum) -> None:
-    law = feedback(dcm_kp=5.0, dcm_ki=10.0, dcm_kd=0.5)
-    wanted = law.update(pendulum, com=COM, velocity=STILL, zmp=GROUND, in_air=False)
-    np.testing.assert_allclose(wanted, 0.0, atol=EXACT)
+    law = feedback(dcm_prop_gain=5.0, dcm_integral_gain=10.0, dcm_deriv_gain=0.5)
+    desired = law.update(pendulum, com=COM, velocity=STILL, zmp=GROUND, in_air=False)
+    np.testing.assert_allclose(desired, 0.0, atol=EXACT)
 
 
 def test_position_error_acts_through_omega_and_kp(pendulum: StandingPendulum) -> None:
     """10 mm ahead, at rest: 3 * 5 * 0.01 backwards."""
     com = beside(0.01, 0.0, 0.02)
-    wanted = feedback(dcm_kp=5.0).update(
+    desired = feedback(dcm_prop_gain=5.0).update(
         pendulum, com=com, velocity=STILL, zmp=GROUND, in_air=False
     )
-    np.testing.assert_allclose(wanted, [-0.15, 0.0, 0.0], atol=EXACT)
+    np.testing.assert_allclose(desired, [-0.15, 0.0, 0.0], atol=EXACT)
 
 
 def test_velocity_acts_in_the_dcm_and_by_itself(pendulum: StandingPendulum) -> None:
     """e_y = -0.03 / 3; cdd_y = 3 (5 e_y - 0.03). Vertical speed: without kp."""
-    wanted = feedback(dcm_kp=5.0).update(
+    desired = feedback(dcm_prop_gain=5.0).update(
         pendulum,
         com=COM,
         velocity=np.array([0.0, 0.03, 0.1]),
         zmp=GROUND,
         in_air=False,
     )
-    np.testing.assert_allclose(wanted, [0.0, -0.24, -0.3], atol=EXACT)
+    np.testing.assert_allclose(desired, [0.0, -0.24, -0.3], atol=EXACT)
 
 
 def test_average_acts_through_omega_and_ki(pendulum: StandingPendulum) -> None:
-    law = feedback(dcm_ki=10.0)
+    law = feedback(dcm_integral_gain=10.0)
     com = beside(0.01, 0.0, 0.0)
-    wanted = law.update(pendulum, com=com, velocity=STILL, zmp=GROUND, in_air=False)
+    desired = law.update(pendulum, com=com, velocity=STILL, zmp=GROUND, in_air=False)
     average = -0.01 * (1.0 - math.exp(-PERIOD_S / 10.0))
-    assert wanted[0] == pytest.approx(3.0 * 10.0 * average, rel=1e-9)
+    assert desired[0] == pytest.approx(3.0 * 10.0 * average, rel=1e-9)
 
 
 def test_average_never_asks_for_more_than_its_clamp(
     pendulum: StandingPendulum,
 ) -> None:
     law = DcmFeedback(
-        ZmpSettings(dcm_kp=0.0, dcm_ki=10.0, dcm_kd=0.0, dcm_average_s=0.01),
+        ZmpSettings(
+            dcm_prop_gain=0.0,
+            dcm_integral_gain=10.0,
+            dcm_deriv_gain=0.0,
+            dcm_integrator_time_constant_s=0.01,
+        ),
         period_s=PERIOD_S,
     )
     for _ in range(200):
-        wanted = law.update(
+        desired = law.update(
             pendulum,
             com=beside(1.0, 0.0, 0.0),
             velocity=STILL,
             zmp=GROUND,
             in_air=False,
         )
-    assert wanted[0] == pytest.approx(-3.0 * 10.0 * 0.05)
+    assert desired[0] == pytest.approx(-3.0 * 10.0 * 0.05)
 
 
 def test_derivator_sees_the_models_dcm_speed_and_forgets_an_offset(
     pendulum: StandingPendulum,
 ) -> None:
-    law = feedback(dcm_kd=0.5)
+    law = feedback(dcm_deriv_gain=0.5)
     zmp = np.array([0.02, 0.0, 0.0])
-    blend = 1.0 - math.exp(-PERIOD_S / ZmpSettings().dcm_derivator_s)
+    blend = 1.0 - math.exp(-PERIOD_S / ZmpSettings().dcm_derivator_time_constant_s)
     first = law.update(pendulum, com=COM, velocity=STILL, zmp=zmp, in_air=False)
     # omega (e - (z_d - z)) = 3 * 0.02, less its own average.
     assert first[0] == pytest.approx(3.0 * 0.5 * 0.06 * (1.0 - blend))
@@ -104,7 +109,7 @@ def test_derivator_sees_the_models_dcm_speed_and_forgets_an_offset(
 
 
 def test_in_the_air_the_memory_is_not_fed(pendulum: StandingPendulum) -> None:
-    law = feedback(dcm_ki=10.0, dcm_kd=0.5)
+    law = feedback(dcm_integral_gain=10.0, dcm_deriv_gain=0.5)
     law.update(
         pendulum, com=beside(0.1, 0.0, 0.0), velocity=STILL, zmp=GROUND, in_air=False
     )

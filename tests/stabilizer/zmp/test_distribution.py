@@ -14,9 +14,9 @@ from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.zmp.distribution import (
     WrenchDistribution,
     centre_of_pressure,
-    contact_cone,
     contact_plane,
     net_wrench,
+    wrench_face_matrix,
     zero_moment_point,
 )
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS
@@ -32,7 +32,7 @@ MIRROR = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 
 class Case:
-    """Feet somewhere near the stance, and a wanted net wrench."""
+    """Feet somewhere near the stance, and a desired net wrench."""
 
     def __init__(
         self, model: RobotModel, rng: np.random.Generator, push: float
@@ -96,13 +96,13 @@ def test_solution_is_optimal_and_in_its_cones(
             if not in_contact[side]:
                 np.testing.assert_array_equal(wrench, 0.0)
                 continue
-            cone = contact_cone(
+            cone = wrench_face_matrix(
                 friction=settings.friction,
                 half_length=settings.sole_scale * foot.half_length_m,
                 half_width=settings.sole_scale * foot.half_width_m,
             )
             assert (cone @ wrench).max() <= IN_CONE * max(1.0, wrench[2])
-            assert wrench[2] >= settings.normal_force_min_n - IN_CONE
+            assert wrench[2] >= settings.min_ds_pressure_n - IN_CONE
 
 
 def test_net_wrench_is_reached_where_the_feet_can(
@@ -154,7 +154,7 @@ def test_cone_holds_exactly_the_wrenches_of_forces_at_its_corners() -> None:
     """Any push of the four corners, each in its own friction pyramid, is inside."""
     rng = np.random.default_rng(75)
     mu, x, y = 0.7, 0.11, 0.06
-    cone = contact_cone(friction=mu, half_length=x, half_width=y)
+    cone = wrench_face_matrix(friction=mu, half_length=x, half_width=y)
     assert cone.shape == (16, 6)
     corners = [np.array([a * x, b * y, 0.0]) for a in (-1, 1) for b in (-1, 1)]
     for _ in range(200):
@@ -168,7 +168,7 @@ def test_cone_holds_exactly_the_wrenches_of_forces_at_its_corners() -> None:
 
 
 def test_cone_refuses_each_excess() -> None:
-    cone = contact_cone(friction=0.7, half_length=0.11, half_width=0.06)
+    cone = wrench_face_matrix(friction=0.7, half_length=0.11, half_width=0.06)
     largest = [0.7, 0.7, 0.0, 0.06, 0.11, 0.7 * 0.17]
     for index, sign in itertools.product((0, 1, 3, 4, 5), (-1.0, 1.0)):
         for scale, inside in ((0.99, True), (1.01, False)):

@@ -12,12 +12,12 @@ from surefoot.stabilizer.zmp.foot_admittance import FootAdmittance
 
 SETTINGS = ZmpSettings(
     cop_admittance=(0.01, 0.02),
-    force_admittance=1e-4,
-    drift_hz=1.0,
-    height_stiffness=0.0,
-    rotation_limit_rad_s=0.2,
-    lift_limit_m_s=0.1,
-    seek_admittance=2e-4,
+    dfz_admittance=1e-4,
+    vdc_frequency=1.0,
+    dfz_damping=0.0,
+    max_fdc_velocity_rad_s=0.2,
+    max_vertical_velocity_m_s=0.1,
+    touchdown_admittance=2e-4,
 )
 HALF_WEIGHT = 343.0
 BOTH, RIGHT = [True, True], [False, True]
@@ -40,7 +40,7 @@ EVEN = feet(foot(), foot())
 
 def twist(
     F_meas: Array,
-    F_wanted: Array = EVEN,
+    F_desired: Array = EVEN,
     *,
     settings: ZmpSettings = SETTINGS,
     in_contact: list[bool] = BOTH,
@@ -50,7 +50,7 @@ def twist(
 ) -> Array:
     return FootAdmittance(settings).update(
         F_meas=F_meas,
-        F_wanted=F_wanted,
+        F_desired=F_desired,
         in_contact=in_contact,
         R_measured=R_measured,
         R_commanded=R_commanded,
@@ -80,10 +80,10 @@ def test_pressure_too_far_left_lifts_the_left_edge() -> None:
 
 
 def test_load_error_alone_does_not_turn_a_foot() -> None:
-    """The wanted moment is under the measured force."""
-    wanted = feet(foot(x=0.03, y=0.01), foot())
+    """The desired moment is under the measured force."""
+    desired = feet(foot(x=0.03, y=0.01), foot())
     measured = feet(foot(force=200.0, x=0.03, y=0.01), foot(force=486.0))
-    result = twist(measured, wanted)
+    result = twist(measured, desired)
     np.testing.assert_allclose(result[[3, 4, 5, 9, 10, 11]], 0.0, atol=EXACT)
 
 
@@ -95,14 +95,14 @@ def test_rotation_is_clamped_per_axis_both_ways() -> None:
 
 
 def test_foot_with_too_much_force_goes_up_against_the_other() -> None:
-    """100 N more left than right, none wanted: 1e-4 * 100 m/s apart."""
+    """100 N more left than right, none desired: 1e-4 * 100 m/s apart."""
     result = twist(feet(foot(force=393.0), foot(force=293.0)))
     assert result[2] == pytest.approx(0.005)
     assert result[8] == pytest.approx(-0.005)
 
 
 def test_vertical_speed_is_clamped() -> None:
-    eager = ZmpSettings(force_admittance=5e-4, lift_limit_m_s=0.1)
+    eager = ZmpSettings(dfz_admittance=5e-4, max_vertical_velocity_m_s=0.1)
     result = twist(feet(foot(force=686.0), foot(force=20.0)), settings=eager)
     assert (result[2], result[8]) == (0.1, -0.1)
 
@@ -133,7 +133,7 @@ def test_drift_pulls_the_mean_height_back() -> None:
 
 
 def test_height_stiffness_pulls_the_height_difference_back() -> None:
-    stiff = ZmpSettings(height_stiffness=2.0, drift_hz=0.0)
+    stiff = ZmpSettings(dfz_damping=2.0, vdc_frequency=0.0)
     result = twist(EVEN, settings=stiff, lifted=(0.01, -0.01))
     # e_h = -0.02 m, parting = 0.04 m/s: the left foot goes down.
     assert result[2] == pytest.approx(-0.02)

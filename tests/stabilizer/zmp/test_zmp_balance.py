@@ -89,12 +89,19 @@ def test_shipped_settings_name_every_setting_of_the_baseline(name: str) -> None:
 
 def test_published_gains_and_clamps_are_as_published() -> None:
     zmp = preset("zmp-stock").zmp
-    assert (zmp.dcm_kp, zmp.dcm_ki, zmp.dcm_kd) == (5.0, 10.0, 0.0)
-    assert (zmp.dcm_average_s, zmp.dcm_average_limit_m) == (10.0, 0.05)
+    assert (zmp.dcm_prop_gain, zmp.dcm_integral_gain, zmp.dcm_deriv_gain) == (
+        5.0,
+        10.0,
+        0.0,
+    )
+    assert (zmp.dcm_integrator_time_constant_s, zmp.max_average_dcm_error_m) == (
+        10.0,
+        0.05,
+    )
     assert zmp.cop_admittance == (0.01, 0.01)
-    assert (zmp.force_admittance, zmp.drift_hz) == (1e-4, 1.0)
-    assert (zmp.rotation_limit_rad_s, zmp.contact_damping) == (0.2, 300.0)
-    assert (zmp.friction, zmp.normal_force_min_n) == (0.7, 15.0)
+    assert (zmp.dfz_admittance, zmp.vdc_frequency) == (1e-4, 1.0)
+    assert (zmp.max_fdc_velocity_rad_s, zmp.contact_damping) == (0.2, 300.0)
+    assert (zmp.friction, zmp.min_ds_pressure_n) == (0.7, 15.0)
     assert (zmp.level_base, zmp.level_height) == (0.0, 0.0)
 
 

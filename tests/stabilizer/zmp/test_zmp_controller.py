@@ -93,8 +93,8 @@ def test_mirrored_readings_give_mirrored_commands(
     first, *rest = short_run.snapshots
     controller.start(mirror.snapshot(first), mirror.joints(walker.nominal))
     commands = [command(controller.step(mirror.snapshot(s))) for s in (first, *rest)]
-    wanted = [mirror.joints(answer) for answer in short_run.commands]
-    assert np.abs(np.array(commands) - np.array(wanted)).max() < SYMMETRY_RAD
+    desired = [mirror.joints(answer) for answer in short_run.commands]
+    assert np.abs(np.array(commands) - np.array(desired)).max() < SYMMETRY_RAD
 
 
 def test_same_readings_give_the_same_commands_bit_for_bit(

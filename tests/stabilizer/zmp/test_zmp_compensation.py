@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.zmp_settings import ZmpSettings
-from surefoot.stabilizer.zmp.foot_admittance import ComAdmittance
+from surefoot.stabilizer.zmp.foot_admittance import ZmpCompensation
 
 PERIOD_S = 0.001
 SETTINGS = ZmpSettings(com_admittance=(0.5, 0.25))
 ZMP = np.array([0.02, 0.04, 0.0])
 
 
-def updated(*, ticks: int, active: bool = True) -> ComAdmittance:
-    law = ComAdmittance(SETTINGS, period_s=PERIOD_S)
+def updated(*, ticks: int, active: bool = True) -> ZmpCompensation:
+    law = ZmpCompensation(SETTINGS, period_s=PERIOD_S)
     for _ in range(ticks):
         law.update(distributed=np.zeros(3), measured=ZMP, active=active)
     return law
@@ -33,7 +33,7 @@ def test_constant_error_has_no_acceleration() -> None:
 
 def test_offset_is_clamped() -> None:
     offset = updated(ticks=20_000).offset
-    assert offset[0] == pytest.approx(SETTINGS.com_offset_limit_m)
+    assert offset[0] == pytest.approx(SETTINGS.max_com_offset_m)
 
 
 def test_with_a_foot_lifted_it_does_nothing() -> None:
@@ -42,6 +42,6 @@ def test_with_a_foot_lifted_it_does_nothing() -> None:
 
 
 def test_published_gain_of_zero_switches_it_off() -> None:
-    law = ComAdmittance(ZmpSettings(com_admittance=(0.0, 0.0)), period_s=PERIOD_S)
+    law = ZmpCompensation(ZmpSettings(com_admittance=(0.0, 0.0)), period_s=PERIOD_S)
     law.update(distributed=np.zeros(3), measured=ZMP, active=True)
     np.testing.assert_array_equal(law.offset, 0.0)

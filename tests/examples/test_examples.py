@@ -1,0 +1,131 @@
+"""Each example runs as a newcomer runs it, on scenarios of one or two seconds."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import surefoot as sf
+
+ROOT = Path(__file__).parents[2]
+EXAMPLES = ROOT / "examples"
+SHORT = 'name = "short"\nduration_s = 1.5\n[sensors]\nforce_noise_n = 2.0\n'
+PNG = b"\x89PNG\r\n"
+LEAST_BYTES = 5000
+"""A plot with axes and curves is larger, an empty one is not."""
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT, encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+
+
+def load(name: str) -> ModuleType:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def is_plot(path: Path) -> bool:
+    data = path.read_bytes()
+    return data.startswith(PNG) and len(data) > LEAST_BYTES
+
+
+def test_simulate_and_plot(
+    tmp_path: Path, scenario: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plot = tmp_path / "forces.png"
+    load("simulate_and_plot").main(str(plot), str(scenario))
+    said = capsys.readouterr().out
+    assert "stood after 1.5 s" in said
+    assert "1500 ticks of 1 ms" in said
+    assert is_plot(plot)
+
+
+def test_own_controller_stands_where_holding_falls(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plot = tmp_path / "tilt.png"
+    load("own_controller").main(str(plot))
+    hold, own, whole_body = capsys.readouterr().out.splitlines()[:3]
+    assert hold.strip().startswith("hold: fell")
+    assert own.strip().startswith("ankle: stood")
+    assert whole_body.strip().startswith("whole-body: stood")
+    assert is_plot(plot)
+
+
+def test_own_controller_is_the_same_in_a_process_of_its_own(scenario: Path) -> None:
+    here = sf.simulate(
+        "walker", scenario, controller=load("own_controller").AnkleController
+    )
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario), "--json"),
+            *("--controller", f"{EXAMPLES / 'own_controller.py'}:AnkleController"),
+        ],
+        cwd=ROOT,
+        env=dict(os.environ),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["log_sha256"] == here.result.log_sha256
+
+
+def test_own_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plot = tmp_path / "tilt.png"
+    module = load("own_scenario")
+    module.main(str(plot), 1.0)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(" N: ")[0] for line in lines[:-1]] == [
+        f"{force:g}" for force in module.FORCES_N
+    ]
+    assert is_plot(plot)
+
+
+@pytest.mark.usefixtures("no_screen")
+def test_every_cell_of_the_notebook_runs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    notebook = json.loads((EXAMPLES / "tour.ipynb").read_text(encoding="utf-8"))
+    cells = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+    names: dict[str, object] = {"__name__": "__main__"}
+    for cell in cells:
+        source = "".join(cell["source"])
+        exec(compile(source, f"tour.ipynb, cell {cell['id']}", "exec"), names)
+    said = capsys.readouterr().out
+    assert "28 joints" in said
+    assert "stood" in said
+    assert "F_meas" in said
+
+
+def test_the_notebook_keeps_no_outputs() -> None:
+    """Results of one machine would grow old."""
+    notebook = json.loads((EXAMPLES / "tour.ipynb").read_text(encoding="utf-8"))
+    for cell in notebook["cells"]:
+        assert not cell.get("outputs")
+        assert cell.get("execution_count") is None
+
+
+def test_the_page_names_every_example() -> None:
+    page = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    for path in (*EXAMPLES.glob("*.py"), *EXAMPLES.glob("*.ipynb")):
+        assert f"({path.name})" in page

@@ -1,0 +1,180 @@
+"""The house stays as docs/architecture.md draws it.
+
+Layers and libraries are checked by import-linter (``make lint``). Here: no import
+circle, one name per module, rooms within bounds, one name in site-packages.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+LIBRARY = "surefoot"
+LINKED = ("schemas", "robot_io", "stabilizer", "sim_robot", "cli")
+"""Folders of the root that are linked into the library's."""
+MOST_MODULES = 230
+MOST_CLI_LINES = 6000
+MOST_ROBOT_IO_ENTRIES = 20
+"""Modules and folders on robot_io's top floor: what a screen shows at once."""
+
+
+def module_files(package: Path) -> dict[str, Path]:
+    """Module name to file, folders behind links included."""
+    found = {}
+    for folder, _, names in os.walk(package, followlinks=True):
+        for name in names:
+            if name.endswith(".py"):
+                path = Path(folder, name)
+                parts = path.relative_to(package.parent).with_suffix("").parts
+                dotted = parts[:-1] if parts[-1] == "__init__" else parts
+                found[".".join(dotted)] = path
+    return found
+
+
+MODULES = module_files(ROOT / LIBRARY)
+
+
+def at_import(body: list[ast.stmt]) -> Iterator[ast.Import | ast.ImportFrom]:
+    """Imports that run when the module does: not in functions, not for types only."""
+    for node in body:
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            yield node
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            yield from at_import(node.orelse)
+        elif isinstance(node, ast.If | ast.Try | ast.With | ast.ClassDef):
+            for field in ("body", "orelse", "finalbody"):
+                yield from at_import(getattr(node, field, []))
+            for handler in getattr(node, "handlers", []):
+                yield from at_import(handler.body)
+
+
+def imported(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
+    """Names that an import may bind; some are modules, some are in modules."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif node.module is not None:
+        for alias in node.names:
+            yield f"{node.module}.{alias.name}"
+
+
+def needs(text: str) -> set[str]:
+    """Modules of the library that a module loads when it is imported."""
+    found = set()
+    for node in at_import(ast.parse(text).body):
+        for name in imported(node):
+            parent = name.rpartition(".")[0]
+            found |= {part for part in (name, parent) if part in MODULES}
+    return found - {LIBRARY}
+
+
+def order(graph: dict[str, set[str]]) -> list[str]:
+    """Every module after those it needs.
+
+    Raises:
+        CycleError: there is no such order; its second argument is the circle.
+    """
+    return list(TopologicalSorter(graph).static_order())
+
+
+def test_no_module_needs_itself() -> None:
+    graph = {
+        name: needs(path.read_text(encoding="utf-8")) - {name}
+        for name, path in MODULES.items()
+    }
+    assert sum(map(len, graph.values())) > 500
+    try:
+        assert len(order(graph)) == len(MODULES)
+    except CycleError as error:
+        pytest.fail(f"import circle: {' -> '.join(error.args[1])}")
+
+
+def test_a_circle_is_found() -> None:
+    one, two = "surefoot.schemas.arrays", "surefoot.schemas.codec"
+    circle = {
+        one: needs(f"from {two} import encode"),
+        two: needs("from surefoot.schemas import arrays"),
+    }
+    with pytest.raises(CycleError):
+        order(circle)
+    for lazy in (
+        f"def f():\n    import {two}",
+        f"if TYPE_CHECKING:\n    import {two}",
+    ):
+        assert needs(lazy) == set()
+    assert two in needs(f"try:\n    import {two}\nexcept ImportError:\n    pass")
+
+
+def test_links_lead_to_the_folders_of_the_root() -> None:
+    links = {path.name for path in (ROOT / LIBRARY).iterdir() if path.is_symlink()}
+    assert links == set(LINKED)
+    for name in LINKED:
+        assert (ROOT / LIBRARY / name).samefile(ROOT / name)
+        assert f"{LIBRARY}.{name}" in MODULES
+
+
+def test_nothing_is_imported_by_a_second_name() -> None:
+    """``schemas.messages`` beside ``surefoot.schemas.messages``: two of each class."""
+    own = [path for name in LINKED for path in (ROOT / name).rglob("*.py")]
+    for folder in (LIBRARY, "tests", "benchmarks", "docs", "deploy", "examples"):
+        own += (ROOT / folder).rglob("*.py")
+    assert len(own) > 300
+    for path in own:
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import | ast.ImportFrom):
+                tops = {name.partition(".")[0] for name in imported(node)}
+                assert not tops & set(LINKED), f"{path}, line {node.lineno}"
+    files: dict[str, str] = {}
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if file and Path(file).resolve().is_relative_to(ROOT) and name != "__main__":
+            first = files.setdefault(os.path.realpath(file), name)
+            assert first == name
+
+
+def test_only_surefoot_lands_in_site_packages() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    find = project["tool"]["setuptools"]["packages"]["find"]
+    assert find.get("namespaces") is False
+    packages = {
+        ".".join(Path(folder).relative_to(ROOT).parts)
+        for top in (*LINKED, LIBRARY, "tests", "benchmarks", "docs", "examples")
+        for folder, _, names in os.walk(ROOT / top, followlinks=True)
+        if "__init__.py" in names
+    }
+    installed = {
+        name
+        for name in packages
+        if any(fnmatch(name, pattern) for pattern in find["include"])
+    }
+    assert {name.partition(".")[0] for name in installed} == {LIBRARY}
+    # A folder without __init__.py would be left out of the wheel.
+    homes = {
+        name if path.name == "__init__.py" else name.rpartition(".")[0]
+        for name, path in MODULES.items()
+    }
+    assert homes <= installed
+    assert (ROOT / LIBRARY / "py.typed").is_file()
+
+
+def test_rooms_stay_within_bounds() -> None:
+    modules = [path for path in MODULES.values() if path.name != "__init__.py"]
+    assert len(modules) < MOST_MODULES
+    cli = (ROOT / "cli").rglob("*.py")
+    lines = sum(len(path.read_text(encoding="utf-8").splitlines()) for path in cli)
+    assert lines < MOST_CLI_LINES
+    floor = [
+        path.name
+        for path in (ROOT / "robot_io").iterdir()
+        if re.fullmatch(r"[a-z]\w*(\.py)?", path.name)
+    ]
+    assert len(floor) <= MOST_ROBOT_IO_ENTRIES
