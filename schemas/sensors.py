@@ -151,7 +151,7 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _imu(prefix: str, *, gyro_stream: int, accel_stream: int) -> tuple[Quantity, ...]:
-    """What an inertial unit measures.
+    """What an IMU measures.
 
     Args:
         prefix: put before the names of the message to make those of the snapshot.

@@ -26,7 +26,7 @@ class ControllerOutput:
 
     Attributes:
         q_command: (n_a,) joint positions to follow, bus order [rad].
-        F_id: (12,) wanted wrenches of the ground on left and right sole, sole frames
+        F_id: (12,) desired wrenches of the ground on left and right sole, sole frames
             [N, N m].
         F_meas: (12,) measured wrenches there.
         com: (3,) estimated centre of mass in the stance frame [m].
@@ -34,7 +34,7 @@ class ControllerOutput:
         in_contact: whether left and right foot stand.
         base_pose: (7,) estimated base in the stance frame: position [m], quat_xyzw.
         base_twist: (6,) its twist in the base frame [m/s, rad/s].
-        r: (12,) wanted sole twists, sole frames [m/s, rad/s].
+        r: (12,) desired sole twists, sole frames [m/s, rad/s].
         v_joint: (n_a,) joint velocities of the second QP, model order [rad/s].
         wrench_qp: status of the QP that gives F_id; ``ok`` when solved.
         motion_qp: status of the QP that gives joint velocities; ``ok`` when solved.

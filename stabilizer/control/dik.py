@@ -121,7 +121,7 @@ class Dik:
         Args:
             dynamics: quantities at the present state.
             stance: reference.
-            r: (12,) wanted sole twists, sole frames.
+            r: (12,) desired sole twists, sole frames.
             q_command: (n_a,) present joint command, model order.
 
         Returns:

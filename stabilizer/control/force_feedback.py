@@ -26,8 +26,8 @@ class ForceFeedback:
     """Wanted sole twists.
 
     Attributes:
-        r: (12,) wanted twists of left and right sole, sole frames.
-        ground_twist: (12,) low-passed sole twists with the drives' lag made up for,
+        r: (12,) desired twists of left and right sole, sole frames.
+        ground_twist: (12,) low-passed sole twists with the servos' lag made up for,
             sole frames.
     """
 
@@ -49,7 +49,7 @@ class ForceFeedback:
             contact: search for the ground.
             half_sizes: half length and half width of left and right sole [m].
             period_s: time between two updates [s].
-            lag_s: lag of the drives' set-points beside the servo law's own [s]. The
+            lag_s: lag of the servos' set-points beside the servo law's own [s]. The
                 loop through the feet is slower by it, so K grows with it.
         """
         self._lag_s = lag_s
@@ -105,7 +105,7 @@ class ForceFeedback:
             dynamics: quantities at the present state.
             stance: where the feet belong.
             F_meas: (12,) measured wrenches of the ground on the soles.
-            F_id: (12,) wanted wrenches.
+            F_id: (12,) desired wrenches.
             in_contact: which feet stand.
 
         Returns:

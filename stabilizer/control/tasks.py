@@ -240,7 +240,7 @@ class SoleTwistTask(Task):
     """The soles move as the wrench law asks, in sole axes; second QP only.
 
     Attributes:
-        r: (12,) wanted twists of left and right sole, set before every solve.
+        r: (12,) desired twists of left and right sole, set before every solve.
     """
 
     size = 12

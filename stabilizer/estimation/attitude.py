@@ -1,4 +1,4 @@
-"""Attitude of the inertial unit from gyroscope, accelerometer and leg kinematics."""
+"""Attitude of the IMU from gyroscope, accelerometer and leg kinematics."""
 
 from __future__ import annotations
 

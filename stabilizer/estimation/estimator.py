@@ -1,6 +1,6 @@
 """Floating-base state from the robot's own sensors; ground truth is never read.
 
-The base's attitude comes from the inertial unit. Its horizontal position comes from
+The base's attitude comes from the IMU. Its horizontal position comes from
 the legs: an anchor between the soles, weighted by load, is taken to stand where it
 stands nominally, so on moving ground the state says where the robot is relative to
 its feet, which is what balance needs. Its height is a matter of the world: the
@@ -171,7 +171,7 @@ class Estimator:
         return seen
 
     def _unit_velocity(self) -> Vec3:
-        """(3,) velocity of the inertial unit that the legs see, world [m/s]."""
+        """(3,) velocity of the IMU that the legs see, world [m/s]."""
         w_x, w_y, w_z = self.v[3:6].tolist()
         p_x, p_y, p_z = self._p_base_imu
         lever = (w_y * p_z - w_z * p_y, w_z * p_x - w_x * p_z, w_x * p_y - w_y * p_x)
@@ -216,7 +216,7 @@ class Estimator:
         self.ground_height = self.height + float(self._anchor[2])
 
     def _unit_lift(self) -> tuple[float, float]:
-        """Height of the inertial unit over the base's origin [m], and its rate."""
+        """Height of the IMU over the base's origin [m], and its rate."""
         up = self.R_world_base[2].tolist()
         w_x, w_y, w_z = self.v[3:6].tolist()
         p_x, p_y, p_z = self._p_base_imu

@@ -286,7 +286,7 @@ class Safety:
 
 
 def _up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
-    """The world's up axis in the frame of the inertial unit, by its own attitude."""
+    """The world's up axis in the frame of the IMU, by its own attitude."""
     x, y, z, w = snapshot.quat_xyzw.tolist()
     return (
         2.0 * (x * z - y * w),

@@ -93,7 +93,7 @@ def signals(run: RunData, shape: RobotShape) -> Iterator[Signal]:
 
     Args:
         run: what it left behind.
-        shape: tells how the inertial unit sits on the base.
+        shape: tells how the IMU sits on the base.
     """
     yield from _truth(run)
     yield from _platforms(run)
@@ -172,7 +172,7 @@ def _sensors(run: RunData, heard: BusColumns, shape: RobotShape) -> Iterator[Sig
 
 
 def _imu(run: RunData, heard: BusColumns, shape: RobotShape) -> Iterator[Signal]:
-    """Attitude of the base as the inertial unit has it; its yaw is free."""
+    """Attitude of the base as the IMU has it; its yaw is free."""
     rows = heard.imu_tick.astype(int)
     known = rows < len(run.ticks["q"])
     if not known.any():

@@ -33,7 +33,7 @@ GROUPS = {
     COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
     "in the world, from the simulator. Estimated: the stabilizer's own, from the "
     "robot's sensors, in its frame between the feet.",
-    BASE: "True: the simulator's. Estimated: the inertial unit's own attitude, carried "
+    BASE: "True: the simulator's. Estimated: the IMU's own attitude, carried "
     "over to the base link; the stabilizer does not tell its estimate of the base. "
     "Places are counted from the start of the run.",
     FORCE: "Of the ground on each sole, along the sole's normal. True: the "

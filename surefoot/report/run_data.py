@@ -47,13 +47,13 @@ class BusColumns:
         com: (n, 3) estimated centre of mass, stance frame [m].
         com_reference: (n, 3) where it should be, same frame [m].
         F_meas: (n, 12) measured wrenches at left and right sole, sole frames.
-        F_id: (n, 12) wanted wrenches.
+        F_id: (n, 12) desired wrenches.
         in_contact: (n, 2) whether left and right foot stand, as the stabilizer sees it.
         state: (n,) the stabilizer's state, one word.
         tick_ms: (n, 2) median and 99th percentile of its compute time [ms].
         ankle_tick: (m,) of the left ankle's sensor.
         ankle: (m, 6) what it reports: force and moment, sensor frame [N, N m].
-        imu_tick: (m,) of the inertial unit.
+        imu_tick: (m,) of the IMU.
         imu_quat_xyzw: (m, 4) its own attitude estimate, world from unit.
         answer_tick: (m,) ticks that got a command.
         answer_ms: (m,) from the stamp of the sensors to that of the command [ms].
