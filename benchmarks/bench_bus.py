@@ -30,7 +30,7 @@ from surefoot.robot_io.robot_side.command_inbox import NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import CommandResult
 from surefoot.robot_io.robot_side.server import RobotServer
-from surefoot.robot_io.snapshot import Snapshot, sensor_messages
+from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout, sensor_messages
 from surefoot.robot_io.timing import TimingLog
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
@@ -167,20 +167,12 @@ def _compute(busy_us: float) -> None:
 
 
 def _snapshot(robot: Robot, tick: int) -> Snapshot:
-    """Return full-length numbers, as a moving robot has."""
-    moved = robot.nominal + 1e-3 * np.sin(1e-3 * tick + np.arange(robot.n_a))
-    return Snapshot(
-        tick=tick,
-        stamp_ns=0,
-        q=moved,
-        dq=0.1 * moved,
-        effort=10.0 * moved,
-        quat_xyzw=np.array([0.0, 0.0, 0.1, 0.99]),
-        angular_velocity=0.01 * moved[:3],
-        linear_acceleration=9.81 * moved[:3],
-        ft_left=1e2 * moved[:6],
-        ft_right=1e2 * moved[6:12],
-    )
+    """Full-length numbers, as a moving robot has."""
+    layout = SnapshotLayout(robot.n_a)
+    numbers = np.sin(1e-3 * tick + np.arange(layout.size))
+    q = layout.places["q"]
+    numbers[q] = robot.nominal + 1e-3 * numbers[q]
+    return layout.view(tick, 0, numbers)
 
 
 def _measure_codec(robot: Robot, ticks: int) -> Distribution:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
 
-from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
@@ -49,7 +49,7 @@ class KinematicRobot:
         return step / (2.0 * STEP_S)
 
     def snapshot(self, time_s: float, biases: Biases = UNBIASED) -> Snapshot:
-        """What all sensors read; force-torque sensors read nothing."""
+        """What joints and inertial unit read; all other sensors read nothing."""
         model, data = self._model, self._data
         q, v = self.motion(time_s), self.velocity(time_s)
         change = self.velocity(time_s + STEP_S) - self.velocity(time_s - STEP_S)
@@ -59,17 +59,14 @@ class KinematicRobot:
         rate = pin.getFrameVelocity(*arguments).angular
         acceleration = pin.getFrameClassicalAcceleration(*arguments).linear
         up = placement.rotation.T @ np.array([0.0, 0.0, GRAVITY])
-        return Snapshot(
-            tick=0,
-            stamp_ns=0,
+        layout = SnapshotLayout(model.n_a)
+        return replace(
+            layout.view(0, 0, np.zeros(layout.size)),
             q=q[7:][model.to_bus],
             dq=v[6:][model.to_bus],
-            effort=np.zeros(model.n_a),
             quat_xyzw=pin.Quaternion(placement.rotation).coeffs().copy(),
             angular_velocity=rate + biases.gyro,
             linear_acceleration=acceleration + up + biases.accel,
-            ft_left=np.zeros(6),
-            ft_right=np.zeros(6),
         )
 
 
