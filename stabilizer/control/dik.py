@@ -129,19 +129,17 @@ class Dik:
         """
         T, t, qp = self._T, self._t, self.qp
         self._soles.r = r
-        for stacked in self._stacked:
-            task = stacked.task
-            np.multiply(task.jacobian(dynamics), stacked.roots, out=stacked.T)
-            task.velocity(dynamics, stance, q_command, stacked.t)
+        for task, T_rows, t_rows, roots in self._stacked:
+            np.multiply(task.jacobian(dynamics), roots, out=T_rows)
+            task.velocity(dynamics, stance, q_command, t_rows)
         t *= self._roots
         T.T.dot(T, out=qp.P)
         qp.P.flat[:: self._model.n_v + 1] += self._diagonal
         t.dot(T, out=qp.q_lin)
-        for selected in self._selected:
-            y = selected.y
-            selected.task.velocity(dynamics, stance, q_command, y)
-            y *= selected.weights
-            selected.q_lin[:] += y
+        for selection, y, weights, q_lin in self._selected:
+            selection.velocity(dynamics, stance, q_command, y)
+            y *= weights
+            q_lin += y
         np.negative(qp.q_lin, out=qp.q_lin)
         self._set_limits(q_command)
         return qp.solve()

@@ -78,13 +78,24 @@ FEET_OF = {(True, True): (0, 1), (True, False): (0,), (False, True): (1,)}
 """Standing feet by (left, right) contact."""
 
 
-class _TaskRows(NamedTuple):
+class _Rows(NamedTuple):
     """A task's rows in the buffers of one problem."""
 
     task: Task
     T: Mat
     y: Array
     bias: Array
+
+
+class _SelectedRows(NamedTuple):
+    """The same of a task on some numbers of v, with their rows of A and b."""
+
+    task: SelectionTask
+    T: Mat
+    y: Array
+    bias: Array
+    A: Mat
+    b: Array
 
 
 class _FeetProblem:
@@ -97,6 +108,8 @@ class _FeetProblem:
         *,
         cones: list[Mat],
         tasks: Sequence[Task],
+        A: Mat,
+        b: Array,
         load_weights: Array,
         solver: QpSolver,
     ) -> None:
@@ -127,13 +140,19 @@ class _FeetProblem:
         self.t: Array = np.zeros(n_rows)
         self.y: Array = np.zeros(n_rows)
         self.bias: Array = np.zeros(n_rows)
-        self.tasks: list[_TaskRows] = []
+        self.multiplied: list[_Rows] = []
+        self.selected: list[_SelectedRows] = []
         start = 0
         for task, _ in roots:
             rows = slice(start, start + task.size)
-            self.tasks.append(
-                _TaskRows(task, self.T[rows], self.y[rows], self.bias[rows])
-            )
+            views = self.T[rows], self.y[rows], self.bias[rows]
+            if isinstance(task, SelectionTask):
+                columns = task.columns
+                self.selected.append(
+                    _SelectedRows(task, *views, A[columns], b[columns])
+                )
+            else:
+                self.multiplied.append(_Rows(task, *views))
             start += task.size
         self.load_T, self.load_y = self.T[start:], self.y[start:]
         self.load_bias = self.bias[start:]
@@ -172,12 +191,16 @@ class Tsid:
             cone_rows(settings, foot.half_length_m, foot.half_width_m)
             for foot in model.robot.file.foot
         ]
+        self.A: Mat = np.zeros((model.n_v, n_a))
+        self.b: Array = np.zeros(model.n_v)
         self._problems = {
             standing: _FeetProblem(
                 n_a,
                 feet,
                 cones=cones,
                 tasks=tasks,
+                A=self.A,
+                b=self.b,
                 load_weights=self._load.weights,
                 solver=solver(),
             )
@@ -187,8 +210,6 @@ class Tsid:
             problem.qp.x_l[:] = -model.torque_limit
             problem.qp.x_u[:] = model.torque_limit
         self._weight = model.mass * GRAVITY
-        self.A: Mat = np.zeros((model.n_v, n_a))
-        self.b: Array = np.zeros(model.n_v)
         self.F_id: Array = np.zeros(12)
         self.tau: Array = np.zeros(n_a)
 
@@ -264,17 +285,16 @@ class Tsid:
         self, dynamics: Dynamics, stance: Stance, problem: _FeetProblem
     ) -> None:
         """Fill the weighted rows T tau = t of all tasks, then of the wrenches."""
-        A, b = self.A, self.b
-        for task, T, y, bias in problem.tasks:
+        for task, T, y, bias in problem.multiplied:
             task.acceleration(dynamics, stance, y)
-            if isinstance(task, SelectionTask):
-                T[:] = A[task.columns]
-                bias[:] = b[task.columns]
-            else:
-                J = task.jacobian(dynamics)
-                J.dot(A, out=T)
-                J.dot(b, out=bias)
-                bias += task.drift(dynamics)
+            J = task.jacobian(dynamics)
+            J.dot(self.A, out=T)
+            J.dot(self.b, out=bias)
+            bias += task.drift(dynamics)
+        for selection, T, y, bias, A, b in problem.selected:
+            selection.acceleration(dynamics, stance, y)
+            T[:] = A
+            bias[:] = b
         self._load.wrenches(dynamics, problem.feet, problem.load_y)
         problem.load_T[:] = problem.Gamma_c
         problem.load_bias[:] = problem.h_c
