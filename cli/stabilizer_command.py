@@ -85,15 +85,16 @@ def stabilizer(
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
     # Slow import; report bad files first.
-    from surefoot.stabilizer.factory import make_controller
+    from surefoot.stabilizer.factory import find_controller
     from surefoot.stabilizer.node import run_stabilizer
     from surefoot.stabilizer.settings_check import check_settings
 
     check_settings(resolved, model)
+    make = find_controller(controller)
     folder = result_file.parent if result_file is not None else Path.cwd()
     stop = StopRequest()
     result = run_stabilizer(
-        lambda present: make_controller(controller, model, present),
+        lambda present: make(model, present),
         model,
         endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,

@@ -51,7 +51,7 @@ def _check_forces(settings: ControllerSettings, *, weight: float) -> None:
         )
     for name, force in (
         ("tsid.normal_force_min_n", tsid.normal_force_min_n),
-        ("zmp.normal_force_min_n", zmp.normal_force_min_n),
+        ("zmp.min_ds_pressure_n", zmp.min_ds_pressure_n),
     ):
         if 2.0 * force >= weight:
             raise FileFormatError(
@@ -59,12 +59,12 @@ def _check_forces(settings: ControllerSettings, *, weight: float) -> None:
                 f"robot's weight, {0.5 * weight:.0f} N",
                 field=name,
             )
-    if zmp.seek_force_n <= settings.contact.regained_above_n:
+    if zmp.touchdown_force_n <= settings.contact.regained_above_n:
         raise FileFormatError(
-            f"zmp.seek_force_n: got {zmp.seek_force_n:g} N, expected more than "
+            f"zmp.touchdown_force_n: got {zmp.touchdown_force_n:g} N, expected more than "
             f"contact.regained_above_n, {settings.contact.regained_above_n:g} N; a "
             "lifted foot would stop short of the ground",
-            field="zmp.seek_force_n",
+            field="zmp.touchdown_force_n",
         )
 
 

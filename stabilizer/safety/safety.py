@@ -26,6 +26,7 @@ from surefoot.stabilizer.safety.health import (
     SensorHealth,
 )
 
+
 @runtime_checkable
 class Degradable(Protocol):
     """A controller that can do without an ankle sensor."""
@@ -122,7 +123,7 @@ class Safety:
         believed = self._health.check(snapshot, ages, moves=self._moves)
         if 1 in self._health.overload_ticks:
             self._remember()
-        is_degraded = any(self._degraded) or self.state is SafetyState.DEGRADED
+        is_degraded = any(self._degraded) or self.state is StabilizerState.DEGRADED
         if not self._health.all_believed or is_degraded:
             self._react_to_losses()
         self._look_for_fall(believed)
@@ -181,9 +182,7 @@ class Safety:
             return
         self.detail = health.in_words()
         is_degraded = not health.all_believed
-        self.state = (
-            StabilizerState.DEGRADED if is_degraded else StabilizerState.ACTIVE
-        )
+        self.state = StabilizerState.DEGRADED if is_degraded else StabilizerState.ACTIVE
 
     def _do_without(self, feet: tuple[bool, bool]) -> bool:
         """Have the controller leave out the ankle sensors that are lost.

@@ -32,8 +32,8 @@ def test_within_a_section_when_it_is_read(override: str, other: str) -> None:
     [
         ("tsid.normal_force_max_weights=0.02", "normal_force_max_weights"),
         ("tsid.normal_force_min_n=400", "half the robot's weight"),
-        ("zmp.normal_force_min_n=400", "half the robot's weight"),
-        ("zmp.seek_force_n=40", "contact.regained_above_n"),
+        ("zmp.min_ds_pressure_n=400", "half the robot's weight"),
+        ("zmp.touchdown_force_n=40", "contact.regained_above_n"),
         ("dik.limit_margin_rad=0.9", "range of every joint"),
         ("estimator.calibration_s=2", "run of 2 s"),
     ],

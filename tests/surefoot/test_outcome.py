@@ -8,12 +8,12 @@ from typing import Any
 import msgspec
 import pytest
 
-import surefoot.simulation
 from surefoot.exit_codes import ExitCode, exit_code_for
 from surefoot.outcome import judge
+from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.run_plan import make_plan
-from surefoot.run_result import join_result
+from surefoot.runs import run_inline
 from surefoot.schemas.messages import Reference, RobotMode
 from surefoot.schemas.reasons import EndReason, FallCriterion, ModeCause, Outcome
 from surefoot.schemas.result import (
@@ -23,6 +23,8 @@ from surefoot.schemas.result import (
     ModeReport,
     PlantResult,
 )
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.studies.cell import Cell, Group, run_cell
 from surefoot.studies.summary import summarise
@@ -161,44 +163,42 @@ class Unsolved(HoldController):
         return output
 
 
-@pytest.fixture
-def unsolved(monkeypatch: pytest.MonkeyPatch) -> None:
-    def make(name: str, robot: Any, settings: Any) -> HoldController:
-        return Unsolved(robot.n_a)
-
-    monkeypatch.setattr(surefoot.simulation, "make_controller", make)
-
-
 def test_a_robot_that_stands_by_itself_has_not_been_controlled(
-    unsolved: None, short_scenario: Path
+    short_scenario: Path,
 ) -> None:
     plan = make_plan(
         str(short_scenario),
-        robot="walker",
-        servo_profile=None,
         controller="hold",
-        settings_file=None,
         overrides=["estimator.calibration_s=0.1"],
-        seed=0,
-        mode="inline",
     )
-    sides = surefoot.simulation.run_inline(
-        plan, short_scenario.parent, record=False, on_tick=lambda tick: None
-    )
-    result = join_result(plan, sides.plant, sides.controller, out=None)
+    result = run_inline(plan, controller=Unsolved(plan.robot.n_a)).result
     assert result.outcome is Outcome.NOT_CONTROLLED
     assert not result.fell
     assert "no solution of the QPs in 200 of 200 ticks" in result.outcome_detail
 
 
 def test_in_a_study_it_does_not_count_as_up(
-    unsolved: None, short_scenario: Path
+    monkeypatch: pytest.MonkeyPatch, short_scenario: Path
 ) -> None:
+    def make(name: str, robot: Robot, settings: ControllerSettings) -> Unsolved:
+        return Unsolved(robot.n_a)
+
+    monkeypatch.setattr("surefoot.runs.make_controller", make)
     cell = Cell(Group(str(short_scenario), (), "hold", "ideal"), seed=0)
     row = run_cell(cell, robot="walker", overrides=("estimator.calibration_s=0.1",))
     assert row["outcome"] == "not_controlled"
     (summary,) = summarise([row]).values()
     assert (summary.runs, summary.up) == (1, 0)
+
+
+def test_a_simulation_that_is_not_run_to_its_end_is_interrupted(
+    short_scenario: Path,
+) -> None:
+    sim = Simulation(scenario=short_scenario)
+    controller = HoldController(sim.robot.n_a)
+    for _ in range(3):
+        sim.step(controller)
+    assert sim.result().outcome is Outcome.INTERRUPTED
 
 
 @pytest.fixture
