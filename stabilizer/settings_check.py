@@ -61,9 +61,9 @@ def _check_forces(settings: ControllerSettings, *, weight: float) -> None:
             )
     if zmp.touchdown_force_n <= settings.contact.regained_above_n:
         raise FileFormatError(
-            f"zmp.touchdown_force_n: got {zmp.touchdown_force_n:g} N, expected more than "
-            f"contact.regained_above_n, {settings.contact.regained_above_n:g} N; a "
-            "lifted foot would stop short of the ground",
+            f"zmp.touchdown_force_n: got {zmp.touchdown_force_n:g} N, expected more "
+            f"than contact.regained_above_n, {settings.contact.regained_above_n:g} N; "
+            "a lifted foot would stop short of the ground",
             field="zmp.touchdown_force_n",
         )
 
