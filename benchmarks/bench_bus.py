@@ -35,6 +35,7 @@ from surefoot.robot_io.timing import TimingLog
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import Distribution
 
 NS_PER_US = 1e3
@@ -109,7 +110,7 @@ def _run_robot(
                 _compute(load.plant_us)
                 if snapshot.tick >= WARM_UP_TICKS:
                     times.add(time.perf_counter_ns() - begin)
-        gate.modes.finish("measured")
+        gate.modes.finish(ModeCause.RUN_OVER, "measured")
         server.publish_status(now_s=0.0, at_once=True)
     return times.distribution()
 
@@ -124,7 +125,7 @@ def _one_tick(
     if due >= 0:
         answer = _wait_answer(server, due, now_s)
         if not isinstance(answer, CommandResult) or not answer.accepted:
-            raise SystemExit(f"tick {due}: {answer}, {gate.modes.reason}")
+            raise SystemExit(f"tick {due}: {answer}, {gate.modes.notice}")
     server.serve_requests(now_s=now_s)
     server.publish_status(now_s=now_s)
 

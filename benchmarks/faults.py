@@ -25,10 +25,10 @@ import numpy as np
 
 from benchmarks.shortened import shortened
 from surefoot.robot_io.relay.catalogue import list_plans
+from surefoot.schemas.reasons import Outcome
 
 SCENARIOS = ("standing", "moving-platform-slow")
 MRAD = 1e3
-FAULT = "the robot is in fault: "
 ENDED = (0, 1, 5)
 """Exit codes of runs that tell how they ended: stood, lost command, fell."""
 
@@ -65,15 +65,13 @@ def run_once(
 
 def outcome(result: dict[str, Any]) -> str:
     """How a run ended, in the words of its own result."""
-    if result["fell"]:
-        return f"**fell** at {result['fell_at_s']:.1f} s ({result['reason']})"
-    if result["reason"].startswith("run over"):
-        return "stood"
-    reason = result["reason"].removeprefix("held: ")
-    if reason.startswith(FAULT):
-        return f"stood, FAULT: {reason.removeprefix(FAULT)}"
-    is_held = reason != result["reason"] or reason.startswith("lost command")
-    return f"stood, {'HOLD' if is_held else 'degraded'}: {reason}"
+    said = f"{result['outcome']} {result['outcome_detail']}"
+    if result["outcome"] == Outcome.FELL:
+        return f"**fell** {result['outcome_detail']}"
+    if result["outcome"] != Outcome.STOOD:
+        return f"up, {said}"
+    lost = ", ".join(f"{name} {why}" for name, why in result["lost_sensors"].items())
+    return f"stood, degraded: {lost}" if lost else "stood"
 
 
 def line(plan: str, scenario: str, results: list[dict[str, Any]]) -> str:

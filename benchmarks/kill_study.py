@@ -79,7 +79,7 @@ class Watch:
                 status = self.observer.decode(sample)
                 assert isinstance(status, RobotStatus)
                 if status.mode is RobotMode.OFF and mode is not RobotMode.OFF:
-                    raise RuntimeError(f"the run is over: {status.reason}")
+                    raise RuntimeError(f"the run is over: {status.detail}")
                 if status.mode is mode and status.tick >= tick:
                     return status
             return None

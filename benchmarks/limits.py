@@ -23,6 +23,7 @@ import numpy as np
 
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.reasons import Outcome
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.factory import make_controller
 from surefoot.studies.cell import Cell, Group, Row, plan_of, run_cell
@@ -152,7 +153,7 @@ def slow(work: Work, grid: Any) -> None:
     upper, lower = grid
     for scenario in scenarios:
         found = [next(rows) for _ in STIFFER]
-        up = [sum(not row["fell"] for row in seeds) for seeds in found]
+        up = [sum(Outcome(row["outcome"]).is_up for row in seeds) for seeds in found]
         forces = [_worst_force(seeds) for seeds in found]
         print(f"slow: {scenario}, up: {dict(zip(STIFFER, up, strict=True))}")
         print(f"slow: {scenario}: " + _words(STIFFER, forces))
@@ -173,7 +174,7 @@ def slow(work: Work, grid: Any) -> None:
 
 
 def _worst_force(seeds: list[Row]) -> float:
-    if any(row["fell"] for row in seeds):
+    if not all(Outcome(row["outcome"]).is_up for row in seeds):
         return FELL_N
     return float(max(max(row["force_deviation_rms_n"]) for row in seeds))
 

@@ -12,8 +12,9 @@ of the robot's file, or the profile named. A point costs
     1000 x falls + mean over runs of (CoM error / 10 mm + force deviation / 50 N)
 
 with the mean over the axes of the CoM's rms error, and the mean over the feet of the
-force's rms deviation. A run that fell counts as a fall and nothing else. Every point
-tried goes into DIR/points.csv, best first; DIR/best.toml is what --settings reads.
+force's rms deviation. A run that did not stand counts as a fall and nothing else.
+Every point tried goes into DIR/points.csv, best first; DIR/best.toml is what
+--settings reads.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ RANGES: dict[str, list[Any]] = {
 def run_once(
     point: Point, scenario: str, seed: int, servo_profile: str | None
 ) -> tuple[bool, float, float]:
-    """Return one training run: fell, CoM error [mm], force deviation [N]."""
+    """Return one training run: did not stand, CoM error [mm], force deviation [N]."""
     plan = make_plan(
         scenario,
         robot="walker",
@@ -75,9 +76,10 @@ def run_once(
         seed=seed,
         mode="inline",
     )
-    plant = run_inline(plan).result
-    com = sum(plant.com_error_rms_mm) / 3.0
-    return plant.fell, com, sum(plant.force_deviation_rms_n) / 2.0
+    result = run_inline(plan).result
+    com = sum(result.com_error_rms_mm) / 3.0
+    is_down = not result.outcome.is_up
+    return is_down, com, sum(result.force_deviation_rms_n) / 2.0
 
 
 class Search:

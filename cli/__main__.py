@@ -17,7 +17,7 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 def main() -> None:
     """Run the command line; the exit code is the one of :class:`ExitCode`."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    interruption = _Interruption()
     try:
         from surefoot.cli.app import app
 
@@ -26,6 +26,9 @@ def main() -> None:
         # The one place where errors become exit codes; unforeseen ones go on as
         # they are, with their traceback and code 1.
         code = exit_code_of(error)
+        if interruption.has_come:
+            # A library that is loading may make any error of it.
+            code = ExitCode.INTERRUPTED
         if code is None:
             raise
         if code is not ExitCode.INTERRUPTED:
@@ -35,9 +38,22 @@ def main() -> None:
         sys.exit(code)
 
 
-def _interrupt(signum: int, frame: FrameType | None) -> None:
-    """End a command as Ctrl-C would, so that everything is closed on the way."""
-    raise KeyboardInterrupt
+class _Interruption:
+    """Ends a command on SIGINT and SIGTERM, so that everything is closed on the way.
+
+    Attributes:
+        has_come: whether one of them did.
+    """
+
+    def __init__(self) -> None:
+        """Begin to watch; a node that runs has handlers of its own meanwhile."""
+        self.has_come = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._come)
+
+    def _come(self, signum: int, frame: FrameType | None) -> None:
+        self.has_come = True
+        raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import typer
 
 from surefoot.cli import options
-from surefoot.exit_codes import ExitCode
+from surefoot.exit_codes import ExitCode, exit_code_for
 
 if TYPE_CHECKING:
+    from surefoot.outcome import Judgement
     from surefoot.sim_robot.node import RobotRun
 
 
@@ -34,11 +35,13 @@ def robot(
 ) -> None:
     """Run the simulated robot alone; it waits for a stabilizer to take command.
 
-    Exits with 5 when the robot fell.
+    Exits with 5 when the robot fell, with 1 when it was in fault, held or not
+    commanded at the end.
     """
     from surefoot.cli.logs import log_note, set_up_logging
     from surefoot.cli.scheduling import check_priority, claim_processor
     from surefoot.endpoints import choose_endpoints
+    from surefoot.outcome import judge
     from surefoot.processes.child import begin_as_child, progress_reporter
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
@@ -78,12 +81,13 @@ def robot(
             on_tick=progress_reporter() if child else None,
         )
     _write_files(done, result_file=result_file, record_file=record_file)
+    judgement = judge(done.result, is_realtime=not lockstep, period_s=model.period_s)
+    code = exit_code_for(judgement.outcome)
+    if child and code is ExitCode.FAILED:
+        raise typer.Exit(ExitCode.OK)  # its parent knows of both sides, and judges
     if not child:
-        _show(done, scenario, as_json=as_json)
-    if done.was_stopped:
-        raise typer.Exit(ExitCode.INTERRUPTED)
-    if done.result.fell:
-        raise typer.Exit(ExitCode.FELL)
+        _show(done, scenario, judgement, as_json=as_json)
+    raise typer.Exit(code)
 
 
 def _write_files(
@@ -97,13 +101,15 @@ def _write_files(
         write_struct(result_file, done.result)
 
 
-def _show(done: RobotRun, scenario: str, *, as_json: bool) -> None:
+def _show(
+    done: RobotRun, scenario: str, judgement: Judgement, *, as_json: bool
+) -> None:
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import histogram_table, plant_table
 
     if as_json:
         print_json(done.result)
     else:
-        print_table(plant_table(done.result, f"{scenario}: {done.reason}"))
+        print_table(plant_table(done.result, judgement, title=scenario))
         for name, histogram in done.result.histograms.items():
             print_table(histogram_table(name, histogram))

@@ -9,7 +9,7 @@ import typer
 
 from surefoot.cli import options
 from surefoot.errors import UsageError
-from surefoot.exit_codes import ExitCode
+from surefoot.exit_codes import exit_code_for
 
 if TYPE_CHECKING:
     from surefoot.run_plan import Mode
@@ -65,7 +65,8 @@ def run(
 ) -> None:
     """Run a scenario: robot and stabilizer as two processes on the bus.
 
-    Exits with 5 when the robot fell, with 1 when the stabilizer lost command of it.
+    Exits with 0 only when the robot stood or walked to the end: with 5 when it fell,
+    with 1 when it was held, in fault or not controlled.
     """
     from surefoot.cli.console import print_json, print_table, progress_bar, show_notes
     from surefoot.cli.scheduling import check_priority
@@ -111,10 +112,7 @@ def run(
         print_table(run_table(result))
         for name, times in result.histograms.items():
             print_table(histogram_table(name, times))
-    if result.fell:
-        raise typer.Exit(ExitCode.FELL)
-    if result.reason.startswith(("lost command", "the robot is in fault")):
-        raise typer.Exit(ExitCode.FAILED)
+    raise typer.Exit(exit_code_for(result.outcome))
 
 
 def _mode(*, lockstep: bool, inline: bool) -> Mode:

@@ -9,9 +9,19 @@ import typer
 
 from surefoot.cli import options
 from surefoot.exit_codes import ExitCode
+from surefoot.schemas.reasons import EndReason, in_words
 
-IN_ORDER = ("held", "lost command", "the robot is in fault")
-"""How a reason begins to end before the robot does, which then holds its posture."""
+_IN_ORDER = (EndReason.SENSOR_LOST, EndReason.LEASE_LOST, EndReason.ROBOT_FAULT)
+"""Ends before the robot's own, which then holds its posture and tells how it went."""
+_CODES = {
+    EndReason.RUN_OVER: ExitCode.OK,
+    EndReason.FELL: ExitCode.FELL,
+    EndReason.STOPPED: ExitCode.INTERRUPTED,
+    EndReason.ROBOT_ENDED: ExitCode.UNREACHABLE,
+    EndReason.ROBOT_GONE: ExitCode.UNREACHABLE,
+    EndReason.ROBOT_SILENT: ExitCode.UNREACHABLE,
+}
+"""Other ends are failures."""
 
 
 def stabilizer(
@@ -75,13 +85,16 @@ def stabilizer(
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
     # Slow import; report bad files first.
-    from surefoot.stabilizer.factory import make_controller
+    from surefoot.stabilizer.factory import find_controller
     from surefoot.stabilizer.node import run_stabilizer
+    from surefoot.stabilizer.settings_check import check_settings
 
+    check_settings(resolved, model)
+    make = find_controller(controller)
     folder = result_file.parent if result_file is not None else Path.cwd()
     stop = StopRequest()
     result = run_stabilizer(
-        make_controller(controller, model, resolved),
+        lambda present: make(model, present),
         model,
         endpoints=meeting,
         pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
@@ -91,11 +104,10 @@ def stabilizer(
         failure_file=folder / QP_FAILURE,
         settings=resolved,
         stop=stop,
-        safety=resolved.safety,
     )
-    code = _verdict(result.reason)
+    code = _CODES.get(result.end, ExitCode.FAILED)
     if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
-        log_warning(result.reason)
+        log_warning(in_words(result.end, result.end_detail))
     if result_file is not None:
         write_struct(result_file, result)
     if not child:
@@ -105,19 +117,6 @@ def stabilizer(
             print_table(controller_table(result, controller))
             for name, times in result.histograms.items():
                 print_table(histogram_table(name, times))
-    if child and result.reason.startswith(IN_ORDER):
+    if child and result.end in _IN_ORDER:
         raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
     raise typer.Exit(code)
-
-
-def _verdict(reason: str) -> ExitCode:
-    """Why the stabilizer ended, as an exit code."""
-    if reason.startswith("stopped"):
-        return ExitCode.INTERRUPTED
-    if reason.startswith(("fell", "run over: fell")):
-        return ExitCode.FELL
-    if reason.startswith("run over"):
-        return ExitCode.OK
-    if reason.startswith(("the robot is gone", "the robot ended", "no news")):
-        return ExitCode.UNREACHABLE
-    return ExitCode.FAILED

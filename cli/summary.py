@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from rich.console import Group as RenderableGroup
 from rich.table import Table
+from rich.text import Text
 
+from surefoot.outcome import Judgement
+from surefoot.schemas.reasons import EndReason, in_words, plain
 from surefoot.schemas.result import (
     ControllerResult,
     Distribution,
@@ -42,7 +45,7 @@ def run_table(result: RunResult) -> Table:
         f"{result.scenario}, {result.controller}, {result.robot}, seed {result.seed}, "
         f"{result.mode}"
     )
-    _add_standing(table, result)
+    _add_standing(table, result, Judgement(result.outcome, result.outcome_detail))
     _add_forces(table, result)
     table.add_row("force error rms (left, right)", _row(result.force_error_rms_n, "N"))
     table.add_section()
@@ -51,10 +54,13 @@ def run_table(result: RunResult) -> Table:
     _add_gate(table, result)
     table.add_row("ticks skipped, answered late", _late(result))
     table.add_row("QP failures", str(result.qp_failures))
+    if result.lost_sensors:
+        lost = ", ".join(f"{x} {plain(why)}" for x, why in result.lost_sensors.items())
+        table.add_row("sensors lost", lost)
     if result.degraded_ticks:
         table.add_row("ticks without a sensor", str(result.degraded_ticks))
-    if not result.reason.startswith("run over"):
-        table.add_row("stabilizer", result.reason)
+    if result.end is not EndReason.RUN_OVER:
+        table.add_row("stabilizer", in_words(result.end, result.end_detail))
     if result.relay is not None:
         table.add_row(f"relay, {result.relay.plan}", _faults(result.relay))
     if result.out is not None:
@@ -63,10 +69,10 @@ def run_table(result: RunResult) -> Table:
     return table
 
 
-def plant_table(result: PlantResult, title: str) -> Table:
+def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Table:
     """The figures of the simulated robot alone."""
     table = _figures(title)
-    _add_standing(table, result)
+    _add_standing(table, result, judgement)
     _add_forces(table, result)
     table.add_section()
     _add_timing(table, result)
@@ -76,7 +82,7 @@ def plant_table(result: PlantResult, title: str) -> Table:
 
 def controller_table(result: ControllerResult, name: str) -> Table:
     """The figures of the stabilizer alone."""
-    table = _figures(f"{name}: {result.reason}")
+    table = _figures(f"{name}: {in_words(result.end, result.end_detail)}")
     table.add_row("ticks", str(result.ticks))
     table.add_row("controller tick", _times(result.tick_ms))
     table.add_row("force error rms (left, right)", _row(result.force_error_rms_n, "N"))
@@ -134,12 +140,13 @@ def _figures(title: str) -> Table:
     return table
 
 
-def _add_standing(table: Table, result: RunResult | PlantResult) -> None:
-    if result.fell:
-        verdict = f"[bold red]fell at {result.fell_at_s:.2f} s[/]"
-    else:
-        verdict = f"[bold green]stood {result.duration_s:g} s[/]"
-    table.add_row("robot", verdict)
+def _add_standing(
+    table: Table, result: RunResult | PlantResult, judgement: Judgement
+) -> None:
+    colour = "green" if judgement.outcome.is_up else "red"
+    said = Text(judgement.sentence, f"bold {colour}")
+    said.overflow, said.no_wrap = "fold", False
+    table.add_row("outcome", said)
     table.add_row("CoM error rms (x, y, z)", _row(result.com_error_rms_mm, "mm"))
     table.add_row("CoM error max (x, y, z)", _row(result.com_error_max_mm, "mm"))
     table.add_row("base tilt max", f"{result.base_tilt_max_deg:.1f} deg")
@@ -147,7 +154,8 @@ def _add_standing(table: Table, result: RunResult | PlantResult) -> None:
 
 
 def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
-    table.add_row("force peak (left, right)", _row(result.force_peak_n, "N"))
+    peak = _row(result.force_peak_n, "N", since_s=0.2)
+    table.add_row("force peak (left, right)", peak)
     table.add_row("contact lost (left, right)", _row(result.contact_lost_s, "s"))
 
 
@@ -167,9 +175,9 @@ def _add_gate(table: Table, result: RunResult | PlantResult) -> None:
     table.add_row("commands clipped", _counts(result.clipped))
 
 
-def _row(values: Sequence[float] | None, unit: str) -> str:
+def _row(values: Sequence[float] | None, unit: str, *, since_s: float = 1.0) -> str:
     if values is None:
-        return "none; counts from 1 s on"
+        return f"none; counts from {since_s:g} s on"
     return f"{', '.join(f'{value:.1f}' for value in values)} {unit}"
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from surefoot.schemas.reasons import RequestRefusal
+
 
 class RobotIoError(RuntimeError):
     """Something between the processes, or in a robot's files, went wrong."""
@@ -29,12 +31,17 @@ class RobotUnreachableError(RobotIoError, TimeoutError):
 
 
 class RequestRefusedError(RobotIoError):
-    """The robot refused a request; ``reason`` is the robot's own word."""
+    """A request was refused.
 
-    def __init__(self, message: str, *, reason: str) -> None:
-        """Keep the robot's reason beside the message."""
+    Attributes:
+        refusal: why.
+        detail: the same in the words of who refused.
+    """
+
+    def __init__(self, message: str, *, refusal: RequestRefusal, detail: str) -> None:
+        """Keep why beside the message."""
         super().__init__(message)
-        self.reason = reason
+        self.refusal, self.detail = refusal, detail
 
 
 class CertificateError(RobotIoError, ValueError):

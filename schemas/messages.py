@@ -15,8 +15,15 @@ from typing import Annotated, ClassVar
 import msgspec
 
 from surefoot.schemas.arrays import Floats, Floats3, Floats4, Floats6, Pair
+from surefoot.schemas.reasons import (
+    EndReason,
+    ModeCause,
+    RequestRefusal,
+    SensorTrouble,
+    StabilizerState,
+)
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """What a signed 64-bit integer holds, in any language."""
 
@@ -84,10 +91,12 @@ class RobotStatus(Message, frozen=True, kw_only=True):
 
     mode: RobotMode
     """Mode of the gate."""
-    fault: str
-    """Why the robot is in FAULT; empty otherwise."""
-    reason: str
-    """Why the last command or request was refused or changed; may be empty."""
+    cause: ModeCause
+    """Why it is in this mode; in FAULT the first fault."""
+    detail: str
+    """The same in words, for people; may be empty."""
+    notice: str
+    """What was last refused or cut to a limit, in words; empty before anything was."""
     commander: str
     """Who holds the lease; empty when nobody does."""
     command_age_s: float
@@ -157,12 +166,14 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
 
     controller: str
     """Name of the control law."""
-    state: str
-    """One word: ``active``; ``degraded`` when a sensor is silent or lost; ``hold`` when
-    a QP failed and the posture is kept; ``stopping`` or ``leaving`` while the command
-    comes to rest; ``held`` when it stands still for good."""
-    reason: str
-    """Why it is not active; empty when it is."""
+    state: StabilizerState
+    """What it is doing."""
+    end: EndReason
+    """Why it gives up or ends; ``none`` while it goes on."""
+    lost_sensors: dict[str, SensorTrouble]
+    """Sensors that are not believed, by channel, and why."""
+    detail: str
+    """Why it is not active, in words for people; empty when it is."""
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""
     com_reference: Floats3
@@ -261,8 +272,10 @@ class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Version of this format."""
     accepted: bool
     """Whether it was done."""
-    reason: str
-    """Why not; may be empty when accepted."""
+    refusal: RequestRefusal
+    """Why not; ``none`` when accepted."""
+    detail: str
+    """The same in words, for people; may be empty when accepted."""
     mode: RobotMode
     """Mode of the gate after it."""
     commander: str
@@ -304,8 +317,10 @@ class StabilizerReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Version of this format."""
     accepted: bool
     """Whether it is done."""
-    reason: str
-    """Why not; may be empty when accepted."""
+    refusal: RequestRefusal
+    """Why not; ``none`` when accepted."""
+    detail: str
+    """The same in words, for people; may be empty when accepted."""
     tick: Count
     """The robot's tick from which on it counts."""
     settings: dict[str, Floats]

@@ -7,7 +7,14 @@ from typing import Literal
 import msgspec
 
 from surefoot.schemas.arrays import Floats3, Pair
-from surefoot.schemas.messages import PushEvent, SettingsChange
+from surefoot.schemas.messages import PushEvent, RobotMode, SettingsChange
+from surefoot.schemas.reasons import (
+    EndReason,
+    FallCriterion,
+    ModeCause,
+    Outcome,
+    SensorTrouble,
+)
 
 
 class Distribution(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,6 +40,25 @@ class Histogram(msgspec.Struct, frozen=True, kw_only=True):
 NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
 
 
+class ModeReport(msgspec.Struct, frozen=True, kw_only=True):
+    """What the robot's gate was doing when its run ended."""
+
+    mode: RobotMode
+    """Its mode."""
+    cause: ModeCause
+    """Why it was in it."""
+    detail: str
+    """The same in words."""
+    since_s: float
+    """Since when [s]."""
+
+
+COMMANDED = ModeReport(
+    mode=RobotMode.ACTIVE, cause=ModeCause.REQUESTED, detail="", since_s=0.0
+)
+"""Of a robot that was commanded to the end."""
+
+
 class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the simulated robot measured of its own truth.
 
@@ -42,6 +68,16 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
 
     fell: bool
     fell_at_s: float | None
+    fall: FallCriterion | None
+    """By which criterion; None when it did not."""
+    fall_detail: str
+    """The same in words, with the link or the figure; empty when it did not."""
+    end: ModeCause
+    """Why the run ended."""
+    end_detail: str
+    """The same in words; may be empty."""
+    gate: ModeReport
+    """What the robot's gate was doing at the end."""
     duration_s: float
     com_error_rms_mm: Floats3 | None
     """None for a run that ended within its first second, like all that counts from
@@ -50,7 +86,8 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     base_tilt_max_deg: float
     force_deviation_rms_n: Pair | None
     """True vertical force against half the robot's weight, left and right."""
-    force_peak_n: Pair
+    force_peak_n: Pair | None
+    """None for a run that ended within its first 0.2 s, from where peaks count."""
     contact_lost_s: Pair
     contact_gap_s: Pair
     """Longest time at a stretch without the ground, left and right."""
@@ -83,8 +120,16 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     stale_snapshots: int
     degraded_ticks: int
     """Ticks answered without a sensor, or while giving up."""
-    reason: str
+    lost_sensors: dict[str, SensorTrouble]
+    """Sensors that were lost at any time, by channel, and why at first."""
+    balancing_ticks: int
+    """Ticks answered after the calibration of its start."""
+    balancing_failures: int
+    """Those of them whose QPs were not solved."""
+    end: EndReason
     """Why it ended."""
+    end_detail: str
+    """The same in words; may be empty."""
     settings_changes: list[SettingsChange] = []
     """Changes of settings during the run."""
     skipped_ticks: int = 0
@@ -120,10 +165,14 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Of the sensor noise."""
     mode: Literal["lockstep", "realtime", "inline"]
     """How the two sides met."""
+    outcome: Outcome
+    """How it went; only ``stood`` and ``walked`` are successes."""
+    outcome_detail: str
+    """When and why, in words."""
     fell: bool
     """Whether the robot fell."""
     fell_at_s: float | None
-    """When it did; null when it stood."""
+    """When it did; null when it did not."""
     duration_s: float
     """Simulated time, to the end or the fall."""
     com_error_rms_mm: Floats3 | None
@@ -137,8 +186,9 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Measured against desired normal force, left and right."""
     force_deviation_rms_n: Pair | None
     """True vertical force against half the robot's weight, left and right."""
-    force_peak_n: Pair
-    """Largest true normal force, left and right."""
+    force_peak_n: Pair | None
+    """Largest true normal force from 0.2 s on, left and right. Null for a run that
+    ended before."""
     contact_lost_s: Pair
     """Time without the ground, left and right, all together."""
     contact_gap_s: Pair
@@ -157,8 +207,12 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Ticks whose QPs were not solved; the posture was held."""
     degraded_ticks: int
     """Ticks answered without a sensor, or while giving up."""
-    reason: str
+    lost_sensors: dict[str, SensorTrouble]
+    """Sensors that were lost at any time, by channel, and why at first."""
+    end: EndReason
     """Why the stabilizer ended, or gave up."""
+    end_detail: str
+    """The same in words; may be empty."""
     refused: dict[str, int]
     """Commands the gate refused, by reason."""
     clipped: dict[str, int]

@@ -80,6 +80,14 @@ class Gate(FileStruct, frozen=True, kw_only=True):
     lease_s: Positive = 1.0
     """A commander silent for longer loses the lease [s]."""
 
+    def __post_init__(self) -> None:
+        """Refuse a fault before the hold that leads to it."""
+        if self.hold_after_s >= self.fault_after_s:
+            raise ValueError(
+                f"`hold_after_s` is {self.hold_after_s:g}, expected less than "
+                f"`fault_after_s`, {self.fault_after_s:g}"
+            )
+
 
 class Joint(FileStruct, frozen=True, kw_only=True):
     """One actuated joint; its range stands in the URDF."""

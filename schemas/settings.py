@@ -179,6 +179,21 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
     reload_s: Positive = 0.15
     """A foot just back takes its full share after this time."""
 
+    def __post_init__(self) -> None:
+        """Refuse thresholds in the wrong order."""
+        lost, regained = self.lost_below_n, self.regained_above_n
+        if lost >= regained:
+            raise ValueError(
+                f"`lost_below_n` is {lost:g}, expected less than `regained_above_n`, "
+                f"{regained:g}"
+            )
+        if self.search_force_n <= regained:
+            raise ValueError(
+                f"`search_force_n` is {self.search_force_n:g}, expected more than "
+                f"`regained_above_n`, {regained:g}; a lifted foot would stop short of "
+                "the ground"
+            )
+
 
 class SafetySettings(FileStruct, frozen=True, kw_only=True):
     """Plausibility limits of the sensors, and when to stop balancing."""
@@ -231,6 +246,15 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     leave_s: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 0.05
     """Asked to stop, the controller balances on for this long, with less and less
     motion, before the posture is held; 0 to hold at once [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse forces in the wrong order."""
+        if not self.unloaded_n < self.overload_n < self.force_range_n:
+            raise ValueError(
+                f"`unloaded_n`, `overload_n` and `force_range_n` are "
+                f"{self.unloaded_n:g}, {self.overload_n:g} and "
+                f"{self.force_range_n:g}, expected them to rise in this order"
+            )
 
 
 class WholeBodySettings(FileStruct, frozen=True, kw_only=True):

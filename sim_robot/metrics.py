@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.reasons import FallCriterion
 from surefoot.sim_robot.state_view import PlantView
 
 COM_FROM_S = 1.0
@@ -32,6 +33,7 @@ class StandingFigures:
 
     Attributes:
         has_counted: whether the run got to where errors and deviations count.
+        has_peaks: whether it got to where force peaks count.
         com_error_rms: (3,) [m].
         com_error_max: (3,) largest magnitude [m].
         base_tilt_max: [rad].
@@ -44,6 +46,7 @@ class StandingFigures:
     """
 
     has_counted: bool
+    has_peaks: bool
     com_error_rms: Vec3
     com_error_max: Vec3
     base_tilt_max: float
@@ -104,6 +107,7 @@ class PlantMetrics:
         self._least_upright = 1.0
         self._force_squares = [0.0, 0.0]
         self._force_peak = [0.0, 0.0]
+        self._has_peaks = False
         self._lost_ticks = [0, 0]
         self._gap_ticks = [0, 0]
         self._longest_gap = [0, 0]
@@ -112,6 +116,7 @@ class PlantMetrics:
         """Take in one tick; each tick once."""
         self._least_upright = min(self._least_upright, state.upright)
         forces = state.normal_forces
+        self._has_peaks = tick >= self._peak_from
         for foot, force in enumerate(forces):
             if force < CONTACT_LOST_N:
                 self._lost_ticks[foot] += 1
@@ -120,7 +125,7 @@ class PlantMetrics:
                     self._longest_gap[foot] = self._gap_ticks[foot]
             else:
                 self._gap_ticks[foot] = 0
-            if tick >= self._peak_from and force > self._force_peak[foot]:
+            if self._has_peaks and force > self._force_peak[foot]:
                 self._force_peak[foot] = force
         if tick >= self._com_from:
             self._count_errors(state)
@@ -130,6 +135,7 @@ class PlantMetrics:
         count = max(self._counted, 1)
         return StandingFigures(
             has_counted=self._counted > 0,
+            has_peaks=self._has_peaks,
             com_error_rms=np.sqrt(np.array(self._squares) / count),
             com_error_max=np.array(self._largest),
             base_tilt_max=math.acos(max(-1.0, self._least_upright)),
@@ -164,6 +170,18 @@ def _first_tick(time_s: float, period_s: float) -> int:
     return math.ceil(time_s / period_s - _TIME_TOLERANCE)
 
 
+class Fall(NamedTuple):
+    """That a robot fell, and how one knows.
+
+    Attributes:
+        criterion: which of them.
+        detail: the same in words, with the link or the figure.
+    """
+
+    criterion: FallCriterion
+    detail: str
+
+
 class FallDetector:
     """Compares the robot with how it stood at first."""
 
@@ -171,7 +189,8 @@ class FallDetector:
         """Take the present height as that of standing."""
         self._view = view
         base, left, right, *_ = view.heights()
-        self._least_height = FALL_HEIGHT_RATIO * (base - 0.5 * (left + right))
+        self._standing_height = base - 0.5 * (left + right)
+        self._least_height = FALL_HEIGHT_RATIO * self._standing_height
 
     def check(self) -> bool:
         """Check whether the robot is low, leans or touches down with a link."""
@@ -183,3 +202,19 @@ class FallDetector:
             and min(links) > min(left, right) + FALL_CLEARANCE_M
         )
         return not standing
+
+    def diagnose(self) -> Fall:
+        """By which criterion a robot fell that :meth:`check` has found down."""
+        base, left, right, *links = self._view.heights()
+        upright, height = self._view.upright, base - 0.5 * (left + right)
+        if not math.isfinite(upright + sum(links) + height):
+            return Fall(FallCriterion.NOT_FINITE, "the state is not a number any more")
+        if min(links) <= min(left, right) + FALL_CLEARANCE_M:
+            name = self._view.upper_names[int(np.argmin(links))]
+            return Fall(FallCriterion.TOUCH, f"{name} is down at the soles")
+        if height <= self._least_height:
+            share = 100.0 * height / self._standing_height
+            detail = f"the base is at {share:.0f} % of its height over the soles"
+            return Fall(FallCriterion.HEIGHT, detail)
+        angle = math.degrees(math.acos(min(max(upright, -1.0), 1.0)))
+        return Fall(FallCriterion.TILT, f"the base leans by {angle:.0f} deg")

@@ -16,12 +16,11 @@ from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import PlantResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.robot_loop import RobotLoop
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
-
-NEVER_STARTED = "no commander came"
 
 
 @dataclass(frozen=True)
@@ -30,14 +29,10 @@ class RobotRun:
 
     Attributes:
         result: figures of the run, over the ticks there were.
-        reason: why it ended.
-        was_stopped: whether it ended early, on a signal or a stop request.
         recording: per-tick arrays by name; None unless recorded.
     """
 
     result: PlantResult
-    reason: str
-    was_stopped: bool
     recording: dict[str, Array] | None
 
 
@@ -100,12 +95,17 @@ def run_robot(
         )
         is_commanded = server.wait_until_active(now_s=0.0, timeout_s=wait_s)
         begin_s = time.monotonic()
-        reason = NEVER_STARTED
         if is_commanded:
             with quiet_interpreter():
-                reason = loop.run(stop)
+                loop.run(stop)
         elapsed_s = time.monotonic() - begin_s
-        gate.modes.finish(reason)
+        cut_off: tuple[ModeCause, str] | None = None
+        if not simulated.finished:
+            cut_off = ModeCause.NO_COMMANDER, "nobody took command in time"
+            if stop.is_set:
+                cut_off = ModeCause.STOPPED, stop.cause
+        report = gate.report()
+        gate.modes.finish(*(cut_off or simulated.own_end))
         server.publish_status(now_s=simulated.time_s, at_once=True)
         result = simulated.result(
             real_time_factor=simulated.time_s / elapsed_s if elapsed_s else 0.0,
@@ -114,6 +114,8 @@ def run_robot(
             deadline_misses=server.deadline_misses,
             refused=dict(gate.refused),
             clipped=dict(gate.clipped),
+            gate=report,
+            cut_off=cut_off,
         )
         return RobotRun(
             result=msgspec.structs.replace(
@@ -121,7 +123,5 @@ def run_robot(
                 end_to_end_ms=loop.latency.log.distribution(),
                 histograms=loop.histograms() if histogram else {},
             ),
-            reason=reason,
-            was_stopped=stop.is_set and not simulated.finished,
             recording=simulated.recording() if record else None,
         )

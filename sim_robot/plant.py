@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
@@ -11,7 +14,7 @@ from surefoot.schemas.messages import PushRequest
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import CommandError
 from surefoot.sim_robot.ground import Ground
-from surefoot.sim_robot.metrics import FallDetector
+from surefoot.sim_robot.metrics import Fall, FallDetector
 from surefoot.sim_robot.pushes import Pushes
 from surefoot.sim_robot.sensors import SensorSuite
 from surefoot.sim_robot.servos import Servos
@@ -22,6 +25,8 @@ from surefoot.sim_robot.world import World, build_world
 
 SETTLE_S = 2.0
 """The nominal posture is held on still ground for so long before tick 0."""
+LEVEL_RAD = math.radians(2.0)
+"""Soles of a nominal posture that stands are level to within this."""
 
 
 class Plant:
@@ -49,6 +54,7 @@ class Plant:
 
         Raises:
             ScenarioError: the scenario does not fit the robot or the simulation.
+            RobotFileError: the robot does not stand in its nominal posture.
         """
         self.world: World = build_world(robot, scenario)
         self.data = mujoco.MjData(self.world.model)
@@ -58,7 +64,7 @@ class Plant:
         self._substeps = whole_ticks(
             robot.period_s, SIM_STEP_S, what="the control period"
         )
-        self._nominal = robot.nominal
+        self._nominal, self._name = robot.nominal, robot.file.name
         self._servos = Servos(
             robot.servo_profile, posture=robot.nominal, step_s=SIM_STEP_S
         )
@@ -89,6 +95,10 @@ class Plant:
     def fell(self) -> bool:
         """Whether the robot lies, or leans too far to come back, at this tick."""
         return self._fallen.check()
+
+    def diagnose_fall(self) -> Fall:
+        """How one knows that the robot fell; only after it did."""
+        return self._fallen.diagnose()
 
     def sense(self) -> Snapshot:
         """Read the sensors at the present tick; the same reading if asked again."""
@@ -157,6 +167,9 @@ class Plant:
         Returns:
             (3,) centre of mass of the nominal posture on level ground, x and y from
             the midpoint of the soles, before the servos give way under the weight.
+
+        Raises:
+            RobotFileError: it does not stand there.
         """
         data, world = self.data, self.world
         data.qpos[:3] = 0.0, 0.0, world.base_height
@@ -164,7 +177,20 @@ class Plant:
         mujoco.mj_step1(self._model, data)
         reference = self.view.com.copy()
         reference[:2] -= 0.5 * (self.view.sole_left + self.view.sole_right)[:2]
+        tilt = max(self.view.sole_tilts)
+        if tilt > LEVEL_RAD:
+            raise self._lies(f"soles {math.degrees(tilt):.1f} deg off level")
+        fallen = FallDetector(self.view)
         for _ in range(round(SETTLE_S / SIM_STEP_S)):
             self._simulate(self._nominal, end_s=0.0)
         data.time = 0.0
+        if fallen.check():
+            raise self._lies(fallen.diagnose().detail)
         return reference
+
+    def _lies(self, why: str) -> RobotFileError:
+        return RobotFileError(
+            f"{self._name}: does not stand in its nominal posture: {why}; expected it "
+            f"to stand on level ground for {SETTLE_S:g} s before the run: correct the "
+            "joints' `nominal` in the robot file, or the scenario's [model_error]"
+        )

@@ -80,20 +80,11 @@ class RobotLoop:
         }
         return {name: log.histogram() for name, log in logs.items() if len(log)}
 
-    def run(self, stop: StopRequest) -> str:
-        """Run until the scenario is over, the robot fell or somebody asks.
-
-        Returns:
-            Why it ended.
-        """
+    def run(self, stop: StopRequest) -> None:
+        """Run until the scenario is over, the robot fell or somebody asks."""
         self._pacer.restart()
-        while not self._simulated.finished:
-            if stop.is_set:
-                return f"stopped: {stop.cause}"
+        while not self._simulated.finished and not stop.is_set:
             self._tick(stop)
-        if self._simulated.fell:
-            return f"run over: fell at {self._simulated.time_s:.2f} s"
-        return f"run over: {self._simulated.time_s:g} s"
 
     def _tick(self, stop: StopRequest) -> None:
         simulated, server = self._simulated, self._server

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.robot_side.mode_machine import Answer
+from surefoot.robot_io.robot_side.mode_machine import DONE, Answer
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import PushEvent, PushRequest
-from surefoot.schemas.result import Distribution, PlantResult
+from surefoot.schemas.reasons import ModeCause, RequestRefusal
+from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import CommandError, ScenarioError, SimulationError
-from surefoot.sim_robot.metrics import PlantMetrics
+from surefoot.sim_robot.metrics import Fall, PlantMetrics
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.run_record import RunDigest, RunRecord
 from surefoot.sim_robot.sensor_faults import SensorFaults
@@ -122,6 +123,7 @@ class SimulatedRobot:
             scenario.duration_s / period_s - _RUN_LENGTH_TOLERANCE
         )
         self._fell_at_s: float | None = None
+        self._fall: Fall | None = None
         self._asked_pushes: list[PushEvent] = []
         self._truth: PlantTruth | None = None
         self._metrics = PlantMetrics(
@@ -168,6 +170,13 @@ class SimulatedRobot:
     def finished(self) -> bool:
         """Whether the scenario is over, or the robot fell."""
         return self.fell or self.plant.tick >= self._last_tick
+
+    @property
+    def own_end(self) -> tuple[ModeCause, str]:
+        """Why a run that has gone to its end did, and the same in words."""
+        if self._fall is not None:
+            return ModeCause.FELL, f"at {self._fell_at_s:.2f} s: {self._fall.detail}"
+        return ModeCause.RUN_OVER, f"{self.time_s:g} s"
 
     def sense(self) -> Snapshot:
         """Read the sensors at the present tick; the same reading if asked again."""
@@ -234,13 +243,14 @@ class SimulatedRobot:
         self._sensed = None
         if self._fell_at_s is None and self.plant.fell:
             self._fell_at_s = self.time_s
+            self._fall = self.plant.diagnose_fall()
 
     def push(self, request: PushRequest) -> Answer:
         """Push the robot from the next tick on, or say why not; it is recorded."""
         try:
             tick = self.plant.push(request)
         except ScenarioError as error:
-            return Answer(accepted=False, reason=str(error))
+            return Answer(RequestRefusal.BAD_VALUE, str(error))
         self._asked_pushes.append(
             PushEvent(
                 tick=tick,
@@ -250,7 +260,7 @@ class SimulatedRobot:
                 duration_s=request.duration_s,
             )
         )
-        return Answer(accepted=True)
+        return DONE
 
     def recording(self) -> dict[str, Array]:
         """Per-tick arrays by name; see :meth:`RunRecord.arrays`.
@@ -273,8 +283,23 @@ class SimulatedRobot:
         deadline_misses: int,
         refused: dict[str, int],
         clipped: dict[str, int],
+        gate: ModeReport = COMMANDED,
+        cut_off: tuple[ModeCause, str] | None = None,
     ) -> PlantResult:
-        """What the run amounts to; timings and counts come from who paced it."""
+        """What the run amounts to; timings and counts come from who paced it.
+
+        Args:
+            real_time_factor: simulated time over time taken.
+            round_trip_ms: sensors sent to command received.
+            period_jitter_ms: how late ticks began.
+            deadline_misses: ticks that went on without their command.
+            refused: commands by reason.
+            clipped: commands by limit.
+            gate: what the gate was doing at the end.
+            cut_off: why the run ended before its time, and the same in words; None
+                when the scenario was over, or the robot fell.
+        """
+        end, end_detail = cut_off or self.own_end
         figures = self._metrics.figures()
 
         def counted(values: Array, unit: float = 1.0) -> list[float] | None:
@@ -283,12 +308,17 @@ class SimulatedRobot:
         return PlantResult(
             fell=self.fell,
             fell_at_s=self._fell_at_s,
+            fall=None if self._fall is None else self._fall.criterion,
+            fall_detail="" if self._fall is None else self._fall.detail,
+            end=end,
+            end_detail=end_detail,
+            gate=gate,
             duration_s=self.time_s,
             com_error_rms_mm=counted(figures.com_error_rms, MM_PER_M),
             com_error_max_mm=counted(figures.com_error_max, MM_PER_M),
             base_tilt_max_deg=math.degrees(figures.base_tilt_max),
             force_deviation_rms_n=counted(figures.force_deviation_rms),
-            force_peak_n=figures.force_peak.tolist(),
+            force_peak_n=figures.force_peak.tolist() if figures.has_peaks else None,
             contact_lost_s=figures.contact_lost_s.tolist(),
             contact_gap_s=figures.contact_gap_s.tolist(),
             real_time_factor=real_time_factor,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 import numpy as np
 
@@ -22,6 +24,7 @@ class PlantView:
         com: (3,) centre of mass, world [m]; live, like all arrays here.
         sole_left: (3,) sole frame's origin, world [m].
         sole_right: (3,) the same of the right foot.
+        upper_names: links above the ankles, in the order of :meth:`heights`.
     """
 
     def __init__(self, world: World, data: mujoco.MjData) -> None:
@@ -38,6 +41,7 @@ class PlantView:
         self._com_velocity = data.subtree_linvel[base]
         self._heights = data.xpos[:, 2]
         self._height_bodies = np.array([base, left, right, *world.upper_bodies])
+        self.upper_names = [world.model.body(i).name for i in world.upper_bodies]
         self._sensors = data.sensordata
         self._platforms = [
             (data.xpos[body], data.xquat[body])
@@ -49,6 +53,12 @@ class PlantView:
     def upright(self) -> float:
         """Cosine of the angle between the base's z axis and the vertical."""
         return float(self._base_z_axis.item(2))
+
+    @property
+    def sole_tilts(self) -> tuple[float, float]:
+        """Of the left and right sole against the horizontal [rad]."""
+        left, right = (min(axis.item(2), 1.0) for axis in self._sole_verticals)
+        return math.acos(left), math.acos(right)
 
     @property
     def normal_forces(self) -> tuple[float, float]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import RobotIoError
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState, in_words
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.requests import RequestHandler
@@ -28,8 +29,6 @@ SILENCE_POLL_S = 0.1
 SILENCE_LIMIT_S = 10.0
 """A robot that is there but sends nothing for so long is given up."""
 STATUS_RATE_HZ = 50.0
-RUN_OVER = "run over"
-"""How a robot begins to say that its run went to its end."""
 LEAVING_LIMIT_S = 1.0
 """An orderly end may take so long beyond its own ramp, then it is at once."""
 RETAKE_AFTER_NS = 100_000_000
@@ -40,12 +39,14 @@ class End(NamedTuple):
     """Why a stay in command ended.
 
     Attributes:
-        reason: in words.
+        reason: why.
+        detail: the same in words; may be empty.
         may_return: whether to take command again when the robot is back: it went
             away, or gave nobody else the command that our silence cost us.
     """
 
-    reason: str
+    reason: EndReason
+    detail: str = ""
     may_return: bool = False
 
 
@@ -54,7 +55,7 @@ class Loop:
 
     def __init__(
         self,
-        safety: Safety,
+        make_safety: Callable[[], Safety],
         client: RobotClient,
         telemetry: ControllerTelemetry,
         requests: RequestHandler,
@@ -66,7 +67,9 @@ class Loop:
         """Join controller and bus.
 
         Args:
-            safety: the watched controller, not started yet.
+            make_safety: makes a fresh watched controller for a start, with the
+                settings that count then. It takes some ms, so it is only called while
+                the robot holds its posture and waits for nobody.
             client: in command of the robot.
             telemetry: counts and times the ticks.
             requests: answers what the stabilizer is asked.
@@ -74,13 +77,13 @@ class Loop:
             leave_s: over which commands fade out when asked to stop [s].
             failure_file: where the first QP that cannot be solved is kept.
         """
-        self._desk = requests
+        self._requests = requests
         self._output: ControllerOutput | None = None
-        self._safety, self._controller = safety, safety.controller
+        self._make_safety = make_safety
+        self._begin_with(make_safety())
         self._client = client
         self._telemetry = telemetry
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
-        self._is_started = False
         self._began_ns = 0
         self._answered = 0
         self._last_tick = 0
@@ -105,40 +108,47 @@ class Loop:
                 if self._safety.is_done and self._output is not None:
                     self._tell(reading, self._output)
                     self._ask_to_hold()
-                    return End(self._safety.reason)
+                    return End(self._safety.end, self._safety.detail)
                 if not is_time:
                     continue
             end = self._why_end(time.monotonic() - heard_s, q_held)
             if end is not None:
-                return end if self._leave_by_s is None else End(_stopped(stop))
-        return End(_stopped(stop))
+                return end if self._leave_by_s is None else _stopped(stop)
+        return _stopped(stop)
+
+    def _begin_with(self, safety: Safety) -> None:
+        """Have the next snapshot start this controller; it never was before."""
+        self._safety, self._is_started = safety, False
+        self._requests.serve_controller(safety.controller)
 
     def _has_left(self, stop: StopRequest) -> bool:
         """Fade the commands out; whether there is nothing more to wait for."""
-        if stop.is_urgent or not self._is_started or self._desk.holding:
+        if stop.is_urgent or not self._is_started or self._requests.holding:
             return True
         now_s = time.monotonic()
         if self._leave_by_s is None:
             self._leave_by_s = now_s + self._leave_s + LEAVING_LIMIT_S
-            self._safety.leave(_stopped(stop))
+            self._safety.request_soft_stop(stop.cause)
         return now_s > self._leave_by_s
 
     def _ask_to_hold(self) -> None:
         """At rest; whoever leaves anyway does not mind a robot that has gone."""
-        is_leaving = self._leave_by_s is not None
-        with contextlib.suppress(*([RobotIoError] if is_leaving else [])):
+        try:
             self._client.request_mode("hold")
+        except RobotIoError:
+            if self._leave_by_s is None:
+                raise
 
     def _attend(self, reading: SnapshotReading, q_held: Array) -> bool:
         """Requests, then the answer; whether it is time to look after the robot."""
-        requests = self._desk
+        requests = self._requests
         requests.serve(reading.snapshot.tick)
         if requests.holding:
             return self._hold(reading)
         if requests.q_held is not None:
             # What came before the hold's end is old: the next snapshot begins anew.
             q_held[:], requests.q_held = requests.q_held, None
-            self._is_started = False
+            self._retire()
             return True
         self._output = self._answer(reading, q_held)
         if self._answered % self._status_every != 0:
@@ -148,7 +158,8 @@ class Loop:
 
     def _hold(self, reading: SnapshotReading) -> bool:
         """Keep command of a robot that keeps its posture."""
-        self._desk.keep_lease()
+        self._retire()
+        self._requests.keep_lease()
         self._answered += 1
         if self._answered % self._status_every != 0:
             return False
@@ -156,11 +167,17 @@ class Loop:
             self._tell(reading, self._output)
         return True
 
+    def _retire(self) -> None:
+        """Have another controller in place of one that has been started."""
+        if self._is_started:
+            self._begin_with(self._make_safety())
+
     def _answer(self, reading: SnapshotReading, q_held: Array) -> ControllerOutput:
         tick = reading.snapshot.tick
         if not self._is_started:
             self._safety.start(reading.snapshot, q_held)
             self._is_started = True
+            self._telemetry.begin()
             self._began_ns = reading.snapshot.stamp_ns
             self._hold_since_ns = None
             self._last_tick = tick - 1
@@ -175,7 +192,10 @@ class Loop:
             skipped=tick - self._last_tick - 1,
         )
         self._last_tick = tick
-        self._telemetry.note(self._safety.state, self._safety.reason)
+        safety = self._safety
+        self._telemetry.note(
+            safety.state, safety.end, safety.detail, lost=safety.losses
+        )
         self._answered += 1
         if output.qp_status != GOOD and self._failure_file is not None:
             self._keep_failure(self._failure_file)
@@ -184,10 +204,11 @@ class Loop:
     def _keep_failure(self, path: Path) -> None:
         """Write the failed QP, once; the command has left already."""
         self._failure_file = None
-        if self._controller.failure is None:
+        failure = self._safety.controller.failure
+        if failure is None:
             return
         try:
-            save_failure(self._controller.failure, path)
+            save_failure(failure, path)
         except OSError as error:
             _LOG.warning("a QP failed and could not be kept: %s", error)
         else:
@@ -199,10 +220,11 @@ class Loop:
             tick=reading.snapshot.tick,
             stamp_ns=time.monotonic_ns(),
             stale=reading.stale,
+            lost=self._safety.lost_sensors,
         )
-        if self._desk.holding:
+        if self._requests.holding:
             status = msgspec.structs.replace(
-                status, state="hold", reason=self._desk.holding
+                status, state=StabilizerState.PAUSED, detail=self._requests.holding
             )
         self._client.publish_status(status)
 
@@ -212,27 +234,32 @@ class Loop:
         status = client.status()
         if status is not None:
             if status.mode is RobotMode.FAULT:
-                return End(f"the robot is in fault: {status.fault}")
+                return End(EndReason.ROBOT_FAULT, status.detail)
             if status.mode is RobotMode.OFF:
-                return _off(status.reason)
+                reason, detail = told_end(status.cause, status.detail)
+                may_return = reason is EndReason.ROBOT_ENDED
+                return End(reason, detail, may_return=may_return)
             # On a busy machine, one from before the lease may come after it.
             if self._is_started and status.stamp_ns >= self._began_ns:
                 if status.commander != client.identity:
-                    reason = f"lost command of the robot: {status.reason}"
-                    return End(reason, may_return=not status.commander)
+                    return End(
+                        EndReason.LEASE_LOST,
+                        status.detail,
+                        may_return=not status.commander,
+                    )
                 if self._is_held_too_long(status):
                     self._start_anew(status, q_held)
         if not client.robot_is_here:
-            return End("the robot is gone", may_return=True)
+            return End(EndReason.ROBOT_GONE, may_return=True)
         if silence_s > SILENCE_LIMIT_S:
             names = ", ".join(client.missing_sensors()) or "any sensor"
-            reason = f"no news from {names} for {silence_s:.1f} s"
-            return End(reason, may_return=True)
+            detail = f"no news from {names} for {silence_s:.1f} s"
+            return End(EndReason.ROBOT_SILENT, detail, may_return=True)
         return None
 
     def _is_held_too_long(self, status: RobotStatus) -> bool:
         """Whether the robot holds by itself and does not take up our commands."""
-        if status.mode is not RobotMode.HOLD or self._desk.holding:
+        if status.mode is not RobotMode.HOLD or self._requests.holding:
             self._hold_since_ns = None
             return False
         if self._hold_since_ns is None:
@@ -241,24 +268,36 @@ class Loop:
         return held_ns > RETAKE_AFTER_NS and self._leave_by_s is None
 
     def _start_anew(self, status: RobotStatus, q_held: Array) -> None:
-        """Have the robot follow again, the controller from what it holds."""
+        """Have the robot follow again, another controller from what it holds."""
         _LOG.warning(
             "tick %d: the robot holds (%s); starting again from its posture",
             status.tick,
-            status.reason,
+            in_words(status.cause, status.detail),
         )
-        with contextlib.suppress(RobotIoError):  # its next status tells why
+        fresh = self._make_safety()  # the robot waits for nobody yet
+        try:
             q_held[:] = self._client.enable()
-            self._is_started = False
-            self._telemetry.restarts += 1
+        except RobotIoError:
+            return  # its next status tells why
+        self._begin_with(fresh)
+        self._telemetry.restarts += 1
 
 
-def _stopped(stop: StopRequest) -> str:
-    return f"stopped: {stop.cause}"
+def _stopped(stop: StopRequest) -> End:
+    return End(EndReason.STOPPED, stop.cause)
 
 
-def _off(reason: str) -> End:
-    """A robot that has done its run says so; any other end is the robot's own."""
-    if reason.startswith(RUN_OVER):
-        return End(reason)
-    return End(f"the robot ended: {reason or 'it is off'}", may_return=True)
+def told_end(cause: ModeCause, detail: str) -> tuple[EndReason, str]:
+    """Why a robot that is off ends its stabilizer, and the same in words.
+
+    A robot that has done its run says so; any other end is the robot's own.
+
+    Args:
+        cause: of its mode.
+        detail: the same in words.
+    """
+    if cause is ModeCause.RUN_OVER:
+        return EndReason.RUN_OVER, detail
+    if cause is ModeCause.FELL:
+        return EndReason.FELL, detail
+    return EndReason.ROBOT_ENDED, in_words(cause, detail)

@@ -21,9 +21,10 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SettingsChange
+from surefoot.schemas.reasons import EndReason, RequestRefusal, in_words
 from surefoot.schemas.result import ControllerResult
-from surefoot.schemas.settings import ControllerSettings, SafetySettings
-from surefoot.stabilizer.control.controller import Controller
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.controller import Controller, ControllerFactory
 from surefoot.stabilizer.loop import End, Loop
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
@@ -38,7 +39,7 @@ RETURN_PAUSE_S = 0.1
 
 
 def run_stabilizer(
-    controller: Controller,
+    make_controller: ControllerFactory,
     robot: Robot,
     *,
     endpoints: Endpoints,
@@ -50,9 +51,11 @@ def run_stabilizer(
     failure_file: Path | None = None,
     settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
-    safety: SafetySettings | None = None,
 ) -> ControllerResult:
-    """Wait for the robot, takes command of it and answer its ticks.
+    """Wait for the robot, take command of it and answer its ticks.
+
+    Every start, also after a hold or a silence, has a controller of its own, made with
+    the settings as they have been changed by then.
 
     In lockstep every tick is answered exactly once, in order; in real time the newest
     one. It ends when the robot does, or takes command away, or on SIGINT or SIGTERM;
@@ -60,12 +63,12 @@ def run_stabilizer(
     posture. A second signal ends it at once.
 
     With ``reconnect``, it waits for a robot that went away, or lost sight of us, and
-    takes command again as at first: new lease, the controller started anew from the
-    held posture. It never does after a fault, when somebody else has taken command,
+    takes command again as at first: new lease, a new controller started from the held
+    posture. It never does after a fault, when somebody else has taken command,
     when somebody asked it to hold, or when the run is over.
 
     Args:
-        controller: what answers.
+        make_controller: makes what answers, for each start.
         robot: what its files say; the same as on the robot's side.
         endpoints: where to dial.
         pace: the robot's.
@@ -74,9 +77,8 @@ def run_stabilizer(
         reconnect: wait for a robot that went away, for as long as it takes.
         histogram: whether the result holds one of the ticks' times.
         failure_file: where the first QP that cannot be solved is kept (.npz).
-        settings: the controller was made with; None refuses changes on the bus.
+        settings: to begin with; None for defaults.
         stop: ends the run from outside, besides signals.
-        safety: limits of the sensors and what their loss leads to; None for defaults.
 
     Returns:
         Figures of the run and why it ended.
@@ -87,18 +89,17 @@ def run_stabilizer(
         RequestRefusedError: somebody else commands it, or it is in fault.
     """
     node = _Node(
-        controller,
+        make_controller,
         robot,
         endpoints=endpoints,
         pace=pace,
-        identity=identity or _made_up_identity(controller.name),
+        identity=identity,
         failure_file=failure_file,
-        settings=settings,
+        settings=settings or ControllerSettings(),
         stop=stop or StopRequest(),
-        safety=safety or SafetySettings(),
     )
     end = node.run(connect_timeout_s=connect_timeout_s, reconnect=reconnect)
-    result = node.telemetry.result(end.reason, histogram=histogram)
+    result = node.telemetry.result(end.reason, end.detail, histogram=histogram)
     return msgspec.structs.replace(result, settings_changes=node.changes)
 
 
@@ -114,23 +115,30 @@ class _Node:
 
     def __init__(
         self,
-        controller: Controller,
+        make_controller: ControllerFactory,
         robot: Robot,
         *,
         endpoints: Endpoints,
         pace: Pace,
-        identity: str,
+        identity: str | None,
         failure_file: Path | None,
-        settings: ControllerSettings | None,
+        settings: ControllerSettings,
         stop: StopRequest,
-        safety: SafetySettings,
     ) -> None:
-        self._controller, self._robot = controller, robot
-        self._endpoints, self._pace, self._identity = endpoints, pace, identity
+        self._make, self._robot = make_controller, robot
+        # The first one is made now: what cannot be made is told before dialing.
+        first = make_controller(settings)
+        self._first: Controller | None = first
+        self._endpoints, self._pace = endpoints, pace
+        self._identity = identity or _made_up_identity(first.name)
         self._failure_file, self._settings = failure_file, settings
-        self._stop, self._safety = stop, safety
-        self.telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
-        self._desk: RequestHandler | None = None
+        self._stop = stop
+        self.telemetry = ControllerTelemetry(
+            first.name,
+            period_s=robot.period_s,
+            calibration_s=settings.estimator.calibration_s,
+        )
+        self._requests: RequestHandler | None = None
         self._stays = 0
         self._refused_since_s = math.inf
         self._pause = threading.Event()
@@ -138,14 +146,15 @@ class _Node:
     @property
     def changes(self) -> list[SettingsChange]:
         """All changes of settings, in all stays."""
-        return [] if self._desk is None else self._desk.changes
+        return [] if self._requests is None else self._requests.changes
 
     def run(self, *, connect_timeout_s: float, reconnect: bool) -> End:
         """Stay in command until there is no coming back; see run_stabilizer."""
         with self._stop.on_signals():
             end = self._stay(connect_timeout_s)
             while reconnect and end.may_return and not self._stop.is_set:
-                _LOG.warning("%s; waiting for it to come back", end.reason)
+                said = in_words(end.reason, end.detail)
+                _LOG.warning("%s; waiting for it to come back", said)
                 end = self._return()
         return end
 
@@ -165,7 +174,7 @@ class _Node:
             self._pause.wait(RETURN_PAUSE_S)
 
     def _stay(self, timeout_s: float) -> End:
-        """Connects, takes command and answers until something ends it."""
+        """Connect, take command and answer until something ends it."""
         self._stays += 1
         # A new name each time: what is left of the last stay must not be taken for it.
         suffix = f"-{self._stays}" if self._stays > 1 else ""
@@ -177,14 +186,14 @@ class _Node:
             stop=self._stop,
         ) as client:
             if not client.connect(timeout_s=timeout_s):
-                return End(f"stopped: {self._stop.cause}")
+                return End(EndReason.STOPPED, self._stop.cause)
             # All that takes time comes before the robot waits for the first answer.
             with quiet_interpreter():
                 requests = self._requests_at(client)
                 loop = self._loop(client, requests)
                 end = loop.run(self._take_command(client), self._stop)
                 if requests.holding:
-                    return End(end.reason)
+                    return end._replace(may_return=False)
                 return end
 
     def _take_command(self, client: RobotClient) -> Array:
@@ -194,7 +203,8 @@ class _Node:
             raise RequestRefusedError(
                 f"the robot runs in {robots_pace}, this stabilizer in {self._pace}; "
                 f"start it with --{robots_pace}",
-                reason=f"pace {self._pace}",
+                refusal=RequestRefusal.PACE,
+                detail=f"the robot runs in {robots_pace}",
             )
         q_held = client.enable()
         if self._stays > 1:
@@ -203,24 +213,27 @@ class _Node:
         return q_held
 
     def _requests_at(self, client: RobotClient) -> RequestHandler:
-        if self._desk is None:
-            self._desk = RequestHandler(
-                self._controller,
-                client,
-                self._settings,
-                period_s=self._robot.period_s,
+        if self._requests is None:
+            self._requests = RequestHandler(
+                client, self._settings, period_s=self._robot.period_s
             )
         else:
-            self._desk.move_to(client)
-        return self._desk
+            self._requests.move_to(client)
+        return self._requests
 
     def _loop(self, client: RobotClient, requests: RequestHandler) -> Loop:
+        def make_safety() -> Safety:
+            settings = requests.settings
+            controller = self._first or self._make(settings)
+            self._first = None
+            return Safety(controller, self._robot, settings.safety)
+
         return Loop(
-            Safety(self._controller, self._robot, self._safety),
+            make_safety,
             client,
             self.telemetry,
             requests,
             period_s=self._robot.period_s,
-            leave_s=self._safety.leave_s,
+            leave_s=self._settings.safety.leave_s,
             failure_file=self._failure_file,
         )

@@ -12,6 +12,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.live_settings import Values, live_values
 from surefoot.schemas.messages import ControlRequest, SettingsChange, SettingsRequest
+from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.controller import Controller, Tunable
 from surefoot.stabilizer.settings_ramp import SettingsRamp
@@ -33,28 +34,34 @@ class RequestHandler:
 
     def __init__(
         self,
-        controller: Controller,
         client: RobotClient,
-        settings: ControllerSettings | None,
+        settings: ControllerSettings,
         *,
         period_s: float,
     ) -> None:
-        """Join controller and bus.
+        """Answer what comes in on a connection.
 
         Args:
-            controller: gets new gains if it can take any.
             client: where requests come from.
-            settings: the controller was made with; None when they are not known.
+            settings: controllers are made with, until others are asked for.
             period_s: control period [s].
         """
         self.holding = ""
         self.q_held: Array | None = None
-        self._client, self._name = client, controller.name
-        self._tunable = controller if isinstance(controller, Tunable) else None
-        self._ramp: SettingsRamp | None = None
-        if settings is not None and self._tunable is not None:
-            self._ramp = SettingsRamp(settings, period_s=period_s)
+        self._client, self._name = client, ""
+        self._tunable: Tunable | None = None
+        self._ramp = SettingsRamp(settings, period_s=period_s)
         self._renew_at_s = 0.0
+
+    @property
+    def settings(self) -> ControllerSettings:
+        """As they are at this tick, with all changes asked for so far."""
+        return self._ramp.settings
+
+    def serve_controller(self, controller: Controller) -> None:
+        """Give new gains to this controller from now on, if it can take any."""
+        self._name = controller.name
+        self._tunable = controller if isinstance(controller, Tunable) else None
 
     def move_to(self, client: RobotClient) -> None:
         """Go on with the settings as they are, on another connection."""
@@ -65,7 +72,7 @@ class RequestHandler:
     @property
     def changes(self) -> list[SettingsChange]:
         """All changes of settings so far."""
-        return [] if self._ramp is None else self._ramp.changes
+        return self._ramp.changes
 
     def serve(self, tick: int) -> None:
         """Answer all that has come in, then move the settings on by a tick.
@@ -78,7 +85,7 @@ class RequestHandler:
                 self._change(asked, asked.request, tick)
             else:
                 self._control(asked, asked.request, tick)
-        if self._ramp is not None and self._ramp.is_moving and not self.holding:
+        if self._ramp.is_moving and not self.holding:
             settings = self._ramp.advance()
             if settings is not None and self._tunable is not None:
                 self._tunable.retune(settings)
@@ -97,9 +104,17 @@ class RequestHandler:
 
     def _change(self, asked: Asked, request: SettingsRequest, tick: int) -> None:
         ramp = self._ramp
-        if ramp is None:
-            why = f"the controller {self._name} takes no settings while it runs"
-            asked.reply(tick=tick, settings={}, refusal=why if request.changes else "")
+        if self._tunable is None:
+            if request.changes:
+                why = f"the controller {self._name} takes no settings while it runs"
+                asked.reply(
+                    tick=tick,
+                    settings={},
+                    refusal=RequestRefusal.NOT_SUPPORTED,
+                    detail=why,
+                )
+            else:
+                asked.reply(tick=tick, settings={})
             return
         if request.changes:
             try:
@@ -111,7 +126,12 @@ class RequestHandler:
                 )
             except FileFormatError as error:
                 now = live_values(ramp.settings)
-                asked.reply(tick=tick, settings=now, refusal=str(error))
+                asked.reply(
+                    tick=tick,
+                    settings=now,
+                    refusal=RequestRefusal.BAD_VALUE,
+                    detail=str(error),
+                )
                 _LOG.warning("settings refused, from %s: %s", request.source, error)
                 return
             self._client.publish_change(change)
@@ -119,17 +139,16 @@ class RequestHandler:
         asked.reply(tick=tick, settings=ramp.targets)
 
     def _control(self, asked: Asked, request: ControlRequest, tick: int) -> None:
-        refusal = self._hold_or_resume(request)
-        asked.reply(tick=tick, settings={}, refusal=refusal)
-        verdict = f"refused, {refusal}" if refusal else "done"
-        _LOG.info(
-            "tick %d: %s from %s: %s", tick, request.action, request.source, verdict
-        )
+        refusal, detail = self._hold_or_resume(request)
+        asked.reply(tick=tick, settings={}, refusal=refusal, detail=detail)
+        said = "done" if refusal is RequestRefusal.NONE else f"refused, {detail}"
+        _LOG.info("tick %d: %s from %s: %s", tick, request.action, request.source, said)
 
-    def _hold_or_resume(self, request: ControlRequest) -> str:
-        """Why not; empty when done."""
+    def _hold_or_resume(self, request: ControlRequest) -> tuple[RequestRefusal, str]:
+        """Why not, and the same in words; ``none`` when done."""
         if request.action not in CONTROL_ACTIONS:
-            return f"got action {request.action!r}, expected hold or resume"
+            got = f"got action {request.action!r}, expected hold or resume"
+            return RequestRefusal.UNKNOWN_ACTION, got
         try:
             if request.action == "hold":
                 self._client.request_mode("hold")
@@ -138,8 +157,8 @@ class RequestHandler:
                 self.q_held = self._client.enable()
                 self.holding = ""
         except RequestRefusedError as error:
-            return error.reason
-        return ""
+            return error.refusal, error.detail
+        return RequestRefusal.NONE, ""
 
 
 def in_words(change: SettingsChange) -> str:

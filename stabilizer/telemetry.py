@@ -7,6 +7,7 @@ import math
 from surefoot.robot_io.timing import TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
+from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.result import ControllerResult, Distribution
 from surefoot.stabilizer.control.controller import ControllerOutput
 
@@ -29,12 +30,15 @@ class ControllerTelemetry:
         restarts: times the controller began anew, from a held posture.
     """
 
-    def __init__(self, controller_name: str, *, period_s: float) -> None:
+    def __init__(
+        self, controller_name: str, *, period_s: float, calibration_s: float = 0.0
+    ) -> None:
         """Start empty.
 
         Args:
             controller_name: as told on status.
             period_s: of the robot [s].
+            calibration_s: after a start, ticks count as balancing from here on [s].
         """
         self._name = controller_name
         self._settled_ticks = SETTLED_S / period_s
@@ -45,10 +49,19 @@ class ControllerTelemetry:
         self._skipped = self._slow = 0
         self._period_ns = round(period_s * NS_PER_S)
         self.restarts = 0
-        self._state, self._why = "active", ""
+        self._calibration_ticks = round(calibration_s / period_s)
+        self._since_start = 0
+        self._balancing = self._balancing_failures = 0
+        self._state, self._end = StabilizerState.ACTIVE, EndReason.NONE
+        self._detail = ""
+        self._lost: dict[str, SensorTrouble] = {}
         self._degraded = 0
         self._squares_left = self._squares_right = 0.0
         self._settled = 0
+
+    def begin(self) -> None:
+        """Note that a controller starts."""
+        self._since_start = 0
 
     def add(
         self,
@@ -72,7 +85,12 @@ class ControllerTelemetry:
         self._recent.add(duration_ns)
         self._ticks += 1
         self._stale += is_stale
-        self._qp_failures += output.qp_status != GOOD
+        is_failure = output.qp_status != GOOD
+        self._qp_failures += is_failure
+        self._since_start += 1
+        if self._since_start > self._calibration_ticks:
+            self._balancing += 1
+            self._balancing_failures += is_failure
         wanted, measured = output.F_id, output.F_meas
         if (
             self._ticks > self._settled_ticks
@@ -85,15 +103,26 @@ class ControllerTelemetry:
             self._squares_right += right * right
             self._settled += 1
 
-    def note(self, state: str, why: str) -> None:
+    def note(
+        self,
+        state: StabilizerState,
+        end: EndReason,
+        detail: str,
+        *,
+        lost: dict[str, SensorTrouble],
+    ) -> None:
         """Note what the safety layer is doing, once per tick.
 
         Args:
-            state: what the safety layer calls it, such as ``active``.
-            why: why it is not active.
+            state: of the safety layer.
+            end: why it gives up; ``none`` while it goes on.
+            detail: why it is not active, in words.
+            lost: sensors lost since the start, by channel, and why at first.
         """
-        self._state, self._why = state, why
-        self._degraded += state != "active"
+        self._state, self._end, self._detail = state, end, detail
+        if lost:
+            self._lost = {**lost, **self._lost}
+        self._degraded += state is not StabilizerState.ACTIVE
 
     def status(
         self,
@@ -102,6 +131,7 @@ class ControllerTelemetry:
         tick: int,
         stamp_ns: int,
         stale: tuple[str, ...],
+        lost: dict[str, SensorTrouble],
     ) -> StabilizerStatus:
         """What to tell everyone of the present tick.
 
@@ -110,13 +140,14 @@ class ControllerTelemetry:
             tick: the tick answered.
             stamp_ns: monotonic clock [ns].
             stale: channels whose message was missing.
+            lost: sensors that are not believed, by channel.
         """
         if self._statuses % TIMING_EVERY_STATUSES == 0:
             self._recent_ms = self._recent.distribution()
         self._statuses += 1
-        state, reason = _state(output, stale)
-        if self._state != "active":
-            state, reason = self._state, self._why
+        state, detail = self._state, self._detail
+        if state is StabilizerState.ACTIVE:
+            state, detail = _state(output, stale)
         F_id, F_meas = _numbers(output.F_id, 12), _numbers(output.F_meas, 12)
         return StabilizerStatus(
             schema=SCHEMA_VERSION,
@@ -124,7 +155,9 @@ class ControllerTelemetry:
             stamp_ns=stamp_ns,
             controller=self._name,
             state=state,
-            reason=reason,
+            end=self._end,
+            lost_sensors=lost,
+            detail=detail,
             com=_numbers(output.com, 3),
             com_reference=_numbers(output.com_reference, 3),
             F_id_left=F_id[:WRENCH],
@@ -138,11 +171,14 @@ class ControllerTelemetry:
             tick_max_ms=self._recent_ms.max,
         )
 
-    def result(self, reason: str, *, histogram: bool = False) -> ControllerResult:
+    def result(
+        self, end: EndReason, detail: str, *, histogram: bool = False
+    ) -> ControllerResult:
         """The whole run.
 
         Args:
-            reason: why it ended.
+            end: why it ended.
+            detail: the same in words.
             histogram: whether to add one of the ticks' times.
         """
         ticks = {"controller tick": self._durations} if histogram else {}
@@ -156,7 +192,11 @@ class ControllerTelemetry:
             ],
             qp_failures=self._qp_failures,
             stale_snapshots=self._stale,
-            reason=reason,
+            lost_sensors=self._lost,
+            balancing_ticks=self._balancing,
+            balancing_failures=self._balancing_failures,
+            end=end,
+            end_detail=detail,
             degraded_ticks=self._degraded,
             skipped_ticks=self._skipped,
             slow_ticks=self._slow,
@@ -170,10 +210,12 @@ def _numbers(values: Array | None, size: int) -> list[float]:
     return [0.0] * size if values is None else values.tolist()
 
 
-def _state(output: ControllerOutput, stale: tuple[str, ...]) -> tuple[str, str]:
-    """State in a word, and why."""
+def _state(
+    output: ControllerOutput, stale: tuple[str, ...]
+) -> tuple[StabilizerState, str]:
+    """What a controller without losses is doing, and why."""
     if output.qp_status != GOOD:
-        return "hold", f"QP failed: {output.qp_status}"
+        return StabilizerState.UNSOLVED, f"QP failed: {output.qp_status}"
     if stale:
-        return "degraded", f"no news from {', '.join(stale)}"
-    return "active", ""
+        return StabilizerState.DEGRADED, f"no news from {', '.join(stale)}"
+    return StabilizerState.ACTIVE, ""

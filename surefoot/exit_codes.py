@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from surefoot.schemas.reasons import Outcome
+
 
 class ExitCode(IntEnum):
     """What scripts may rely on."""
@@ -19,6 +21,17 @@ class ExitCode(IntEnum):
     FELL = 5
     """The robot fell."""
     INTERRUPTED = 130
+
+
+def exit_code_for(outcome: Outcome) -> ExitCode:
+    """The exit code of a run that went like this."""
+    if outcome.is_up:
+        return ExitCode.OK
+    special = {
+        Outcome.FELL: ExitCode.FELL,
+        Outcome.INTERRUPTED: ExitCode.INTERRUPTED,
+    }
+    return special.get(outcome, ExitCode.FAILED)
 
 
 def exit_code_of(error: BaseException) -> ExitCode | None:

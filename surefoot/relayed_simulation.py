@@ -28,6 +28,7 @@ from surefoot.schemas.messages import (
     Reference,
     RobotMode,
 )
+from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import RelayResult
 from surefoot.schemas.topics import TICK_SENSORS
 from surefoot.simulation import COMMANDER, NO_TIME, Simulation
@@ -45,13 +46,13 @@ class RelayedSimulation(Simulation):
 
     Attributes:
         modes: modes the robot has been in, with their beginnings: (time [s], mode,
-            reason).
+            cause).
     """
 
     def _build(self, plan: RunPlan, *, record: bool) -> None:
         super()._build(plan, record=record)
         assert plan.relay is not None
-        self.modes: list[tuple[float, RobotMode, str]] = []
+        self.modes: list[tuple[float, RobotMode, ModeCause]] = []
         self._faults = plan.relay
         self._lanes = {
             name: Lane(self._faults, name, seed=plan.seed)
@@ -61,7 +62,7 @@ class RelayedSimulation(Simulation):
         self._heard = DelayedSensors(joint_count=plan.robot.n_a)
         self._on_the_way: Schedule[bytes] = Schedule()
         self._sequence = 0
-        self._end = ""
+        self._end, self._end_detail = EndReason.NONE, ""
         self._is_answered = False
         self._misses = 0
 
@@ -77,23 +78,22 @@ class RelayedSimulation(Simulation):
         self._note_mode(now_s)
         self._publish(tick, now_s)
         output = None
-        if not self._end:
+        if self._end is EndReason.NONE:
             output = self._attend(controller, now_s, reference)
-        if not self._end and tick % LOOK_EVERY_TICKS == 0:
-            self._end = self._why_end()
+        if self._end is EndReason.NONE and tick % LOOK_EVERY_TICKS == 0:
+            self._end, self._end_detail = self._why_end()
         simulated.step()
         self._elapsed_s += time.perf_counter() - began_s
         return output
 
     def sides(self, *, histogram: bool = False) -> Sides:
         """What both sides and the relay measured so far."""
-        reason = self._safety.reason if self._safety is not None else ""
         relay = RelayResult(
             plan=self._faults.name,
             counts={name: dict(lane.counts) for name, lane in self._lanes.items()},
         )
-        controller = self._telemetry.result(
-            self._end or reason or "run over", histogram=histogram
+        controller = self._controller_result(
+            self._end, self._end_detail, histogram=histogram
         )
         plant = msgspec.structs.replace(
             self._plant_result(NO_TIME), deadline_misses=self._misses
@@ -123,7 +123,9 @@ class RelayedSimulation(Simulation):
         safety = self._safety_around(controller, reading.snapshot)
         output = safety.step(reading.snapshot, reading.ages, reference)
         self._telemetry.add(output, duration_ns=0, is_stale=bool(reading.stale))
-        self._telemetry.note(safety.state, safety.reason)
+        self._telemetry.note(
+            safety.state, safety.end, safety.detail, lost=safety.losses
+        )
         command = JointCommand(
             schema=SCHEMA_VERSION,
             tick=reading.snapshot.tick,
@@ -139,9 +141,8 @@ class RelayedSimulation(Simulation):
         ):
             self._on_the_way.put(parcel.data, at_s=parcel.at_s)
         if safety.is_done:
-            for action in ("hold", "release"):
-                self.gate.request(action, COMMANDER, now_s=now_s)
-            self._end = safety.reason
+            self._leave(now_s)
+            self._end, self._end_detail = safety.end, safety.detail
         return output
 
     def _take_commands(self, tick: int, now_s: float) -> None:
@@ -173,13 +174,13 @@ class RelayedSimulation(Simulation):
     def _note_mode(self, now_s: float) -> None:
         modes = self.gate.modes
         if not self.modes or self.modes[-1][1] is not modes.mode:
-            self.modes.append((now_s, modes.mode, modes.reason))
+            self.modes.append((now_s, modes.mode, modes.cause))
 
-    def _why_end(self) -> str:
-        """Why the stabilizer ends; empty to go on."""
+    def _why_end(self) -> tuple[EndReason, str]:
+        """Why the stabilizer ends; ``none`` to go on."""
         modes = self.gate.modes
         if modes.mode is RobotMode.FAULT:
-            return f"the robot is in fault: {modes.fault}"
+            return EndReason.ROBOT_FAULT, modes.detail
         if not modes.holds_lease(COMMANDER):
-            return f"lost command of the robot: {modes.reason}"
-        return ""
+            return EndReason.LEASE_LOST, modes.detail
+        return EndReason.NONE, ""

@@ -18,6 +18,7 @@ from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
 from surefoot.sim_robot.catalogue import find_scenario
 from surefoot.stabilizer.factory import find_settings
+from surefoot.stabilizer.settings_check import check_settings
 
 Mode = Literal["lockstep", "realtime", "inline"]
 Settings = ControllerSettings | Mapping[str, Any] | str | Path | None
@@ -99,20 +100,24 @@ def make_plan(
         UsageError: a relay in lockstep.
         ScenarioError: no such scenario.
         RobotFileError: no such robot, or its files contradict each other.
-        FileFormatError: a file or an override is malformed.
+        FileFormatError: a file or an override is malformed, or settings contradict
+            each other, the robot or the scenario.
     """
     relay_path = None if relay is None else _find_relay_plan(relay, mode)
     path = None if isinstance(scenario, Scenario) else find_scenario(str(scenario))
     loaded = _checked(scenario) if isinstance(scenario, Scenario) else None
+    world = loaded or load_scenario(_not_none(path))
     model = _robot(robot, servo_profile)
+    resolved = resolve_settings(settings, overrides=overrides)
+    check_settings(resolved, model, duration_s=world.duration_s)
     return RunPlan(
-        scenario=loaded or load_scenario(_not_none(path)),
+        scenario=world,
         scenario_name=loaded.name if loaded else _not_none(path).stem,
         scenario_path=path,
         robot=model,
         robot_name=str(model.path) if isinstance(robot, Robot) else str(robot),
         controller=controller,
-        settings=resolve_settings(settings, overrides=overrides),
+        settings=resolved,
         seed=seed,
         mode=mode,
         relay=None if relay_path is None else load_relay_plan(relay_path),

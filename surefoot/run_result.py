@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
+from surefoot.outcome import judge
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.result import (
     ControllerResult,
@@ -31,12 +32,20 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         out: folder of the run, if it is kept.
     """
     plant, controller, relay = sides
+    outcome, detail = judge(
+        plant,
+        controller,
+        is_realtime=plan.mode == "realtime",
+        period_s=plan.robot.period_s,
+    )
     return RunResult(
         scenario=plan.scenario_name,
         controller=plan.controller,
         robot=plan.robot.file.name,
         seed=plan.seed,
         mode=plan.mode,
+        outcome=outcome,
+        outcome_detail=detail,
         fell=plant.fell,
         fell_at_s=plant.fell_at_s,
         duration_s=plant.duration_s,
@@ -55,7 +64,9 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         deadline_misses=plant.deadline_misses,
         qp_failures=controller.qp_failures,
         degraded_ticks=controller.degraded_ticks,
-        reason=controller.reason,
+        lost_sensors=controller.lost_sensors,
+        end=controller.end,
+        end_detail=controller.end_detail,
         refused=plant.refused,
         clipped=plant.clipped,
         ticks=plant.ticks,

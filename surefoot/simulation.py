@@ -19,7 +19,9 @@ from surefoot.run_folder import QP_FAILURE, TICKS, write_arrays
 from surefoot.run_plan import RunPlan, Settings, make_plan
 from surefoot.run_result import Sides, join_result
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, Reference
+from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import (
+    ControllerResult,
     Distribution,
     PlantResult,
     RunResult,
@@ -30,6 +32,7 @@ from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.truth import PlantTruth
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.factory import adapt
+from surefoot.stabilizer.loop import told_end
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry
@@ -110,9 +113,14 @@ class Simulation:
             self.gate.request(action, COMMANDER, now_s=0.0)
         self._given: object = None
         self._safety: Safety | None = None
-        self._telemetry = ControllerTelemetry(plan.controller, period_s=robot.period_s)
+        self._telemetry = ControllerTelemetry(
+            plan.controller,
+            period_s=robot.period_s,
+            calibration_s=plan.settings.estimator.calibration_s,
+        )
         self._delivery = Delivery()
         self._commands: dict[int, JointCommand] = {}
+        self._last_tick: int | None = None
         self._elapsed_s = 0.0
 
     @property
@@ -185,11 +193,14 @@ class Simulation:
         output = None
         if not safety.is_done:
             output = self._answer(safety, tick, reference)
+            self._last_tick = tick if safety.is_done else None
         due = simulated.commands_needed(tick)
         if due in self._commands:
             command = self._commands.pop(due)
             result = self.gate.accept(command, tick=tick, now_s=now_s)
             simulated.apply(result.posture, tick=due)
+            if due == self._last_tick:
+                self._leave(now_s)
         simulated.step()
         self._elapsed_s += time.perf_counter() - began_s
         return output
@@ -219,8 +230,7 @@ class Simulation:
 
     def sides(self, *, histogram: bool = False) -> Sides:
         """What plant and controller measured so far."""
-        reason = self._safety.reason if self._safety is not None else ""
-        controller = self._telemetry.result(reason or "run over", histogram=histogram)
+        controller = self._controller_result(histogram=histogram)
         return Sides(self._plant_result(controller.tick_ms), controller)
 
     def write(self, folder: Path) -> None:
@@ -261,7 +271,9 @@ class Simulation:
             duration_ns=time.perf_counter_ns() - began_ns,
             is_stale=any(ages),
         )
-        self._telemetry.note(safety.state, safety.reason)
+        self._telemetry.note(
+            safety.state, safety.end, safety.detail, lost=safety.losses
+        )
         self._commands[tick] = JointCommand(
             schema=SCHEMA_VERSION,
             tick=tick,
@@ -272,6 +284,38 @@ class Simulation:
         )
         return output
 
+    def _leave(self, now_s: float) -> None:
+        """At rest: have the robot hold, and give the lease back, as on the bus."""
+        for action in ("hold", "release"):
+            self.gate.request(action, COMMANDER, now_s=now_s)
+
+    def _controller_result(
+        self,
+        end: EndReason = EndReason.NONE,
+        detail: str = "",
+        *,
+        histogram: bool,
+    ) -> ControllerResult:
+        """The controller's figures.
+
+        Args:
+            end: why it ended, where the safety layer does not know.
+            detail: the same in words.
+            histogram: whether to add one of its times.
+        """
+        if end is EndReason.NONE and self._safety is not None:
+            end, detail = self._safety.end, self._safety.detail
+        if end is EndReason.NONE:
+            end, detail = told_end(*(self._cut_off or self.simulated.own_end))
+        return self._telemetry.result(end, detail, histogram=histogram)
+
+    @property
+    def _cut_off(self) -> tuple[ModeCause, str] | None:
+        """That the scenario has not been run to its end; None when it has."""
+        if self.finished:
+            return None
+        return ModeCause.STOPPED, "not run to the end of the scenario"
+
     def _plant_result(self, tick_ms: Distribution) -> PlantResult:
         """The plant's figures; without a bus, a round trip is the controller's tick."""
         return self.simulated.result(
@@ -281,4 +325,6 @@ class Simulation:
             deadline_misses=0,
             refused=dict(self.gate.refused),
             clipped=dict(self.gate.clipped),
+            gate=self.gate.report(),
+            cut_off=self._cut_off,
         )

@@ -89,8 +89,9 @@ class ServiceCaller:
                 reply = decode(data, kind, joint_count=self._joint_count)
                 if not reply.accepted:
                     raise RequestRefusedError(
-                        f"{key}: refused {request}: {reply.reason}",
-                        reason=reply.reason,
+                        f"{key}: refused {request}: {reply.detail}",
+                        refusal=reply.refusal,
+                        detail=reply.detail,
                     )
                 return reply
             if not self._robot_is_here():

@@ -17,6 +17,7 @@ from surefoot.schemas.messages import (
     SettingsRequest,
     StabilizerReply,
 )
+from surefoot.schemas.reasons import RequestRefusal
 
 REQUESTS_KEPT = 64
 """Requests that may wait; beyond it the oldest are dropped, unanswered."""
@@ -40,16 +41,18 @@ class Asked(NamedTuple):
         *,
         tick: int,
         settings: dict[str, list[float]],
-        refusal: str = "",
+        refusal: RequestRefusal = RequestRefusal.NONE,
+        detail: str = "",
     ) -> None:
         """Send the answer, once.
 
         Args:
             tick: from which on it counts.
             settings: what may change during a run, with values.
-            refusal: why not; empty when it was done.
+            refusal: why not; ``none`` when it was done.
+            detail: the same in words.
         """
-        _reply(self.query, refusal=refusal, tick=tick, settings=settings)
+        _reply(self.query, refusal=refusal, detail=detail, tick=tick, settings=settings)
 
 
 class StabilizerServices:
@@ -83,17 +86,24 @@ class StabilizerServices:
                 data = b"" if payload is None else payload.to_bytes()
                 return Asked(decode(data, kind), query)
             except MessageError as error:
-                _reply(query, refusal=str(error), tick=0, settings={})
+                refusal = RequestRefusal.MALFORMED
+                _reply(query, refusal=refusal, detail=str(error), tick=0, settings={})
         return None
 
 
 def _reply(
-    query: zenoh.Query, *, refusal: str, tick: int, settings: dict[str, list[float]]
+    query: zenoh.Query,
+    *,
+    refusal: RequestRefusal,
+    detail: str,
+    tick: int,
+    settings: dict[str, list[float]],
 ) -> None:
     reply = StabilizerReply(
         schema=SCHEMA_VERSION,
-        accepted=not refusal,
-        reason=refusal,
+        accepted=refusal is RequestRefusal.NONE,
+        refusal=refusal,
+        detail=detail,
         tick=tick,
         settings=settings,
     )

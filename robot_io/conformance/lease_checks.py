@@ -5,6 +5,7 @@ from __future__ import annotations
 from surefoot.robot_io.conformance.check_result import Findings
 from surefoot.robot_io.conformance.probe import Probe
 from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import RequestRefusal
 
 INTRUDER = "someone-else"
 STATUS_RATE_HZ = 50.0
@@ -31,7 +32,7 @@ def check_status(probe: Probe, findings: Findings) -> None:
     findings.need(
         "status.mode",
         status.mode is RobotMode.HOLD,
-        got=f"{status.mode} {status.fault}".strip(),
+        got=f"{status.mode} {status.detail}".strip(),
         expected="hold, before anyone commands; reset a fault first",
     )
     findings.need(
@@ -52,28 +53,28 @@ def check_lease(probe: Probe, findings: Findings) -> None:
     findings.add(
         "lease.needed",
         not without.accepted,
-        got="enabled without a lease" if without.accepted else without.reason,
+        got="enabled without a lease" if without.accepted else without.detail,
         expected="no mode without the lease",
     )
     taken = probe.ask("lease", "take")
     findings.need(
         "lease.take",
         taken.accepted,
-        got=taken.reason or "taken",
+        got=taken.detail or "taken",
         expected="a free lease goes to who asks",
     )
     second = probe.ask("lease", "take", who=INTRUDER)
     findings.add(
         "lease.second",
-        not second.accepted and probe.identity in second.reason,
-        got=second.reason or "a second commander got it, too",
-        expected=f"refused, naming {probe.identity}",
+        second.refusal is RequestRefusal.LEASE,
+        got=second.detail or "a second commander got it, too",
+        expected=f"refused as {RequestRefusal.LEASE}: {probe.identity} holds it",
     )
     mode = probe.ask("mode", "enable", who=INTRUDER)
     findings.add(
         "lease.mode",
         not mode.accepted,
-        got=mode.reason or "someone else enabled the robot",
+        got=mode.detail or "someone else enabled the robot",
         expected="only the holder changes the mode",
     )
     if second.accepted:
@@ -82,9 +83,9 @@ def check_lease(probe: Probe, findings: Findings) -> None:
     unknown = probe.ask("mode", "dance")
     findings.add(
         "mode.unknown",
-        not unknown.accepted,
-        got=unknown.reason or "accepted",
-        expected="a mode that does not exist is refused",
+        unknown.refusal is RequestRefusal.UNKNOWN_ACTION,
+        got=unknown.detail or "accepted",
+        expected=f"refused as {RequestRefusal.UNKNOWN_ACTION}",
     )
 
 
@@ -100,7 +101,7 @@ def check_enabling(probe: Probe, findings: Findings) -> None:
     findings.need(
         "mode.enable",
         enabled.accepted and follows,
-        got=enabled.reason or str(mode),
+        got=enabled.detail or str(mode),
         expected="active, once the holder of the lease asks",
     )
 

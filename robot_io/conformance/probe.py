@@ -16,7 +16,7 @@ from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.requests import ServiceCaller
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.robot_side.mode_machine import Answer
+from surefoot.robot_io.robot_side.mode_machine import DONE, Answer
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
@@ -31,6 +31,7 @@ from surefoot.schemas.messages import (
     RobotStatus,
     ServiceReply,
 )
+from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import ALIVE_STABILIZER, TICK_SENSORS, topic
 
 KEPT = 512
@@ -128,11 +129,11 @@ class Probe:
         try:
             reply = self._services.ask(self.robot.keys[service], request)
         except RequestRefusedError as error:
-            return Answer(accepted=False, reason=error.reason)
+            return Answer(error.refusal, error.detail)
         except (RobotUnreachableError, MessageError) as error:
-            return Answer(accepted=False, reason=f"no valid answer: {error}")
+            return Answer(RequestRefusal.NO_ANSWER, f"no valid answer: {error}")
         self._note(reply)
-        return Answer(accepted=True)
+        return DONE
 
     def start(self) -> Answer:
         """Have the robot follow; from then on it must be streamed to."""

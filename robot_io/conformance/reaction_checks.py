@@ -68,7 +68,7 @@ def check_estop(probe: Probe, findings: Findings) -> None:
     findings.add(
         "estop.reaction",
         stopped.accepted and is_fault and took_s < STOP_S + TOLERANCE_S,
-        got=stopped.reason or _reaction(took_s if is_fault else None, "no fault"),
+        got=stopped.detail or _reaction(took_s if is_fault else None, "no fault"),
         expected=f"fault within {(STOP_S + TOLERANCE_S) * MS_PER_S:g} ms, for anyone",
     )
     again = probe.ask("mode", "enable")
@@ -77,7 +77,7 @@ def check_estop(probe: Probe, findings: Findings) -> None:
     findings.add(
         "estop.latched",
         not again.accepted and mode is RobotMode.FAULT,
-        got=f"{again.reason or 'enabled'}; {mode}",
+        got=f"{again.detail or 'enabled'}; {mode}",
         expected="neither enabling nor commanding leaves the fault",
     )
     _recover(probe, findings, "estop.reset")
@@ -90,7 +90,7 @@ def _enable(probe: Probe, findings: Findings, name: str) -> None:
     findings.need(
         name,
         enabled.accepted and follows,
-        got=enabled.reason or str(mode),
+        got=enabled.detail or str(mode),
         expected="active",
     )
 
@@ -107,7 +107,7 @@ def _recover(probe: Probe, findings: Findings, name: str) -> None:
     findings.need(
         name,
         taken.accepted and answer.accepted and is_held,
-        got=taken.reason or answer.reason or ("hold" if is_held else "no hold"),
+        got=taken.detail or answer.detail or ("hold" if is_held else "no hold"),
         expected="hold again, once the holder of the lease resets",
     )
 

@@ -18,6 +18,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.robot_io.timing import CommandLatency, TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.reasons import ModeCause
 
 _LOG = logging.getLogger(__name__)
 
@@ -80,7 +81,7 @@ def run_driver(
         ready: called once the bus is open.
 
     Returns:
-        Why it ended.
+        Who or what asked it to stop.
 
     Raises:
         EndpointError: cannot listen there.
@@ -114,12 +115,11 @@ def run_driver(
                 server.publish_status(now_s=now_s)
                 tick += 1
                 pacer.wait()
-        reason = f"stopped: {stop.cause}"
         times = latency.log.distribution()
         _LOG.info(
             "%d ticks, %d skipped; sensors to servos %.3f, p99 %.3f, max %.3f ms",
             *(tick, pacer.skipped, times.median, times.p99, times.max),
         )
-        gate.modes.finish(reason)
+        gate.modes.finish(ModeCause.STOPPED, stop.cause)
         server.publish_status(now_s=time.monotonic() - begin_s, at_once=True)
-    return reason
+    return stop.cause

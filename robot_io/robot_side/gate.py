@@ -22,6 +22,8 @@ from surefoot.schemas.messages import (
     RobotMode,
     RobotStatus,
 )
+from surefoot.schemas.reasons import ModeCause
+from surefoot.schemas.result import ModeReport
 
 NEVER = -1
 ROUNDING_S = 1e-9
@@ -152,7 +154,7 @@ class CommandGate:
     as the robot file says.
 
     Attributes:
-        modes: mode, fault, reason and lease.
+        modes: mode, its cause, notices and lease.
         refused: refused commands by reason.
         clipped: clipped commands by limit.
         delay: average age of what the servos follow.
@@ -181,6 +183,7 @@ class CommandGate:
         self._before = self._posture
         self._wanted = self._posture.copy()
         self._allowed = self._posture.copy()
+        self._seen_mode, self._mode_since_s = self.modes.mode, 0.0
         self._sequence = -1
         self._heard_s = 0.0
         self._is_commanded = False
@@ -230,7 +233,11 @@ class CommandGate:
             self._watch_delay(tick)
         lease = self.modes.lease
         if lease.has_expired(now_s=now_s):
-            self.modes.lose(f"{lease.holder} let its lease expire")
+            self.modes.lose(
+                ModeCause.LEASE_EXPIRED, f"{lease.holder} let its lease expire"
+            )
+        if self.mode is not self._seen_mode:
+            self._seen_mode, self._mode_since_s = self.mode, now_s
 
     def accept(
         self, command: JointCommand, *, tick: int, now_s: float
@@ -263,7 +270,7 @@ class CommandGate:
     def refuse(self, refusal: Refusal, detail: str) -> Refusal:
         """Count and tell a refusal, also of a command that could not even be read."""
         self.refused[refusal] += 1
-        self.modes.reason = f"command refused ({refusal}): {detail}"
+        self.modes.notice = f"command refused ({refusal}): {detail}"
         return refusal
 
     def status(
@@ -283,14 +290,25 @@ class CommandGate:
             tick=tick,
             stamp_ns=stamp_ns,
             mode=modes.mode,
-            fault=modes.fault,
-            reason=modes.reason,
+            cause=modes.cause,
+            detail=modes.detail,
+            notice=modes.notice,
             commander=modes.lease.holder,
             command_age_s=now_s - self._heard_s if self._is_commanded else -1.0,
             q_command=self._posture.tolist(),
             refused=dict(self.refused),
             clipped=dict(self.clipped),
             deadline_misses=deadline_misses,
+        )
+
+    def report(self) -> ModeReport:
+        """Return the mode it is in, why, and since when."""
+        modes = self.modes
+        return ModeReport(
+            mode=modes.mode,
+            cause=modes.cause,
+            detail=modes.detail,
+            since_s=self._mode_since_s,
         )
 
     def _why_not_heard(
@@ -351,7 +369,7 @@ class CommandGate:
         self._posture = _fixed((self._wanted if follows_all else self._allowed).copy())
         if clipped:
             done = "followed beyond its limits" if follows_all else "clipped"
-            self.modes.reason = f"command {done}: {self._excess(clipped)}"
+            self.modes.notice = f"command {done}: {self._excess(clipped)}"
 
     def _excess(self, limits: tuple[Limit, ...]) -> str:
         """Return the limits that a command exceeds, and by how much."""
@@ -367,9 +385,12 @@ class CommandGate:
         if self._is_first:
             if silence_s > settings.fault_after_s:
                 self._is_first = False
-                self.modes.hold(f"no command in {silence_s:.3f} s after enabling")
+                self.modes.hold(
+                    ModeCause.NO_FIRST_COMMAND,
+                    f"no command in {silence_s:.3f} s after enabling",
+                )
         elif silence_s > settings.fault_after_s:
-            self.modes.fail(f"no command for {silence_s:.3f} s")
+            self.modes.fail(ModeCause.SILENCE, f"no command for {silence_s:.3f} s")
         elif silence_s > settings.hold_after_s and self.mode is RobotMode.ACTIVE:
             self.modes.hold_for_silence(f"no command for {silence_s:.3f} s")
 
@@ -379,8 +400,9 @@ class CommandGate:
         limit_s = self._settings.max_loop_delay_s
         if limit_s is not None and self.delay.mean_s > limit_s:
             self.modes.fail(
+                ModeCause.LOOP_TOO_SLOW,
                 f"commands answered sensors over {1e3 * limit_s:g} ms old on average: "
-                "the loop is too slow"
+                "the loop is too slow",
             )
 
 

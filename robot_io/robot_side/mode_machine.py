@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import ModeCause, RequestRefusal
 
 
 class Refusal(StrEnum):
@@ -70,15 +71,20 @@ class Answer(NamedTuple):
     """Outcome of a request.
 
     Attributes:
-        accepted: whether it was done.
-        reason: why not; empty when accepted.
+        refusal: why it was not done; ``none`` when it was.
+        detail: the same in words; empty when it was done.
     """
 
-    accepted: bool
-    reason: str = ""
+    refusal: RequestRefusal = RequestRefusal.NONE
+    detail: str = ""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether it was done."""
+        return self.refusal is RequestRefusal.NONE
 
 
-_DONE = Answer(accepted=True)
+DONE = Answer()
 
 
 class Lease:
@@ -136,8 +142,9 @@ class ModeMachine:
 
     Attributes:
         mode: present mode.
-        fault: why it is in FAULT; empty otherwise.
-        reason: why something was last refused, changed or stopped.
+        cause: why it is in this mode; in FAULT the first fault.
+        detail: the same in words.
+        notice: what was last refused or cut to a limit, in words.
         lease: who commands.
         is_silent: in HOLD only because the commander fell silent.
     """
@@ -149,8 +156,8 @@ class ModeMachine:
             lease_s: a commander silent for longer loses the lease [s].
         """
         self.mode = RobotMode.HOLD
-        self.fault = ""
-        self.reason = ""
+        self.cause, self.detail = ModeCause.STARTED, ""
+        self.notice = ""
         self.is_silent = False
         self.lease = Lease(duration_s=lease_s)
 
@@ -165,19 +172,20 @@ class ModeMachine:
         if action == "take":
             return self._take(who, now_s)
         if not self.holds_lease(who):
-            return self._decline(self.why_not(who))
+            return self._decline(RequestRefusal.LEASE, self.why_not(who))
         self.lease.renew(now_s=now_s)
         match action:
             case "release":
-                self.lose(f"released by {who}")
-                return _DONE
+                self.lose(ModeCause.RELEASED, f"released by {who}")
+                return DONE
             case "reset":
                 return self._reset(who)
             case "enable" | "hold" | "disable":
                 return self._change(action, who)
         return self._decline(
+            RequestRefusal.UNKNOWN_ACTION,
             f"got action {action!r}, expected take, release, enable, hold, disable "
-            "or reset"
+            "or reset",
         )
 
     def holds_lease(self, who: str) -> bool:
@@ -192,71 +200,77 @@ class ModeMachine:
 
     def stop(self, source: str) -> Answer:
         """E-stop: FAULT until reset."""
-        self.fail(f"e-stop by {source or 'someone without a name'}")
-        return _DONE
+        who = source or "someone without a name"
+        self.fail(ModeCause.ESTOP, f"e-stop by {who}")
+        return DONE
 
-    def fail(self, fault: str) -> None:
-        """To FAULT; the first fault stays the one that is told."""
+    def fail(self, cause: ModeCause, detail: str) -> None:
+        """Enter FAULT; keep the first cause."""
         if self.mode is not RobotMode.FAULT:
-            self.fault = fault
-        self._set(RobotMode.FAULT, fault)
+            self._set(RobotMode.FAULT, cause, detail)
 
-    def hold(self, reason: str) -> None:
-        """From ACTIVE to HOLD."""
-        is_active = self.mode is RobotMode.ACTIVE
-        self._set(RobotMode.HOLD if is_active else self.mode, reason)
+    def hold(self, cause: ModeCause, detail: str) -> None:
+        """Go from ACTIVE to HOLD; a robot that holds already has one more cause."""
+        if self.mode in (RobotMode.ACTIVE, RobotMode.HOLD):
+            self._set(RobotMode.HOLD, cause, detail)
 
-    def hold_for_silence(self, reason: str) -> None:
-        """From ACTIVE to HOLD, from where the same commander may go on."""
-        self.hold(reason)
+    def hold_for_silence(self, detail: str) -> None:
+        """Go from ACTIVE to HOLD, from where the same commander may go on."""
+        self.hold(ModeCause.SILENCE, detail)
         self.is_silent = True
 
     def go_on(self) -> None:
-        """Back to ACTIVE: the commander is heard again."""
-        self._set(RobotMode.ACTIVE, self.reason)
+        """Go back to ACTIVE: the commander is heard again."""
+        self._set(RobotMode.ACTIVE, ModeCause.HEARD_AGAIN, self.detail)
 
-    def lose(self, reason: str) -> None:
-        """The lease is free again; what moved, holds."""
+    def lose(self, cause: ModeCause, detail: str) -> None:
+        """Free the lease; what moved, holds."""
         self.lease.release()
-        self.hold(reason)
+        self.hold(cause, detail)
 
-    def finish(self, reason: str) -> None:
-        """To OFF, also from HOLD, the lease free; a fault is kept."""
-        self.lose(reason)
+    def finish(self, cause: ModeCause, detail: str) -> None:
+        """Go to OFF, also from HOLD, the lease free; a fault is kept."""
+        self.lease.release()
         if self.mode is not RobotMode.FAULT:
-            self._set(RobotMode.OFF, reason)
+            self._set(RobotMode.OFF, cause, detail)
 
     def _take(self, who: str, now_s: float) -> Answer:
         if not who:
-            return self._decline("a commander needs a name")
+            return self._decline(RequestRefusal.NO_NAME, "a commander needs a name")
         if not self.lease.take(who, now_s=now_s):
-            return self._decline(self.why_not(who))
-        return _DONE
+            return self._decline(RequestRefusal.LEASE, self.why_not(who))
+        return DONE
 
     def _change(self, action: str, who: str) -> Answer:
         if self.mode is RobotMode.FAULT:
-            return self._decline(f"in fault ({self.fault}); reset it first")
-        if action == "enable":
-            if self.mode is RobotMode.OFF:
-                return self._decline("off; ask for hold first")
-            self._set(RobotMode.ACTIVE, "")
-        else:
-            mode = RobotMode.HOLD if action == "hold" else RobotMode.OFF
-            self._set(mode, f"{action} asked for by {who}")
-        return _DONE
+            return self._decline(
+                RequestRefusal.IN_FAULT, f"in fault ({self.detail}); reset it first"
+            )
+        mode = _MODES[action]
+        if mode is RobotMode.ACTIVE and self.mode is RobotMode.OFF:
+            return self._decline(RequestRefusal.IS_OFF, "off; ask for hold first")
+        self._set(mode, ModeCause.REQUESTED, f"{action} asked for by {who}")
+        return DONE
 
     def _reset(self, who: str) -> Answer:
         if self.mode is not RobotMode.FAULT:
-            return self._decline(f"no fault to reset, the robot is {self.mode}")
-        self.fault = ""
-        self._set(RobotMode.HOLD, f"reset by {who}")
-        return _DONE
+            return self._decline(
+                RequestRefusal.NO_FAULT, f"no fault to reset, the robot is {self.mode}"
+            )
+        self._set(RobotMode.HOLD, ModeCause.RESET, f"reset by {who}")
+        return DONE
 
-    def _set(self, mode: RobotMode, reason: str) -> None:
-        self.mode = mode
-        self.reason = reason
+    def _set(self, mode: RobotMode, cause: ModeCause, detail: str) -> None:
+        self.mode, self.cause, self.detail = mode, cause, detail
         self.is_silent = False
 
-    def _decline(self, why: str) -> Answer:
-        self.reason = f"request refused: {why}"
-        return Answer(accepted=False, reason=why)
+    def _decline(self, refusal: RequestRefusal, detail: str) -> Answer:
+        self.notice = f"request refused: {detail}"
+        return Answer(refusal, detail)
+
+
+_MODES = {
+    "enable": RobotMode.ACTIVE,
+    "hold": RobotMode.HOLD,
+    "disable": RobotMode.OFF,
+}

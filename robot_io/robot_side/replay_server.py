@@ -25,6 +25,7 @@ from surefoot.schemas.messages import (
     ServiceReply,
     StabilizerReply,
 )
+from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import (
     ALIVE_ROBOT,
     ALIVE_STABILIZER,
@@ -157,7 +158,8 @@ class ReplayServer:
         return ServiceReply(
             schema=SCHEMA_VERSION,
             accepted=False,
-            reason=REFUSAL,
+            refusal=RequestRefusal.RECORDED,
+            detail=REFUSAL,
             mode=RobotMode.HOLD if status is None else status.mode,
             commander="" if status is None else status.commander,
             q_command=(
@@ -171,7 +173,8 @@ class ReplayServer:
         return StabilizerReply(
             schema=SCHEMA_VERSION,
             accepted=False,
-            reason=REFUSAL,
+            refusal=RequestRefusal.RECORDED,
+            detail=REFUSAL,
             tick=0 if status is None else status.tick,
             settings={},
         )

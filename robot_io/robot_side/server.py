@@ -21,6 +21,7 @@ from surefoot.robot_io.snapshot import Snapshot, sensor_messages
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import PushRequest, RobotMode, Truth
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_ROBOT, TICK_SENSORS
 
 COMMANDS_KEPT = 256
@@ -82,7 +83,7 @@ class RobotServer:
         self._stack = ExitStack()
         self._tick = 0
         self._status_due_s = 0.0
-        self._told: tuple[RobotMode, str, str] | None = None
+        self._told: tuple[RobotMode, ModeCause, str] | None = None
         self.deadline_misses = 0
 
     def __enter__(self) -> Self:
@@ -199,7 +200,7 @@ class RobotServer:
             at_once: without waiting for either.
         """
         modes = self._gate.modes
-        tell = (modes.mode, modes.fault, modes.lease.holder)
+        tell = (modes.mode, modes.cause, modes.lease.holder)
         clock_s = time.monotonic()
         if tell == self._told and clock_s < self._status_due_s and not at_once:
             return

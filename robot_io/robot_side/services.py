@@ -24,6 +24,7 @@ from surefoot.schemas.messages import (
     PushRequest,
     ServiceReply,
 )
+from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.topics import ALIVE_STABILIZER
 
 MODE_ACTIONS = ("enable", "hold", "disable", "reset")
@@ -98,7 +99,7 @@ class RobotServices:
         while self._gone:
             who = self._gone.popleft()
             if self._gate.modes.holds_lease(who):
-                self._gate.modes.lose(f"{who} is gone")
+                self._gate.modes.lose(ModeCause.COMMANDER_GONE, f"{who} is gone")
         while self._asked:
             asked = self._asked.popleft()
             with asked.query as query:
@@ -129,7 +130,7 @@ class RobotServices:
         try:
             asked = decode(data, ModeRequest)
         except MessageError as error:
-            return Answer(accepted=False, reason=str(error))
+            return Answer(RequestRefusal.MALFORMED, str(error))
         if asked.action not in MODE_ACTIONS:
             return _unknown(asked.action, MODE_ACTIONS)
         return self._gate.request(asked.action, asked.commander, now_s=now_s)
@@ -138,7 +139,7 @@ class RobotServices:
         try:
             asked = decode(data, LeaseRequest)
         except MessageError as error:
-            return Answer(accepted=False, reason=str(error))
+            return Answer(RequestRefusal.MALFORMED, str(error))
         if asked.action not in LEASE_ACTIONS:
             return _unknown(asked.action, LEASE_ACTIONS)
         return self._gate.request(asked.action, asked.commander, now_s=now_s)
@@ -155,18 +156,19 @@ class RobotServices:
     def _answer_push(self, data: bytes, now_s: float) -> Answer:
         del now_s
         if self._push is None:
-            return Answer(accepted=False, reason="this robot is not simulated")
+            return Answer(RequestRefusal.NOT_SUPPORTED, "this robot is not simulated")
         try:
             return self._push(decode(data, PushRequest))
         except MessageError as error:
-            return Answer(accepted=False, reason=str(error))
+            return Answer(RequestRefusal.MALFORMED, str(error))
 
     def _reply(self, query: zenoh.Query, answer: Answer) -> None:
         modes = self._gate.modes
         reply = ServiceReply(
             schema=SCHEMA_VERSION,
             accepted=answer.accepted,
-            reason=answer.reason,
+            refusal=answer.refusal,
+            detail=answer.detail,
             mode=modes.mode,
             commander=modes.lease.holder,
             q_command=self._gate.posture.tolist(),
@@ -177,5 +179,6 @@ class RobotServices:
 
 def _unknown(action: str, known: tuple[str, ...]) -> Answer:
     return Answer(
-        accepted=False, reason=f"got action {action!r}, expected {', '.join(known)}"
+        RequestRefusal.UNKNOWN_ACTION,
+        f"got action {action!r}, expected {', '.join(known)}",
     )

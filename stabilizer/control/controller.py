@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
@@ -64,14 +65,18 @@ class ControllerOutput:
 
 
 class Controller(Protocol):
-    """Pure control law: no clock, no I/O, deterministic."""
+    """Pure control law: no clock, no I/O, deterministic.
+
+    An object is started once. Whoever has to begin anew makes another one, so that
+    nothing of the last start is left in it.
+    """
 
     name: str
     failure: QpData | None
     """The first QP that could not be solved, if any."""
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
-        """Begin on a robot that stands still.
+        """Begin on a robot that stands still; called once, before any step.
 
         Args:
             snapshot: first reading of all sensors.
@@ -87,6 +92,10 @@ class Controller(Protocol):
             snapshot: reading of all sensors.
             reference: newest word of a planner, if any.
         """
+
+
+ControllerFactory = Callable[[ControllerSettings], Controller]
+"""Makes a fresh controller with the settings that count now."""
 
 
 @runtime_checkable

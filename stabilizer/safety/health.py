@@ -18,6 +18,7 @@ from scipy.linalg.blas import idamax
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, readings
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.reasons import SensorTrouble, plain
 from surefoot.schemas.sensors import SENSORS, Loss, Reach, ankle_sensor
 from surefoot.schemas.settings import SafetySettings
 
@@ -25,7 +26,6 @@ FRESH: Ages = (0,) * len(SENSORS)
 REQUIRED = tuple(i for i, entry in enumerate(SENSORS) if entry.loss is Loss.HOLD)
 """Sensors, by their place in the table, without which nothing works."""
 LEFT_FT, RIGHT_FT = (SENSORS.index(ankle_sensor(side)) for side in ("left", "right"))
-JUMP, OVERLOAD = "jumped", "overloaded"
 ATTITUDE_NORM: Final = (0.9, 1.1)
 """Square of an attitude's norm; beyond it, it is no attitude."""
 UNLIMITED: Final = 1e200
@@ -143,7 +143,7 @@ class SensorHealth:
     against their limits at once; only a doubt looks at each sensor.
 
     Attributes:
-        lost: per sensor, in the order of the sensor table, why it is lost; empty for
+        lost: per sensor, in the order of the sensor table, why it is lost; None for
             a sensor that is believed.
         overload_ticks: for how many ticks the left and the right foot have been
             reporting a force that lasts only if it is false.
@@ -156,7 +156,7 @@ class SensorHealth:
             robot: joint ranges and the tick's length.
             settings: limits and times.
         """
-        self.lost = [""] * len(SENSORS)
+        self.lost: list[SensorTrouble | None] = [None] * len(SENSORS)
         self.overload_ticks = (0, 0)
         self._bridge = round(settings.bridge_s / robot.period_s)
         self._frozen_after = round(settings.frozen_after_s / robot.period_s)
@@ -176,6 +176,16 @@ class SensorHealth:
     def all_believed(self) -> bool:
         """Whether no sensor is lost."""
         return not any(self.lost)
+
+    @property
+    def losses(self) -> dict[str, SensorTrouble]:
+        """Lost sensors by channel, and why."""
+        pairs = zip(SENSORS, self.lost, strict=True)
+        return {entry.name: why for entry, why in pairs if why is not None}
+
+    def in_words(self) -> str:
+        """Lost sensors for people: ``imu missing``; empty when there are none."""
+        return ", ".join(f"{name} {plain(why)}" for name, why in self.losses.items())
 
     def check(
         self, snapshot: Snapshot, ages: Ages, *, moves: Callable[[], bool]
@@ -258,7 +268,7 @@ class SensorHealth:
         else:
             self._overloaded[index] = 0
 
-    def _judge(self, index: int, trouble: str) -> None:
+    def _judge(self, index: int, trouble: SensorTrouble | None) -> None:
         """From trouble to loss and back."""
         if trouble:
             self._troubled[index] += 1
@@ -274,23 +284,25 @@ class SensorHealth:
         if self.lost[index]:
             self._well[index] += 1
             if self._well[index] > self._recover:
-                self.lost[index] = ""
+                self.lost[index] = None
 
-    def _trouble(self, index: int, snapshot: Snapshot, age: int) -> str:
-        """What is wrong with a sensor now; empty when nothing is."""
-        name = SENSORS[index].name
+    def _trouble(
+        self, index: int, snapshot: Snapshot, age: int
+    ) -> SensorTrouble | None:
+        """What is wrong with a sensor now; None when nothing is."""
         if age > 0:
-            return f"{name} missing"
+            return SensorTrouble.MISSING
         values = [getattr(snapshot, field) for field in SENSORS[index].fields]
         if not all(np.isfinite(array).all() for array in values):
-            return f"{name} not a number"
+            return SensorTrouble.NOT_A_NUMBER
         if self._limits.is_beyond(index):
-            return f"{name} beyond its range"
+            return SensorTrouble.OUT_OF_RANGE
         if self._repeats[index] >= self._frozen_after:
-            return f"{name} frozen"
+            return SensorTrouble.FROZEN
         if self._overloaded[index] > self._overload_after:
-            return f"{name} {OVERLOAD}"
-        was_jump = self.lost[index].endswith(JUMP)
-        if (was_jump or not self.lost[index]) and self._limits.has_jumped(index):
-            return f"{name} {JUMP}"
-        return ""
+            return SensorTrouble.OVERLOADED
+        # A sensor that was lost otherwise may come back with any value.
+        is_compared = self.lost[index] in (None, SensorTrouble.JUMPED)
+        if is_compared and self._limits.has_jumped(index):
+            return SensorTrouble.JUMPED
+        return None

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from enum import StrEnum
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -17,35 +16,15 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Ages, Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
+from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import Controller, ControllerOutput
 from surefoot.stabilizer.safety.health import (
     LEFT_FT,
-    OVERLOAD,
     REQUIRED,
     RIGHT_FT,
     SensorHealth,
 )
-
-FELL = "fell"
-HELD = "held"
-"""How the reason of an end begins."""
-
-
-class SafetyState(StrEnum):
-    """What the stabilizer is doing."""
-
-    ACTIVE = "active"
-    """Everything is believed."""
-    DEGRADED = "degraded"
-    """A sensor is lost that can be done without: of an ankle, the force terms are off.
-    """
-    STOPPING = "stopping"
-    """The last motion fades out."""
-    LEAVING = "leaving"
-    """Asked to end: the controller balances on, with less and less motion."""
-    HELD = "held"
-    """The command stands still: ask the robot to hold."""
 
 
 @runtime_checkable
@@ -72,12 +51,15 @@ class Degradable(Protocol):
 
 
 class Safety:
-    """A controller, watched.
+    """A controller, watched, for one start of it.
 
     Attributes:
         controller: what answers while all is well.
-        state: what the stabilizer is doing.
-        reason: why it is not active; empty when it is.
+        state: what the stabilizer is doing: active, degraded, soft_stop, fade_out or
+            held.
+        end: why it gives up or was asked to end; ``none`` while it goes on.
+        detail: why it is not active, in words; empty when it is.
+        losses: sensors lost since the start, by channel, and why at first.
     """
 
     def __init__(
@@ -85,8 +67,10 @@ class Safety:
     ) -> None:
         """Watch a controller that has not been started."""
         self.controller = controller
-        self.state = SafetyState.ACTIVE
-        self.reason = ""
+        self.state = StabilizerState.ACTIVE
+        self.end = EndReason.NONE
+        self.detail = ""
+        self.losses: dict[str, SensorTrouble] = {}
         self._settings = settings
         self._health = SensorHealth(robot, settings)
         self._least_upright = math.cos(settings.tilt_limit_rad)
@@ -107,20 +91,18 @@ class Safety:
         self._return_to: Array | None = None
 
     @property
-    def has_fallen(self) -> bool:
-        """Whether it gave up because the robot fell."""
-        return self.reason.startswith(FELL)
+    def lost_sensors(self) -> dict[str, SensorTrouble]:
+        """Sensors that are not believed, by channel, and why."""
+        return self._health.losses
 
     @property
     def is_done(self) -> bool:
         """Whether the command stands still for good."""
-        return self.state is SafetyState.HELD
+        return self.state is StabilizerState.HELD
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begin on a robot that stands still; see :meth:`Controller.start`."""
         self.controller.start(snapshot, q_command)
-        if isinstance(self.controller, Degradable):
-            self.controller.degrade(self._degraded)
         self._up = _up_in_unit(snapshot)
         self._command = self._before = q_command.copy()
 
@@ -141,36 +123,46 @@ class Safety:
         believed = self._health.check(snapshot, ages, moves=self._moves)
         if 1 in self._health.overload_ticks:
             self._remember()
-        is_degraded = any(self._degraded) or self.state is SafetyState.DEGRADED
+        is_degraded = any(self._degraded) or self.state is StabilizerState.DEGRADED
         if not self._health.all_believed or is_degraded:
             self._react_to_losses()
         self._look_for_fall(believed)
         if self._gives_up():
             return self._fade_out()
         output = self.controller.step(believed, reference)
-        if self.state is SafetyState.LEAVING:
+        if self.state is StabilizerState.SOFT_STOP:
             output = self._soft_stopped(output)
         self._before, self._command = self._command, output.q_command
         self._output = output
         return output
 
-    def leave(self, reason: str) -> None:
+    def request_soft_stop(self, detail: str) -> None:
         """Have the robot come to rest in balance; the command then stand still.
 
         A sensor lost or a fall meanwhile end it as ever.
+
+        Args:
+            detail: who asked, in words.
         """
         if self._gives_up():
             return
-        self.state, self.reason = SafetyState.LEAVING, reason
+        self.state = StabilizerState.SOFT_STOP
+        self.end, self.detail = EndReason.STOPPED, detail
         self._asked = self._command.copy()
 
-    def stop(self, reason: str) -> None:
-        """Have the command fade out; the first reason stays."""
+    def abort(self, end: EndReason, detail: str) -> None:
+        """Have the command fade out; the first reason stays.
+
+        Args:
+            end: why.
+            detail: the same in words.
+        """
         if not self._gives_up():
-            self.state, self.reason = SafetyState.STOPPING, reason
+            self.state = StabilizerState.FADE_OUT
+            self.end, self.detail = end, detail
 
     def _gives_up(self) -> bool:
-        return self.state in (SafetyState.STOPPING, SafetyState.HELD)
+        return self.state in (StabilizerState.FADE_OUT, StabilizerState.HELD)
 
     def _moves(self) -> bool:
         """Whether the last command differs from the one before it."""
@@ -178,19 +170,19 @@ class Safety:
 
     def _react_to_losses(self) -> None:
         """What lost sensors lead to."""
-        lost = self._health.lost
-        for index in REQUIRED:
-            if lost[index]:
-                self.stop(f"{HELD}: {lost[index]}")
-                return
-        feet = (bool(lost[LEFT_FT]), bool(lost[RIGHT_FT]))
+        health = self._health
+        self.losses = {**health.losses, **self.losses}
+        if any(health.lost[index] for index in REQUIRED):
+            self.abort(EndReason.SENSOR_LOST, health.in_words())
+            return
+        feet = (bool(health.lost[LEFT_FT]), bool(health.lost[RIGHT_FT]))
         if feet != self._degraded and not self._do_without(feet):
             return
-        if self.state is SafetyState.LEAVING:
+        if self.state is StabilizerState.SOFT_STOP:
             return
-        what = ", ".join(filter(None, lost))
-        self.state = SafetyState.DEGRADED if what else SafetyState.ACTIVE
-        self.reason = what
+        self.detail = health.in_words()
+        is_degraded = not health.all_believed
+        self.state = StabilizerState.DEGRADED if is_degraded else StabilizerState.ACTIVE
 
     def _do_without(self, feet: tuple[bool, bool]) -> bool:
         """Have the controller leave out the ankle sensors that are lost.
@@ -202,12 +194,11 @@ class Safety:
         policy = settings.both_ft_lost if all(feet) else settings.ft_lost
         controller = self.controller
         overloaded = (
-            feet[0] and not self._degraded[0] and lost[LEFT_FT].endswith(OVERLOAD),
-            feet[1] and not self._degraded[1] and lost[RIGHT_FT].endswith(OVERLOAD),
+            not self._degraded[0] and lost[LEFT_FT] is SensorTrouble.OVERLOADED,
+            not self._degraded[1] and lost[RIGHT_FT] is SensorTrouble.OVERLOADED,
         )
         if any(feet) and (policy == "hold" or not isinstance(controller, Degradable)):
-            what = ", ".join(filter(None, lost))
-            self.stop(f"{HELD}: {what}")
+            self.abort(EndReason.SENSOR_LOST, self._health.in_words())
             if any(overloaded):
                 self._return_to, _ = self._command_before_overload(overloaded)
             return False
@@ -241,7 +232,7 @@ class Safety:
         upright = x * up_x + y * up_y + z * up_z
         if upright < self._least_upright:
             angle = math.degrees(math.acos(max(upright, -1.0)))
-            self.stop(f"{FELL}: leans by {angle:.0f} deg")
+            self.abort(EndReason.FELL, f"leans by {angle:.0f} deg")
         load = snapshot.ft_left.item(2) + snapshot.ft_right.item(2)
         if load > self._settings.unloaded_n or any(self._degraded):
             self._unloaded = 0
@@ -249,14 +240,14 @@ class Safety:
         self._unloaded += 1
         if self._unloaded > self._unloaded_limit:
             seconds = self._settings.unloaded_after_s
-            self.stop(f"{FELL}: the feet carry nothing for {seconds:g} s")
+            self.abort(EndReason.FELL, f"the feet carry nothing for {seconds:g} s")
 
     def _soft_stopped(self, output: ControllerOutput) -> ControllerOutput:
         """The controller's motion of this tick, less of it from tick to tick."""
         self._left += 1
         share = max(0.0, 1.0 - self._left / max(1, self._leave_ticks))
         if share == 0.0:
-            self.state = SafetyState.HELD
+            self.state = StabilizerState.HELD
         asked = output.q_command.copy()
         motion = asked - (asked if self._asked is None else self._asked)
         self._asked = asked
@@ -276,7 +267,7 @@ class Safety:
         self._fade += 1
         share = max(0.0, 1.0 - self._fade / self._fade_ticks)
         if share == 0.0:
-            self.state = SafetyState.HELD
+            self.state = StabilizerState.HELD
         self._command = self._command + share * self._motion
         before = self._output
         if before is None:

@@ -115,9 +115,8 @@ def recompute(
         first_tick=commands[0].tick,
         last_tick=commands[-1].tick,
     )
-    law = make_controller(controller, inputs.robot, inputs.settings)
-    safety = Safety(law, inputs.robot, inputs.settings.safety)
-    gains = _Gains(law, inputs)
+    gains = _Gains(inputs)
+    safety: Safety | None = None
     references = _References(inputs.references)
     for index, command in enumerate(commands):
         reading = sensors.at(command.tick)
@@ -128,7 +127,11 @@ def recompute(
             gains.resume(command.tick)
         gains.advance(command.tick)
         if start is not None:
+            law = make_controller(controller, inputs.robot, gains.settings)
+            gains.serve_controller(law)
+            safety = Safety(law, inputs.robot, inputs.settings.safety)
             safety.start(reading.snapshot, np.array(start.q_held))
+        assert safety is not None  # index 0 starts one
         output = safety.step(
             reading.snapshot, reading.ages, references.at(reading.snapshot.stamp_ns)
         )
@@ -162,10 +165,19 @@ def _compare(
 class _Gains:
     """Leads the controller through the recorded changes of settings."""
 
-    def __init__(self, law: Controller, inputs: Inputs) -> None:
-        self._tunable = law if isinstance(law, Tunable) else None
+    def __init__(self, inputs: Inputs) -> None:
+        self._tunable: Tunable | None = None
         self._ramp = SettingsRamp(inputs.settings, period_s=inputs.robot.period_s)
         self._changes = list(inputs.changes)
+
+    @property
+    def settings(self) -> ControllerSettings:
+        """As they are now."""
+        return self._ramp.settings
+
+    def serve_controller(self, law: Controller) -> None:
+        """Give new gains to this one from now on, if it can take any."""
+        self._tunable = law if isinstance(law, Tunable) else None
 
     def advance(self, tick: int) -> None:
         """Move the settings as the stabilizer does before it answers a tick."""

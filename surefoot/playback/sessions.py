@@ -8,9 +8,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from surefoot.schemas.messages import JointCommand, RobotMode, RobotStatus
-
-HOLD_ASKED = "hold asked for by"
-"""How a robot begins to say that its commander had it hold."""
+from surefoot.schemas.reasons import ModeCause
 
 
 class Start(NamedTuple):
@@ -104,7 +102,7 @@ def find_starts(statuses: Iterable[RobotStatus]) -> list[Start]:
                 )
             was_held = False
             continue
-        is_asked = status.reason.startswith(HOLD_ASKED)
+        is_asked = status.mode is RobotMode.HOLD and status.cause is ModeCause.REQUESTED
         if not was_held or (is_asked and not was_asked):
             held_tick = status.tick
         was_held, was_asked = True, is_asked

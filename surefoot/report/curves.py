@@ -11,13 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from surefoot.report.run_data import BusColumns, RunData
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.reasons import StabilizerState
 from surefoot.sim_robot.metrics import CONTACT_LOST_N
 from surefoot.view.robot_shape import RobotShape
 
 AXES = ("x", "y", "z")
 TURNS = ("roll", "pitch", "yaw")
 MODES = ("off", "hold", "active", "fault")
-STATES = ("held", "stopping", "hold", "degraded", "active")
+STATES = tuple(reversed(StabilizerState))
 CONTACT = ("no", "yes")
 MM_PER_M = 1e3
 STILL = 1e-6

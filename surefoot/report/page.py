@@ -15,7 +15,7 @@ from surefoot.report.curves import BUCKETS, signals
 from surefoot.report.panels import RUN_COLOURS, marks_of, panel_groups
 from surefoot.report.run_data import RunData
 from surefoot.report.scene_page import frame_rows, scene_page
-from surefoot.report.tables import figure_rows, outcome, setting_rows
+from surefoot.report.tables import figure_rows, sentence, setting_rows
 from surefoot.report.video import draw_animation, draw_video
 from surefoot.run_folder import RunDirectory
 from surefoot.view.robot_shape import RobotShape
@@ -137,8 +137,8 @@ def _head(run: RunData) -> dict[str, Any]:
     gap = _NO_RECORD if heard is None else _CUT_OFF if heard.is_cut_off else ""
     return {
         "label": run.label,
-        "outcome": outcome(result),
-        "fell": result.fell,
+        "outcome": sentence(result),
+        "is_up": result.outcome.is_up,
         "scenario": result.scenario,
         "controller": result.controller,
         "robot": result.robot,

@@ -7,11 +7,14 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from surefoot.outcome import Judgement
 from surefoot.report.run_data import RunData
+from surefoot.schemas.reasons import in_words
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.settings import build_settings
 
 NO_SETTING = "-"
+NO_FIGURE = "none"
 
 
 class Cell(NamedTuple):
@@ -55,14 +58,18 @@ class _Figure(NamedTuple):
     name: str
     unit: str
     decimals: int
-    value: Callable[[RunResult], float]
+    value: Callable[[RunResult], float | None]
 
 
 def _parts(
     name: str, unit: str, field: str, parts: tuple[str, ...], *, decimals: int = 1
 ) -> list[_Figure]:
-    def value_of(index: int) -> Callable[[RunResult], float]:
-        return lambda result: float(getattr(result, field)[index])
+    def value_of(index: int) -> Callable[[RunResult], float | None]:
+        def value(result: RunResult) -> float | None:
+            values = getattr(result, field)
+            return None if values is None else float(values[index])
+
+        return value
 
     return [
         _Figure(f"{name} {part}", unit, decimals, value_of(index))
@@ -101,19 +108,17 @@ _FIGURES = [
     _Figure("ticks without a sensor", "", 0, lambda result: result.degraded_ticks),
 ]
 _WORDS: list[tuple[str, Callable[[RunResult], str]]] = [
-    ("robot", lambda result: outcome(result)),
-    ("stabilizer", lambda result: result.reason),
+    ("outcome", lambda result: sentence(result)),
+    ("stabilizer", lambda result: in_words(result.end, result.end_detail)),
     ("commands refused", lambda result: _counts(result.refused)),
     ("commands clipped", lambda result: _counts(result.clipped)),
     ("log_sha256", lambda result: result.log_sha256[:16]),
 ]
 
 
-def outcome(result: RunResult) -> str:
-    """Whether the robot stood."""
-    if result.fell:
-        return f"fell at {result.fell_at_s:.2f} s"
-    return f"stood {result.duration_s:g} s"
+def sentence(result: RunResult) -> str:
+    """How a run went, when and why."""
+    return Judgement(result.outcome, result.outcome_detail).sentence
 
 
 def figure_rows(results: list[RunResult]) -> list[Row]:
@@ -153,9 +158,14 @@ def setting_rows(runs: list[RunData]) -> list[SettingRow]:
 
 def _cells(figure: _Figure, results: list[RunResult]) -> list[Cell]:
     values = [figure.value(result) for result in results]
+    first = values[0]
     cells = []
     for value in values:
-        change = f"{value - values[0]:+.{figure.decimals}f}"
+        if value is None or first is None:
+            said = NO_FIGURE if value is None else f"{value:.{figure.decimals}f}"
+            cells.append(Cell(said, ""))
+            continue
+        change = f"{value - first:+.{figure.decimals}f}"
         is_same = float(change) == 0.0
         cells.append(Cell(f"{value:.{figure.decimals}f}", "" if is_same else change))
     return cells

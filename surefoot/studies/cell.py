@@ -16,6 +16,8 @@ from surefoot.stabilizer.factory import controller_names, find_controller
 
 Row = dict[str, Any]
 FIGURES = (
+    "outcome",
+    "outcome_detail",
     "fell",
     "fell_at_s",
     "duration_s",
@@ -147,26 +149,31 @@ def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
     """Return the run's plan, as ``surefoot run --inline`` would make it.
 
     Raises:
-        FileFormatError: a value does not fit the scenario.
+        FileFormatError: a value does not fit the scenario, or settings contradict
+            each other, the robot or the scenario.
     """
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_plan import RunPlan
     from surefoot.schemas.scenario import load_scenario
     from surefoot.schemas.scenario_paths import override_scenario
     from surefoot.sim_robot.catalogue import find_scenario
+    from surefoot.stabilizer.settings_check import check_settings
 
     group = cell.group
     path = find_scenario(group.scenario)
     variant = find_variant(group.variant)
     scenario = override_scenario(load_scenario(path), dict(group.values))
+    model = load_robot(robot, servo_profile=group.servo_profile)
+    settings = variant.resolve(group.servo_profile, extra=overrides)
+    check_settings(settings, model, duration_s=scenario.duration_s)
     return RunPlan(
         scenario=scenario,
         scenario_name=path.stem,
         scenario_path=path,
-        robot=load_robot(robot, servo_profile=group.servo_profile),
+        robot=model,
         robot_name=robot,
         controller=variant.controller,
-        settings=variant.resolve(group.servo_profile, extra=overrides),
+        settings=settings,
         seed=cell.seed,
         mode="inline",
     )

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import Group, Row, group_of
 
 CONFIDENCE = 0.95
@@ -103,7 +104,7 @@ def summarise(rows: Iterable[Row]) -> dict[Group, GroupSummary]:
 
 
 def _summary(rows: list[Row]) -> GroupSummary:
-    standing = [row for row in rows if not row["fell"]]
+    standing = [row for row in rows if Outcome(row["outcome"]).is_up]
     low, high = success_interval(len(standing), len(rows))
     if not standing:
         return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
@@ -122,9 +123,15 @@ def _summary(rows: list[Row]) -> GroupSummary:
         com_max_mm=_over(standing, "com_error_max_mm", max),
         tilt_max_deg=max(row["base_tilt_max_deg"] for row in standing),
         force_deviation_n=_mean(deviations) if deviations else None,
-        force_peak_n=max(max(row["force_peak_n"]) for row in standing),
+        force_peak_n=_largest(standing, "force_peak_n"),
         contact_gap_s=max(max(row["contact_gap_s"]) for row in standing),
     )
+
+
+def _largest(rows: list[Row], name: str) -> float | None:
+    """Largest of both feet over runs; those that ended before any counted left out."""
+    values = [max(row[name]) for row in rows if row[name] is not None]
+    return max(values, default=None)
 
 
 def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:

@@ -70,7 +70,7 @@ class Asker:
         try:
             request(requests)
         except RequestRefusedError as error:
-            self._note(f"{what}: refused, {error.reason}")
+            self._note(f"{what}: refused, {error.detail}")
         except (RobotIoError, SchemaError) as error:
             self._note(f"{what}: {error}")
         else:

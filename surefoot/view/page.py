@@ -23,6 +23,7 @@ from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import StabilizerState, plain
 from surefoot.view.controls import Asker, GainSliders, add_controls, add_push
 from surefoot.view.plots import PLOTS, RollingPlot
 from surefoot.view.robot_shape import RobotShape
@@ -69,22 +70,22 @@ def verdict(
     if not robot_is_here:
         if status is None:
             return Headline("waiting", GREY, f"for a robot at {where}")
-        detail = status.reason or "its process has ended"
+        detail = status.detail or "its process has ended"
         return Headline("robot gone", GREY, f"last word: {detail}")
     if status is None:
         return Headline("waiting", GREY, "the robot has not said anything yet")
     if status.mode is RobotMode.FAULT:
         return Headline(
-            "FAULT", RED, f"{status.fault}; the posture is kept until reset"
+            "FAULT", RED, f"{status.detail}; the posture is kept until reset"
         )
     if status.mode is RobotMode.OFF:
-        return Headline("off", GREY, status.reason or "follows nobody")
+        return Headline("off", GREY, status.detail or "follows nobody")
     if status.mode is RobotMode.HOLD:
-        return Headline("HOLD", AMBER, status.reason or "keeps its posture")
+        return Headline("HOLD", AMBER, status.detail or "keeps its posture")
     if not stabilizer_is_here:
         return Headline("no stabilizer", RED, "nobody answers the robot's ticks")
-    if stabilizer is not None and stabilizer.state != "active":
-        return Headline(stabilizer.state, AMBER, stabilizer.reason)
+    if stabilizer is not None and stabilizer.state is not StabilizerState.ACTIVE:
+        return Headline(plain(stabilizer.state), AMBER, stabilizer.detail)
     lost = _feet_in_the_air(sight)
     if lost:
         return Headline("balancing", AMBER, f"{lost} without contact")
@@ -104,8 +105,8 @@ def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> s
     if status is not None:
         rows.append(("time", f"{status.tick * period_s:.1f} s"))
         rows.append(("commander", status.commander or "nobody"))
-        if status.reason and status.reason not in words.detail:
-            rows.append(("robot says", status.reason))
+        if status.notice:
+            rows.append(("robot says", status.notice))
         rows.append(("refused", _counts(status.refused)))
         rows.append(("clipped", _counts(status.clipped)))
         rows.append(("missed ticks", str(status.deadline_misses)))

@@ -22,6 +22,7 @@ from surefoot.robot_io.bus.inbox import Latest
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult
 from surefoot.schemas.topics import topic
 from tests.browser.pictures import coloured_pixels, pixels_changed
@@ -184,7 +185,8 @@ def test_the_e_stop_stops_the_robot(open_page: Any, visit: Visit) -> None:
     # Both stamps are of this host's one monotonic clock; the robot tells a change of
     # mode at once, the ones after it carry later stamps.
     assert 0 < stopped.stamp_ns - int(pressed[1]) < STOP_NS
-    assert stopped.fault == "e-stop by live-page"
+    assert stopped.cause is ModeCause.ESTOP
+    assert stopped.detail == "e-stop by live-page"
     open_page.get_by_text("FAULT", exact=True).wait_for()
 
 

@@ -33,12 +33,14 @@ def test_a_run_in_which_the_robot_falls(
     done = surefoot("run", huge_push, mode, "--json")
     assert done.returncode == FELL, done.stderr
     result = json.loads(done.stdout)
+    assert (result["outcome"], result["end"]) == ("fell", "fell")
+    assert f"at {result['fell_at_s']:.2f} s: " in result["outcome_detail"]
     assert result["fell"]
     assert result["fell_at_s"] > 0.5
 
 
 @pytest.mark.parametrize(
-    ("tilt_limit_rad", "reason"), [(3.0, "run over: fell at"), (0.3, "fell: leans by")]
+    ("tilt_limit_rad", "reason"), [(3.0, "fell: at "), (0.3, "fell: leans by")]
 )
 def test_a_stabilizer_whose_robot_falls(
     start: Start, huge_push: Path, tmp_path: Path, tilt_limit_rad: float, reason: str

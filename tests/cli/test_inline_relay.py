@@ -13,6 +13,7 @@ from surefoot.run_plan import RunPlan, make_plan
 from surefoot.run_result import Sides
 from surefoot.runs import run_inline
 from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import EndReason, ModeCause, SensorTrouble
 from surefoot.schemas.relay_plan import (
     RelayPlan,
     load_relay_plan,
@@ -88,9 +89,9 @@ def test_a_short_cut_of_commands_is_held_and_gone_on_from(
     loop.run(make_controller(plan.controller, plan.robot, plan.settings))
     modes = [mode for _, mode, _ in loop.modes]
     assert modes == [RobotMode.ACTIVE, RobotMode.HOLD, RobotMode.ACTIVE]
-    began_s, _, reason = loop.modes[1]
+    began_s, _, cause = loop.modes[1]
     assert 0.1 < began_s < 0.13
-    assert reason.startswith("no command for 0.02")
+    assert cause is ModeCause.SILENCE
 
 
 def test_a_lasting_cut_ends_in_fault_and_says_so(
@@ -106,8 +107,9 @@ def test_a_lasting_cut_ends_in_fault_and_says_so(
         *("run", scenario, "--inline", "--relay", plan, "--controller", "hold")
     )
     assert done.returncode == 1, done.stderr
-    assert "stood 1.3 s" in done.stdout
-    assert "the robot is in fault: no command for 1.0" in done.stdout
+    assert "stood" not in done.stdout
+    lines = [line for line in done.stdout.splitlines() if "outcome" in line]
+    assert "fault since 1.10 s: silence: no command for 1.0" in lines[0]
     assert "relay, cut" in done.stdout
 
 
@@ -117,7 +119,9 @@ def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(
     scenario = tmp_path / "s.toml"
     scenario.write_text('name = "x"\nduration_s = 0.4\n')
     done = relayed(run_plan(scenario), cut(["imu"], 3600.0))
-    assert done.controller.reason == "held: imu missing"
+    assert done.controller.end is EndReason.SENSOR_LOST
+    assert done.controller.lost_sensors == {"imu": SensorTrouble.MISSING}
+    assert done.plant.gate.mode is RobotMode.HOLD
     assert not done.plant.fell
 
 
@@ -133,14 +137,13 @@ def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(
     """No single command is too old, and there is one in every tick."""
     plan = run_plan(Path("moving-platform-fast"))
     done = relayed(plan, late_commands(6.0))
-    assert done.controller.reason.startswith(
-        "the robot is in fault: commands answered sensors over 4.5 ms old on average"
-    )
+    assert done.controller.end is EndReason.ROBOT_FAULT
+    assert done.plant.gate.cause is ModeCause.LOOP_TOO_SLOW
     assert done.plant.refused.get("late", 0) == 0
 
 
 def test_a_loop_slower_by_3_ms_balances(short_scenario: Path, tmp_path: Path) -> None:
     plan = run_plan(short_scenario)
     done = relayed(plan, late_commands(3.0))
-    assert done.controller.reason == "run over"
+    assert done.controller.end is EndReason.RUN_OVER
     assert not done.plant.fell

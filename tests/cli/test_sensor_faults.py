@@ -25,21 +25,30 @@ duration_s = 10.0
 
 
 @pytest.mark.parametrize(
-    ("sensor", "reason"),
-    [("left_ankle_ft", "left_ankle_ft missing"), ("imu", "held: imu missing")],
+    ("sensor", "end", "outcome", "code"),
+    [
+        ("left_ankle_ft", "run_over", "stood", 0),
+        ("imu", "sensor_lost", "held", 1),
+    ],
 )
-def test_a_silent_sensor_is_named_and_the_robot_stands(
-    surefoot: Surefoot, tmp_path: Path, sensor: str, reason: str
+def test_a_silent_sensor_is_named_and_the_robot_stays_up(
+    surefoot: Surefoot,
+    tmp_path: Path,
+    sensor: str,
+    end: str,
+    outcome: str,
+    code: int,
 ) -> None:
     path = tmp_path / "fault.toml"
     path.write_text(SCENARIO.format(sensor=sensor))
     inline = surefoot("run", path, "--inline", "--json")
     bus = surefoot("run", path, "--json")
-    assert inline.returncode == 0, inline.stderr
-    assert bus.returncode == 0, bus.stderr
+    assert inline.returncode == code, inline.stderr
+    assert bus.returncode == code, bus.stderr
     one, two = json.loads(inline.stdout), json.loads(bus.stdout)
-    assert one["reason"] == reason
-    assert not one["fell"]
-    assert not two["fell"]
+    for result in (one, two):
+        assert not result["fell"]
+        assert result["lost_sensors"] == {sensor: "missing"}
+        assert (result["outcome"], result["end"]) == (outcome, end)
     assert two["degraded_ticks"] > 0
     assert one["log_sha256"] == two["log_sha256"]

@@ -13,6 +13,7 @@ import pytest
 
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult
 from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
 from tests.nodes.test_nodes import is_running, observer
@@ -64,7 +65,7 @@ def test_both_sides_tell_their_part(
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
     assert plant.ticks == 300
     assert not plant.fell
-    assert controller.reason.startswith("run over")
+    assert controller.end is EndReason.RUN_OVER
     if pace == "--lockstep":
         assert controller.ticks == plant.ticks
 
@@ -130,8 +131,8 @@ def test_ctrl_c_brings_the_robot_to_rest_and_gives_the_lease_back(
         held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
     assert stabilizer.returncode == 130
     result = msgspec.json.decode(stdout, type=ControllerResult)
-    assert result.reason == "stopped: SIGINT"
-    assert held.reason.startswith(("hold asked for by", "released by"))
+    assert (result.end, result.end_detail) == (EndReason.STOPPED, "SIGINT")
+    assert held.cause in (ModeCause.REQUESTED, ModeCause.RELEASED)
     assert "Traceback" not in (tmp_path / "stabilizer.log").read_text()
     robot.send_signal(signal.SIGINT)
     robot.communicate(timeout=TIMEOUT_S)

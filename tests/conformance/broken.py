@@ -125,9 +125,7 @@ class IgnoresEstop(CommandGate):
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
-        self.modes.stop = lambda source: Answer(  # type: ignore[method-assign]
-            accepted=True
-        )
+        self.modes.stop = lambda source: Answer()  # type: ignore[method-assign]
 
 
 def broken_robot(

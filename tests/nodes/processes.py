@@ -84,7 +84,7 @@ def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
     """A controller that keeps the posture."""
     walker = load_robot("walker")
     return run_stabilizer(
-        HoldController(walker.n_a),
+        lambda settings: HoldController(walker.n_a),
         walker,
         endpoints=endpoints,
         pace=pace,

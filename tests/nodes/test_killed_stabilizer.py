@@ -12,8 +12,8 @@ from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import EndReason
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.node import RobotRun, run_robot
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
@@ -43,7 +43,7 @@ def recorded_robot(endpoints: Endpoints) -> RobotRun:
 
 def whole_body(endpoints: Endpoints, identity: str) -> Any:
     return run_stabilizer(
-        WholeBodyController(WALKER, ControllerSettings()),
+        lambda settings: WholeBodyController(WALKER, settings),
         WALKER,
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
@@ -71,11 +71,11 @@ def test_a_killed_stabilizer_never_makes_the_robot_jump_and_the_next_one_goes_on
                 when(lambda s, end=end: s.tick >= end, what=f"tick {end}")
                 if index == KILLS:
                     controller.signal(signal.SIGTERM)
-                    assert controller.result().reason == "stopped: SIGTERM"
+                    assert controller.result().end is EndReason.STOPPED
                 else:
                     controller.kill()
             held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
-            assert name in held.reason
+            assert name in held.detail
         plant.signal(signal.SIGINT)
         run = plant.result()
     assert not run.result.fell
@@ -96,5 +96,5 @@ def test_a_killed_robot_is_noticed_within_a_second(endpoints: Endpoints) -> None
         when(is_running, what="the run")
         plant.kill()
         killed_s = time.monotonic()
-        assert controller.result().reason == "the robot is gone"
+        assert controller.result().end is EndReason.ROBOT_GONE
         assert time.monotonic() - killed_s < NOTICED_WITHIN_S

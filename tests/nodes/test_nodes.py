@@ -22,6 +22,7 @@ from surefoot.schemas.messages import (
     StabilizerStatus,
     Truth,
 )
+from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.topics import topic
 from surefoot.stabilizer.control.controller import HoldController
@@ -81,10 +82,12 @@ def test_lockstep_is_the_same_run_every_time_and_without_a_bus(
         assert run.result.refused == {}
         assert run.result.clipped == {}
         assert not run.result.fell
-        assert not run.was_stopped
         assert answered.ticks == 500
         assert answered.stale_snapshots == 0
-        assert answered.reason == run.reason == "run over: 0.5 s"
+        assert run.result.end is ModeCause.RUN_OVER
+        assert run.result.gate.mode is RobotMode.ACTIVE
+        assert answered.end is EndReason.RUN_OVER
+        assert answered.end_detail == run.result.end_detail == "0.5 s"
         hashes.add(run.result.log_sha256)
     assert hashes == {in_one_process(table)}
 
@@ -114,7 +117,8 @@ def test_killed_stabilizer_leaves_the_robot_holding_and_another_takes_over(
             when(is_running, what="ann in command")
             doomed.kill()
             held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
-            assert held.reason == "ann is gone"
+            assert held.cause is ModeCause.COMMANDER_GONE
+            assert held.detail == "ann is gone"
             assert held.commander == ""
             with running(stabilizer, endpoints, Pace.LOCKSTEP, "bob") as heir:
                 taken = when(
@@ -123,12 +127,11 @@ def test_killed_stabilizer_leaves_the_robot_holding_and_another_takes_over(
                 )
                 assert taken.q_command == held.q_command
                 heir.signal(signal.SIGTERM)
-                assert heir.result().reason == "stopped: SIGTERM"
-            when(lambda s: s.mode is RobotMode.HOLD and "bob" in s.reason, what="HOLD")
+                assert heir.result().end is EndReason.STOPPED
+            when(lambda s: s.mode is RobotMode.HOLD and "bob" in s.detail, what="HOLD")
         plant.signal(signal.SIGINT)
         run = plant.result()
-        assert run.was_stopped
-        assert run.reason == "stopped: SIGINT"
+        assert (run.result.end, run.result.end_detail) == (ModeCause.STOPPED, "SIGINT")
         assert plant.exit_code() == 0
 
 
@@ -140,7 +143,7 @@ def test_the_stabilizer_says_that_a_killed_robot_is_gone(endpoints: Endpoints) -
     ):
         when(is_running, what="the run")
         plant.kill()
-        assert controller.result().reason == "the robot is gone"
+        assert controller.result().end is EndReason.ROBOT_GONE
         assert controller.exit_code() == 0
 
 
@@ -152,9 +155,10 @@ def test_a_stopped_robot_says_so_to_its_stabilizer(endpoints: Endpoints) -> None
         ):
             when(is_running, what="the run")
             plant.signal(signal.SIGTERM)
-            reason = controller.result().reason
-            assert reason == "the robot ended: stopped: SIGTERM"
-        assert plant.result().reason == "stopped: SIGTERM"
+            told = controller.result()
+            assert told.end is EndReason.ROBOT_ENDED
+            assert told.end_detail == "stopped: SIGTERM"
+        assert plant.result().result.end is ModeCause.STOPPED
 
 
 def test_a_hung_stabilizer_is_given_up_and_finds_out(endpoints: Endpoints) -> None:
@@ -168,13 +172,11 @@ def test_a_hung_stabilizer_is_given_up_and_finds_out(endpoints: Endpoints) -> No
         when(lambda s: s.mode is not RobotMode.ACTIVE, what="HOLD or FAULT")
         when(lambda s: s.commander == "", what="the lease to be free")
         controller.signal(signal.SIGCONT)
-        reason = controller.result().reason
-        told = (
-            "lost command of the robot",
-            "the robot is in fault",
-            "the robot is gone",
+        assert controller.result().end in (
+            EndReason.LEASE_LOST,
+            EndReason.ROBOT_FAULT,
+            EndReason.ROBOT_GONE,
         )
-        assert reason.startswith(told), reason
 
 
 def test_a_second_stabilizer_is_refused_by_the_name_of_the_first(
@@ -212,7 +214,7 @@ def test_observers_see_truth_and_the_stabilizers_status(endpoints: Endpoints) ->
     assert status is not None
     assert sum(truth.normal_force) > 0.0
     assert status.controller == "hold"
-    assert status.state == "active"
+    assert status.state is StabilizerState.ACTIVE
     assert status.qp_status == "ok"
 
 
@@ -229,7 +231,7 @@ def test_no_robot_is_an_error_of_the_stabilizer(endpoints: Endpoints) -> None:
     walker = load_robot("walker")
     with pytest.raises(RobotUnreachableError, match=r"within 0.2 s"):
         run_stabilizer(
-            HoldController(walker.n_a),
+            lambda settings: HoldController(walker.n_a),
             walker,
             endpoints=endpoints,
             pace=Pace.LOCKSTEP,

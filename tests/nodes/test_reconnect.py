@@ -6,7 +6,6 @@ import signal
 import time
 from typing import Any
 
-import numpy as np
 import pytest
 
 from surefoot.robot_io.realtime import Pace
@@ -14,7 +13,8 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import Reference, RobotMode, RobotStatus
-from surefoot.schemas.settings import SafetySettings
+from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
+from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
@@ -30,22 +30,22 @@ LONG_LEAVE_S = 5.0
 
 
 class HiccupController(HoldController):
-    """Once falls silent for a moment, and then asks for a posture far away."""
+    """The first one falls silent for a moment, then asks for a posture far away."""
+
+    made = 0
 
     def __init__(self, joint_count: int) -> None:
         super().__init__(joint_count)
+        HiccupController.made += 1
+        self._is_first = HiccupController.made == 1
         self._ticks = 0
-        self._is_ahead = False
-
-    def start(self, snapshot: Snapshot, q_command: np.ndarray) -> None:
-        super().start(snapshot, q_command)
         self._is_ahead = False
 
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
     ) -> ControllerOutput:
         self._ticks += 1
-        if self._ticks == 100:
+        if self._ticks == 100 and self._is_first:
             self._is_ahead = True
             time.sleep(PAUSE_S)  # the fault itself, not a wait for something
         output = super().step(snapshot, reference)
@@ -56,7 +56,7 @@ class HiccupController(HoldController):
 
 def faithful(endpoints: Endpoints, pace: Pace) -> Any:
     return run_stabilizer(
-        HoldController(WALKER.n_a),
+        lambda settings: HoldController(WALKER.n_a),
         WALKER,
         endpoints=endpoints,
         pace=pace,
@@ -68,7 +68,7 @@ def faithful(endpoints: Endpoints, pace: Pace) -> Any:
 
 def hiccuping(endpoints: Endpoints) -> Any:
     return run_stabilizer(
-        HiccupController(WALKER.n_a),
+        lambda settings: HiccupController(WALKER.n_a),
         WALKER,
         endpoints=endpoints,
         pace=Pace.REALTIME,
@@ -79,13 +79,13 @@ def hiccuping(endpoints: Endpoints) -> Any:
 
 def slow_to_leave(endpoints: Endpoints) -> Any:
     return run_stabilizer(
-        HoldController(WALKER.n_a),
+        lambda settings: HoldController(WALKER.n_a),
         WALKER,
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
         identity="ann",
         connect_timeout_s=DEADLINE_S,
-        safety=SafetySettings(leave_s=LONG_LEAVE_S),
+        settings=ControllerSettings(safety=SafetySettings(leave_s=LONG_LEAVE_S)),
     )
 
 
@@ -118,12 +118,12 @@ def test_it_takes_over_again_when_the_robot_is_back(
             when(is_commanded_again, what="command of the second robot")
             result = end_it(controller)
             held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
-            assert "ann-2" in held.reason
+            assert held.cause is ModeCause.RELEASED
             assert held.commander == ""
             second.signal(signal.SIGTERM)
             # At most the last command, which the request to hold has overtaken.
             assert set(second.result().result.refused) <= {"mode"}
-    assert result.reason == "stopped: SIGTERM"
+    assert (result.end, result.end_detail) == (EndReason.STOPPED, "SIGTERM")
     assert result.restarts == 1
 
 
@@ -139,7 +139,7 @@ def test_it_does_not_come_back_to_a_robot_that_was_stopped_by_hand(
         when(is_running, what="the run")
         eve.requests.stop_robot()
         result = controller.result()
-    assert result.reason.startswith("the robot is in fault: e-stop")
+    assert result.end is EndReason.ROBOT_FAULT
     assert result.restarts == 0
 
 
@@ -166,7 +166,7 @@ def test_it_ends_while_it_waits_for_the_robot(endpoints: Endpoints) -> None:
         ):
             when(is_running, what="the run")
             plant.kill()
-        assert end_it(controller).reason in ("stopped: SIGTERM", "the robot is gone")
+        assert end_it(controller).end in (EndReason.STOPPED, EndReason.ROBOT_GONE)
 
 
 def test_a_robot_that_holds_for_late_commands_is_taken_up_from_its_posture(
@@ -185,7 +185,7 @@ def test_a_robot_that_holds_for_late_commands_is_taken_up_from_its_posture(
         result = end_it(controller)
         plant.signal(signal.SIGTERM)
         run = plant.result()
-    assert result.reason == "stopped: SIGTERM"
+    assert (result.end, result.end_detail) == (EndReason.STOPPED, "SIGTERM")
     assert result.restarts >= 1
     assert not run.result.fell
 
@@ -202,12 +202,12 @@ def test_a_second_signal_ends_it_at_once(endpoints: Endpoints) -> None:
 
         def is_leaving() -> bool:
             told = eve.latest_messages().stabilizer
-            return told is not None and told.state == "leaving"
+            return told is not None and told.state is StabilizerState.SOFT_STOP
 
         wait_until(is_leaving, what="the stabilizer to leave")
         status = when(lambda s: True, what="a status")
         controller.signal(signal.SIGINT)
-        assert controller.result().reason == "stopped: SIGINT"
+        assert controller.result().end is EndReason.STOPPED
         held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
-        assert held.reason == "ann is gone"
+        assert held.cause is ModeCause.COMMANDER_GONE
         assert held.tick - status.tick < LONG_LEAVE_S / WALKER.period_s

@@ -18,7 +18,7 @@ from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
-from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.reasons import EndReason, RequestRefusal, StabilizerState
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
@@ -33,15 +33,14 @@ PUSH_N = [30.0, 0.0, 0.0]
 
 def balance(endpoints: Endpoints, pace: Pace) -> Any:
     """The whole-body stabilizer, its settings open to change."""
-    walker, settings = load_robot("walker"), ControllerSettings()
+    walker = load_robot("walker")
     return run_stabilizer(
-        make_controller("whole-body", walker, settings),
+        lambda settings: make_controller("whole-body", walker, settings),
         walker,
         endpoints=endpoints,
         pace=pace,
         identity="ann",
         connect_timeout_s=DEADLINE_S,
-        settings=settings,
     )
 
 
@@ -110,8 +109,9 @@ def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
     reply = observer.requests.change_settings({"tsid.com_kp": [NEW_GAIN]})
     assert reply.settings["tsid.com_kp"] == [NEW_GAIN] * 3
     assert reply.tick >= earliest
-    with pytest.raises(RequestRefusedError, match="expected 1 or 3"):
+    with pytest.raises(RequestRefusedError, match="expected 1 or 3") as bad:
         observer.requests.change_settings({"tsid.com_kp": [1.0, 2.0]})
+    assert bad.value.refusal is RequestRefusal.BAD_VALUE
     run.has_gone_on()
     observer.requests.stop_robot()
     result = run.control.result()
@@ -119,7 +119,8 @@ def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
     assert (change.tick, change.source) == (reply.tick, "eve")
     assert change.before == {"tsid.com_kp": [30.0] * 3}
     assert change.after == {"tsid.com_kp": [NEW_GAIN] * 3}
-    assert result.reason.startswith("the robot is in fault: e-stop by eve")
+    assert result.end is EndReason.ROBOT_FAULT
+    assert "eve" in result.end_detail
 
 
 def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
@@ -135,7 +136,9 @@ def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
     assert later.status.q_command == held.status.q_command
     assert later.status.commander == "ann"
     run.when(
-        lambda sight: sight.stabilizer and sight.stabilizer.state == "hold",
+        lambda sight: (
+            sight.stabilizer and sight.stabilizer.state is StabilizerState.PAUSED
+        ),
         what="the stabilizer to say so",
     )
     run.observer.requests.control("resume")
@@ -144,7 +147,7 @@ def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
             sight.status
             and sight.status.mode is RobotMode.ACTIVE
             and sight.stabilizer
-            and sight.stabilizer.state == "active"
+            and sight.stabilizer.state is StabilizerState.ACTIVE
         ),
         what="balancing again",
     )
@@ -202,5 +205,6 @@ def test_a_controller_without_gains_says_so(endpoints: Endpoints) -> None:
     ):
         wait_until(lambda: observer.latest_messages().stabilizer, what="the stabilizer")
         assert observer.requests.change_settings({}).settings == {}
-        with pytest.raises(RequestRefusedError, match="takes no settings"):
+        with pytest.raises(RequestRefusedError, match="takes no settings") as caught:
             observer.requests.change_settings({"tsid.com_kp": [NEW_GAIN]})
+        assert caught.value.refusal is RequestRefusal.NOT_SUPPORTED

@@ -9,6 +9,7 @@ import pytest
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.messages import StabilizerStatus
+from surefoot.schemas.reasons import EndReason
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.telemetry import SETTLED_S, ControllerTelemetry
 from tests.robot_io.sensor_messages import snapshot_at
@@ -43,7 +44,7 @@ def test_force_errors_count_once_settled(telemetry: ControllerTelemetry) -> None
     for left_n in (3.0, -4.0):
         each = output(left_n=left_n, right_n=2.0)
         telemetry.add(each, duration_ns=1, is_stale=False)
-    result = telemetry.result("over")
+    result = telemetry.result(EndReason.RUN_OVER, "")
     assert result.force_error_rms_n == pytest.approx([math.sqrt(12.5), 2.0])
     assert result.ticks == SETTLED_TICKS + 2
 
@@ -52,20 +53,20 @@ def test_a_run_too_short_to_settle_has_no_force_error(
     telemetry: ControllerTelemetry,
 ) -> None:
     telemetry.add(output(left_n=5.0), duration_ns=1, is_stale=False)
-    assert telemetry.result("over").force_error_rms_n == [0.0, 0.0]
+    assert telemetry.result(EndReason.RUN_OVER, "").force_error_rms_n == [0.0, 0.0]
 
 
 def test_failures_and_stale_snapshots_are_counted(
     telemetry: ControllerTelemetry,
 ) -> None:
     good = output()
-    bad = replace(good, qp_status="tsid: infeasible")
+    bad = replace(good, wrench_qp="infeasible")
     for each, is_stale in ((good, False), (bad, True), (bad, False)):
         telemetry.add(each, duration_ns=2_000_000, is_stale=is_stale)
-    result = telemetry.result("why")
+    result = telemetry.result(EndReason.STOPPED, "why")
     assert (result.qp_failures, result.stale_snapshots) == (2, 1)
     assert result.tick_ms.max == pytest.approx(2.0)
-    assert result.reason == "why"
+    assert (result.end, result.end_detail) == (EndReason.STOPPED, "why")
 
 
 def test_status_tells_both_feet_and_what_is_missing(
@@ -73,11 +74,11 @@ def test_status_tells_both_feet_and_what_is_missing(
 ) -> None:
     each = output(right_n=1.0)
     telemetry.add(each, duration_ns=1_000_000, is_stale=True)
-    status = telemetry.status(each, tick=5, stamp_ns=6, stale=("imu",))
+    status = telemetry.status(each, tick=5, stamp_ns=6, stale=("imu",), lost={})
     assert status.F_id_left + status.F_id_right == list(range(12))
     assert status.F_meas_right[2] == 9.0
     assert status.in_contact == [True, False]
-    assert (status.state, status.reason) == ("degraded", "no news from imu")
+    assert (status.state, status.detail) == ("degraded", "no news from imu")
     assert status.tick_median_ms == pytest.approx(1.0)
     assert decode(encode(status), StabilizerStatus) == status
 

@@ -28,6 +28,7 @@ from surefoot.schemas.messages import (
     Reference,
     RobotMode,
 )
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_STABILIZER
 from tests.robot_io.client_at_work import (
     WALKER,
@@ -83,7 +84,7 @@ def test_the_answer_to_a_tick_ends_the_wait_for_it(
             assert isinstance(answer, CommandResult)
             assert answer.answers == tick
             assert answer.accepted
-        gate.modes.finish("over")
+        gate.modes.finish(ModeCause.RUN_OVER, "over")
         server.publish_status(now_s=0.1, at_once=True)
     assert client.answered == 100
 
@@ -133,7 +134,7 @@ def test_a_second_commander_is_refused_by_name(
     second = make_client("bob")
     with pytest.raises(RequestRefusedError, match="ann holds the lease") as caught:
         second.take_lease()
-    assert caught.value.reason == "ann holds the lease, bob does not"
+    assert caught.value.detail == "ann holds the lease, bob does not"
     tick = served.publish_tick()
     second.send(WALKER.nominal + 0.001, tick=tick)
     wait_until(lambda: refused_by(served) == {"lease": 1}, what="the refusal")
@@ -167,7 +168,7 @@ def test_a_commander_that_leaves_without_a_word_loses_the_lease(
         services.ask("srv/lease", take)
         assert services.ask("srv/mode", enable).mode is RobotMode.ACTIVE
     wait_until(lambda: mode_of(served) is RobotMode.HOLD, what="HOLD")
-    assert served.do(lambda _, gate: gate.modes.reason) == "ann is gone"
+    assert served.do(lambda _, gate: gate.modes.detail) == "ann is gone"
     make_client("bob").take_lease()
 
 
@@ -207,7 +208,7 @@ def test_status_tells_mode_commander_and_refusals(
     assert status.mode is RobotMode.ACTIVE
     assert status.commander == "ann"
     assert status.refused == {"first_command": 1}
-    assert "rad from the held posture" in status.reason
+    assert "rad from the held posture" in status.notice
 
 
 @pytest.mark.parametrize("service", ["mode", "lease"])
@@ -223,7 +224,7 @@ def test_a_request_that_cannot_be_read_is_answered_with_the_field(
     assert replies[0].ok is not None
     answer = msgspec.msgpack.decode(replies[0].ok.payload.to_bytes())
     assert not answer["accepted"]
-    assert "action" in answer["reason"]
+    assert "action" in answer["detail"]
     assert mode_of(served) is RobotMode.HOLD
 
 

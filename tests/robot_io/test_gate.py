@@ -131,7 +131,7 @@ def test_wrong_number_of_joints_is_refused() -> None:
     gate = active_gate()
     verdict = at_tick(gate, 0, q=WALKER.nominal[:-1])
     assert verdict.refusal is Refusal.SIZE
-    assert "got 27 numbers, expected 28" in gate.modes.reason
+    assert "got 27 numbers, expected 28" in gate.modes.notice
 
 
 def test_too_fast_is_clipped_to_the_velocity_limit_and_counted() -> None:
@@ -143,7 +143,7 @@ def test_too_fast_is_clipped_to_the_velocity_limit_and_counted() -> None:
     knee = WALKER.joint_names.index("left_knee")
     assert moved[knee] == pytest.approx(WALKER.velocity_limit[knee] * PERIOD_S)
     assert gate.clipped == {"velocity": 1}
-    assert "left_knee by 0.0020 rad" in gate.modes.reason
+    assert "left_knee by 0.0020 rad" in gate.modes.notice
 
 
 def test_a_jump_is_clipped_to_the_step_limit() -> None:
@@ -181,7 +181,7 @@ def test_first_command_far_from_the_held_posture_is_refused() -> None:
     gate = active_gate()
     q = offset("left_knee", GATE.first_command_tolerance_rad + 1e-3)
     assert at_tick(gate, 0, q=q).refusal is Refusal.FIRST_COMMAND
-    assert "left_knee is 0.0510 rad from the held posture" in gate.modes.reason
+    assert "left_knee is 0.0510 rad from the held posture" in gate.modes.notice
     assert at_tick(gate, 1).accepted
     assert at_tick(gate, 2, q=q).accepted, "later ones are clipped instead"
 
@@ -260,7 +260,7 @@ def test_status_tells_what_the_gate_does() -> None:
     told = status()
     assert (told.tick, told.stamp_ns, told.deadline_misses) == (7, 8, 2)
     assert told.mode is RobotMode.FAULT
-    assert told.fault == "e-stop by a bystander"
+    assert told.detail == "e-stop by a bystander"
     assert told.commander == "ann"
     assert told.command_age_s == 0.5
     assert told.refused == {"sequence": 1}

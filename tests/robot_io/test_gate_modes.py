@@ -7,6 +7,7 @@ import pytest
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Refusal
 from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import ModeCause
 from tests.robot_io.gate_at_work import (
     GATE,
     NOT_A_POSTURE,
@@ -24,7 +25,7 @@ def test_a_second_commander_is_refused_by_the_name_of_the_first() -> None:
     gate = active_gate()
     answer = gate.request("take", "bob", now_s=0.0)
     assert not answer.accepted
-    assert answer.reason == "ann holds the lease, bob does not"
+    assert answer.detail == "ann holds the lease, bob does not"
     assert at_tick(gate, 0, commander="bob").refusal is Refusal.LEASE
     assert at_tick(gate, 0, commander="").refusal is Refusal.LEASE
     assert at_tick(gate, 0).accepted
@@ -35,7 +36,7 @@ def test_only_the_holder_may_ask(action: str) -> None:
     gate = active_gate()
     answer = gate.request(action, "bob", now_s=0.0)
     assert not answer.accepted
-    assert "ann holds the lease" in answer.reason
+    assert "ann holds the lease" in answer.detail
     assert gate.mode is RobotMode.ACTIVE
 
 
@@ -43,12 +44,12 @@ def test_nobody_is_no_commander() -> None:
     gate = CommandGate(WALKER, WALKER.nominal)
     assert not gate.request("take", "", now_s=0.0).accepted
     answer = gate.request("enable", "", now_s=0.0)
-    assert "nobody holds the lease" in answer.reason
+    assert "nobody holds the lease" in answer.detail
 
 
 def test_unknown_action_lists_the_known_ones() -> None:
     answer = active_gate().request("dance", "ann", now_s=0.0)
-    assert "got action 'dance', expected take, release, enable" in answer.reason
+    assert "got action 'dance', expected take, release, enable" in answer.detail
 
 
 def test_releasing_holds_and_lets_the_next_one_in() -> None:
@@ -80,7 +81,7 @@ def test_commanding_renews_the_lease() -> None:
 
 def test_a_commander_that_is_gone_leaves_the_robot_holding() -> None:
     gate = active_gate()
-    gate.modes.lose("ann is gone")
+    gate.modes.lose(ModeCause.COMMANDER_GONE, "ann is gone")
     assert gate.mode is RobotMode.HOLD
     assert gate.modes.lease.holder == ""
 
@@ -106,7 +107,7 @@ def test_off_is_left_through_hold_only() -> None:
     gate = active_gate()
     assert gate.request("disable", "ann", now_s=0.0).accepted
     assert gate.mode is RobotMode.OFF
-    assert "ask for hold first" in gate.request("enable", "ann", now_s=0.0).reason
+    assert "ask for hold first" in gate.request("enable", "ann", now_s=0.0).detail
     assert gate.request("hold", "ann", now_s=0.0).accepted
     assert gate.request("enable", "ann", now_s=0.0).accepted
 
@@ -119,10 +120,11 @@ def test_e_stop_is_open_to_everyone_and_latches_until_reset() -> None:
     for action in ("enable", "hold", "disable"):
         assert not gate.request(action, "ann", now_s=0.0).accepted
         assert gate.mode is RobotMode.FAULT
-    assert gate.modes.fault == "e-stop by a bystander"
+    assert gate.modes.cause is ModeCause.ESTOP
+    assert gate.modes.detail == "e-stop by a bystander"
     assert gate.request("reset", "ann", now_s=0.0).accepted
     assert gate.mode is RobotMode.HOLD
-    assert gate.modes.fault == ""
+    assert gate.modes.cause is ModeCause.RESET
 
 
 def test_e_stop_while_held_for_silence_cannot_be_commanded_away() -> None:
@@ -144,7 +146,7 @@ def test_a_new_holder_does_not_go_on_where_a_silent_one_was_held() -> None:
 
 
 def test_reset_without_fault_is_declined() -> None:
-    assert "no fault" in active_gate().request("reset", "ann", now_s=0.0).reason
+    assert "no fault" in active_gate().request("reset", "ann", now_s=0.0).detail
 
 
 # Silence --------------------------------------------------------------------------
@@ -157,12 +159,14 @@ def test_silence_leads_to_hold_then_to_fault() -> None:
     assert gate.mode is RobotMode.ACTIVE
     gate.begin_tick(now_s=GATE.hold_after_s + PERIOD_S)
     assert gate.mode is RobotMode.HOLD
-    assert "no command for 0.021 s" in gate.modes.reason
+    assert gate.modes.cause is ModeCause.SILENCE
+    assert gate.modes.detail == "no command for 0.021 s"
     gate.begin_tick(now_s=GATE.fault_after_s)
     assert gate.mode is RobotMode.HOLD
     gate.begin_tick(now_s=GATE.fault_after_s + PERIOD_S)
     assert gate.mode is RobotMode.FAULT
-    assert "no command for 1.001 s" in gate.modes.fault
+    assert gate.modes.cause is ModeCause.SILENCE
+    assert gate.modes.detail == "no command for 1.001 s"
 
 
 def test_refused_commands_do_not_feed_the_watchdog() -> None:
@@ -181,12 +185,14 @@ def test_the_same_commander_goes_on_after_a_short_silence() -> None:
     assert gate.mode is RobotMode.HOLD
     assert at_tick(gate, 51).accepted
     assert gate.mode is RobotMode.ACTIVE
+    assert gate.modes.cause is ModeCause.HEARD_AGAIN
 
 
 def test_the_first_command_may_take_its_time_but_not_for_ever() -> None:
     gate = active_gate()
     gate.begin_tick(now_s=GATE.fault_after_s)
     assert gate.mode is RobotMode.ACTIVE
+    gate.request("take", "ann", now_s=GATE.fault_after_s)  # keeps the lease alive
     gate.begin_tick(now_s=GATE.fault_after_s + PERIOD_S)
     assert gate.mode is RobotMode.HOLD
-    assert gate.modes.fault == ""
+    assert gate.modes.cause is ModeCause.NO_FIRST_COMMAND

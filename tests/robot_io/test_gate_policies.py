@@ -44,7 +44,7 @@ def test_a_command_too_old_by_the_clock_is_refused_though_its_tick_is_young(
     assert verdict.accepted is is_accepted
     if not is_accepted:
         assert verdict.refusal is Refusal.LATE
-        assert "sensors 0.021 s old" in gate.modes.reason
+        assert "sensors 0.021 s old" in gate.modes.notice
 
 
 def test_the_robot_file_may_ask_for_younger_commands() -> None:
@@ -64,7 +64,7 @@ def test_beyond_a_limit_is_refused_where_the_robot_file_says_so() -> None:
     assert np.array_equal(gate.posture, before)
     assert gate.refused[Refusal.LIMIT] == 1
     assert gate.clipped[Limit.STEP] == 1
-    assert "step" in gate.modes.reason
+    assert "step" in gate.modes.notice
 
 
 def test_refused_beyond_limits_for_long_is_silence() -> None:
@@ -81,7 +81,7 @@ def test_warn_only_follows_and_counts() -> None:
     assert verdict.accepted
     assert Limit.STEP in verdict.clipped
     assert np.array_equal(gate.posture, wanted)
-    assert "followed beyond its limits" in gate.modes.reason
+    assert "followed beyond its limits" in gate.modes.notice
 
 
 def test_warn_only_still_refuses_what_is_no_posture_and_who_is_not_commanding() -> None:
@@ -100,4 +100,4 @@ def test_times_of_old_ticks_are_not_taken_for_new_ones() -> None:
         verdict = gate.accept(
             command(WALKER.nominal, oldest, sequence=tick), tick=tick, now_s=now_s
         )
-        assert verdict.accepted, gate.modes.reason
+        assert verdict.accepted, gate.modes.notice

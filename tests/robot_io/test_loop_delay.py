@@ -27,7 +27,7 @@ def ticks_until_fault(gate: CommandGate, *, age: int, every: int = 1) -> int | N
             verdict = gate.accept(
                 command(gate.posture, tick - age), tick=tick, now_s=now_s
             )
-            assert verdict.accepted, gate.modes.reason
+            assert verdict.accepted, gate.modes.notice
     return None
 
 
@@ -50,7 +50,7 @@ def test_a_loop_too_slow_is_a_fault_when_its_average_says_so(age: int) -> None:
     tick = ticks_until_fault(gate, age=age)
     assert tick is not None
     assert tick * PERIOD_S == pytest.approx(expected_s, rel=0.05)
-    assert gate.modes.fault == (
+    assert gate.modes.detail == (
         "commands answered sensors over 4.5 ms old on average: the loop is too slow"
     )
 

@@ -12,12 +12,13 @@ import pytest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.reasons import SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS, Loss, Quantity, Reach, Sensor
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.safety import safety as safety_module
 from surefoot.stabilizer.safety.health import FRESH, REQUIRED, SensorHealth
-from surefoot.stabilizer.safety.safety import Safety, SafetyState
+from surefoot.stabilizer.safety.safety import Safety
 
 SETTINGS = SafetySettings()
 LONG = 40
@@ -137,18 +138,18 @@ def test_one_that_repeats_itself_is_lost(walker: Robot, entry: Sensor) -> None:
     health.check(first, FRESH, moves=lambda: True)
     for _ in range(LONG):
         health.check(replace(next(stream), **stuck), FRESH, moves=lambda: True)
-    assert health.lost[SENSORS.index(entry)] == f"{entry.name} frozen"
+    assert health.lost[SENSORS.index(entry)] is SensorTrouble.FROZEN
 
 
 @every_sensor
 def test_losing_one_does_what_the_table_says(walker: Robot, entry: Sensor) -> None:
     states = states_without(walker, entry)
     if entry.loss is Loss.HOLD:
-        assert SafetyState.HELD in states
+        assert StabilizerState.HELD in states
     else:
         # The controller here cannot leave an ankle out: it holds as well.
         is_degradable = entry.loss is Loss.REPORT
-        assert (SafetyState.DEGRADED in states) == is_degradable
+        assert (StabilizerState.DEGRADED in states) == is_degradable
 
 
 def test_one_that_no_controller_needs_is_only_reported(
@@ -158,20 +159,24 @@ def test_one_that_no_controller_needs_is_only_reported(
     others = tuple(index for index in REQUIRED if SENSORS[index] is not imu)
     monkeypatch.setattr(safety_module, "REQUIRED", others)
     states = states_without(walker, imu)
-    assert states == [SafetyState.ACTIVE, SafetyState.DEGRADED, SafetyState.ACTIVE]
+    assert states == [
+        StabilizerState.ACTIVE,
+        StabilizerState.DEGRADED,
+        StabilizerState.ACTIVE,
+    ]
 
 
-def states_without(walker: Robot, entry: Sensor) -> list[SafetyState]:
+def states_without(walker: Robot, entry: Sensor) -> list[StabilizerState]:
     """States, one after the other, while a sensor is missing for a while."""
     safety = Safety(HoldController(walker.n_a), walker, SETTINGS)
     stream = trembling(walker)
     safety.start(next(stream), walker.nominal)
     back = round(SETTINGS.recover_s / walker.period_s) + LONG
-    states: list[SafetyState] = []
+    states: list[StabilizerState] = []
     for age in (*[0] * 5, *range(1, LONG), *[0] * back):
         safety.step(next(stream), ages(entry, age))
         if not states or states[-1] is not safety.state:
             states.append(safety.state)
-            if safety.state is SafetyState.DEGRADED:
-                assert safety.reason == f"{entry.name} missing"
+            if safety.state is StabilizerState.DEGRADED:
+                assert safety.lost_sensors == {entry.name: SensorTrouble.MISSING}
     return states

@@ -13,6 +13,7 @@ from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.messages import Reference
+from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState, plain
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
@@ -20,12 +21,12 @@ from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.safety.health import FRESH, SensorHealth
-from surefoot.stabilizer.safety.safety import Safety, SafetyState
+from surefoot.stabilizer.safety.safety import Safety
 from tests.stabilizer.closed_loop import DELAY, NOISE
 from tests.stabilizer.watched_run import watched_run
 
-ACTIVE, DEGRADED = SafetyState.ACTIVE, SafetyState.DEGRADED
-STOPPING, HELD = SafetyState.STOPPING, SafetyState.HELD
+ACTIVE, DEGRADED = StabilizerState.ACTIVE, StabilizerState.DEGRADED
+FADE_OUT, HELD = StabilizerState.FADE_OUT, StabilizerState.HELD
 FEET = ("left_ankle_ft", "right_ankle_ft")
 MOVING_TICKS = 800
 LEAVE_S = 0.2
@@ -94,7 +95,7 @@ def test_healthy_runs_do_not_know_that_they_are_watched(
         assert controller.given is sensed
         assert output is controller.answered
     assert sim.safety is not None
-    assert sim.safety.reason == ""
+    assert sim.safety.detail == ""
 
 
 def fault(sensor: str, kind: str, **more: float) -> dict[str, Any]:
@@ -102,16 +103,16 @@ def fault(sensor: str, kind: str, **more: float) -> dict[str, Any]:
     return row | more
 
 
-WORDS = {
-    "drop": "missing",
-    "freeze": "frozen",
-    "nan": "missing",
-    "jump": "jumped",
-    "range": "beyond its range",
+TROUBLES = {
+    "drop": SensorTrouble.MISSING,
+    "freeze": SensorTrouble.FROZEN,
+    "nan": SensorTrouble.MISSING,
+    "jump": SensorTrouble.JUMPED,
+    "range": SensorTrouble.OUT_OF_RANGE,
 }
 
 
-@pytest.mark.parametrize("kind", WORDS)
+@pytest.mark.parametrize("kind", TROUBLES)
 @pytest.mark.parametrize("sensor", ["joints", "imu", *FEET])
 def test_a_lost_sensor_is_named_and_the_robot_stands(
     walker: Robot, sensor: str, kind: str
@@ -119,12 +120,14 @@ def test_a_lost_sensor_is_named_and_the_robot_stands(
     size = {"size": 9000.0} if kind == "jump" and sensor in FEET else {}
     run = watched_run(walker, duration_s=1.0, fault=[fault(sensor, kind, **size)])
     assert not run.fell
+    assert run.losses == {sensor: TROUBLES[kind]}
+    assert run.detail == f"{sensor} {plain(TROUBLES[kind])}"
     if sensor in FEET:
         assert run.states == [ACTIVE, DEGRADED]
-        assert run.reason == f"{sensor} {WORDS[kind]}"
+        assert run.end is EndReason.NONE
     else:
-        assert run.states == [ACTIVE, STOPPING, HELD]
-        assert run.reason == f"held: {sensor} {WORDS[kind]}"
+        assert run.states == [ACTIVE, FADE_OUT, HELD]
+        assert run.end is EndReason.SENSOR_LOST
 
 
 @pytest.mark.parametrize("sensor", FEET)
@@ -134,7 +137,7 @@ def test_an_offset_as_large_as_an_impact_is_told_by_its_length(
     run = watched_run(walker, duration_s=1.0, fault=[fault(sensor, "jump")])
     assert not run.fell
     assert run.states == [ACTIVE, DEGRADED]
-    assert run.reason == f"{sensor} overloaded"
+    assert run.losses == {sensor: SensorTrouble.OVERLOADED}
 
 
 @pytest.mark.parametrize("sensor", ["joints", "imu", *FEET])
@@ -145,7 +148,7 @@ def test_a_moment_without_a_sensor_is_bridged(
     short = fault(sensor, kind, duration_s=0.009)
     run = watched_run(walker, duration_s=0.6, fault=[short])
     assert not run.fell
-    assert run.reasons == [""]
+    assert run.details == [""]
 
 
 @pytest.mark.parametrize("kind", ["drop", "freeze", "range"])
@@ -156,15 +159,17 @@ def test_an_ankle_sensor_that_is_back_is_believed_again(
     run = watched_run(walker, duration_s=0.8, fault=[short])
     assert not run.fell
     assert run.states == [ACTIVE, DEGRADED, ACTIVE]
-    assert run.reasons == ["", f"right_ankle_ft {WORDS[kind]}", ""]
+    assert run.losses == {"right_ankle_ft": TROUBLES[kind]}
+    assert [bool(detail) for detail in run.details] == [False, True, False]
 
 
 def test_both_ankle_sensors_lost_hold_the_posture(walker: Robot) -> None:
     both = [fault(sensor, "drop") for sensor in FEET]
     run = watched_run(walker, duration_s=1.0, fault=both)
     assert not run.fell
-    assert run.states == [ACTIVE, STOPPING, HELD]
-    assert run.reason == "held: left_ankle_ft missing, right_ankle_ft missing"
+    assert run.states == [ACTIVE, FADE_OUT, HELD]
+    assert run.end is EndReason.SENSOR_LOST
+    assert run.detail == "left_ankle_ft missing, right_ankle_ft missing"
 
 
 @pytest.mark.parametrize("speed", [1e3, 1e200])
@@ -208,8 +213,8 @@ def test_leaning_too_far_is_a_fall(walker: Robot, lean: float, fell: bool) -> No
     attitude = np.array([math.sin(0.5 * lean), 0.0, 0.0, math.cos(0.5 * lean)])
     leaning = [replace(reading, quat_xyzw=attitude) for reading in readings[1:]]
     safety = answer(walker, [readings[0], *leaning])
-    assert safety.has_fallen == fell
-    assert safety.reason == ("fell: leans by 49 deg" if fell else "")
+    assert safety.end is (EndReason.FELL if fell else EndReason.NONE)
+    assert safety.detail == ("leans by 49 deg" if fell else "")
 
 
 @pytest.mark.parametrize(("ticks", "fell"), [(900, False), (1100, True)])
@@ -222,7 +227,8 @@ def test_feet_without_load_for_a_second_are_a_fall(
         replace(r, ft_left=r.ft_left - lift, ft_right=r.ft_right - lift)
         for r in readings
     ]
-    assert answer(walker, lifted).has_fallen == fell
+    end = answer(walker, lifted).end
+    assert end is (EndReason.FELL if fell else EndReason.NONE)
 
 
 # Asked to stop ---------------------------------------------------------------------
@@ -239,7 +245,7 @@ def leave(walker: Robot, leave_s: float) -> tuple[Safety, list[float]]:
     while sim.safety is None or not sim.safety.is_done:
         if sim.tick == MOVING_TICKS:
             assert sim.safety is not None
-            sim.safety.leave("stopped: TEST")
+            sim.safety.request_soft_stop("TEST")
         output = sim.step(controller)
         assert output is not None
         steps.append(float(np.abs(output.q_command - before).max()))
@@ -254,7 +260,7 @@ def test_asked_to_stop_the_command_comes_to_rest_in_time(walker: Robot) -> None:
     assert max(moving[-100:]) > 0.0
     assert max(leaving[len(leaving) // 2 :]) < 0.5 * max(leaving)
     assert leaving[-1] == 0.0
-    assert safety.reason == "stopped: TEST"
+    assert (safety.end, safety.detail) == (EndReason.STOPPED, "TEST")
     reading = standing_readings(walker, 1)[0]
     at_rest = safety.step(reading, FRESH).q_command.copy()
     assert np.array_equal(safety.step(reading, FRESH).q_command, at_rest)

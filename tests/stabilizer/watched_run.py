@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController
-from surefoot.stabilizer.safety.safety import SafetyState
 from tests.stabilizer.closed_loop import DELAY, NOISE
 
 
@@ -23,16 +23,20 @@ class WatchedRun:
         fell: whether the robot did.
         com_error_max_mm: (3,) largest error of the centre of mass [mm].
         states: what the safety layer went through, each stay once.
-        reason: its last word.
-        reasons: all it gave, each once, in order.
+        end: why it gave up.
+        detail: its last word.
+        details: all it gave, each once, in order.
+        losses: sensors it lost.
     """
 
     log_sha256: str
     fell: bool
     com_error_max_mm: tuple[float, float, float] | None
-    states: list[SafetyState]
-    reason: str
-    reasons: list[str]
+    states: list[StabilizerState]
+    end: EndReason
+    detail: str
+    details: list[str]
+    losses: dict[str, SensorTrouble]
 
 
 def watched_run(
@@ -52,21 +56,23 @@ def watched_run(
         settings=settings,
     )
     controller = WholeBodyController(robot, settings)
-    states, reasons = [SafetyState.ACTIVE], [""]
+    states, details = [StabilizerState.ACTIVE], [""]
     while not sim.finished:
         sim.step(controller)
         safety = sim.safety
         assert safety is not None
         if safety.state is not states[-1]:
             states.append(safety.state)
-        if safety.reason != reasons[-1]:
-            reasons.append(safety.reason)
+        if safety.detail != details[-1]:
+            details.append(safety.detail)
     result = sim.result()
     return WatchedRun(
         log_sha256=result.log_sha256,
         fell=sim.fell,
         com_error_max_mm=result.com_error_max_mm,
         states=states,
-        reason=reasons[-1],
-        reasons=reasons,
+        end=safety.end,
+        detail=safety.detail,
+        details=details,
+        losses=safety.losses,
     )

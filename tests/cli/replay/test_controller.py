@@ -95,7 +95,7 @@ def test_sensors_that_fail_are_equal(tmp_path: Path, check: Check) -> None:
     """One whose messages hold no numbers, and one that falls silent."""
     path = record_of(tmp_path, standing(tmp_path, 0.9, FAULTS))
     said = [m.content for m in messages(path) if m.channel == "stabilizer"]
-    reasons = {status["reason"] for status in said if status["state"] == "degraded"}
+    reasons = {status["detail"] for status in said if status["state"] == "degraded"}
     assert reasons == {"left_ankle_ft missing", "right_ankle_ft missing"}
     code, found = check(path)
     assert (code, found["compared"]) == (0, answered(path, 900))

@@ -22,7 +22,6 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.node import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
@@ -49,15 +48,14 @@ def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
 
 
 def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
-    walker, settings = load_robot(path), ControllerSettings()
+    walker = load_robot(path)
     return run_stabilizer(
-        make_controller("whole-body", walker, settings),
+        lambda settings: make_controller("whole-body", walker, settings),
         walker,
         endpoints=endpoints,
         pace=pace,
         identity=identity,
         connect_timeout_s=DEADLINE_S,
-        settings=settings,
     )
 
 

@@ -28,7 +28,7 @@ def row(cell: Cell, *, fell: bool, com_mm: float, force_n: float) -> dict[str, A
         "variant": group.variant,
         "servo_profile": group.servo_profile,
         "seed": cell.seed,
-        "fell": fell,
+        "outcome": "fell" if fell else "stood",
         "com_error_rms_mm": [com_mm, com_mm, 5.0],
         "com_error_max_mm": [com_mm, com_mm, 9.0],
         "base_tilt_max_deg": 1.0,
@@ -77,7 +77,7 @@ def test_what_was_not_run_is_said_and_not_made_up() -> None:
 
 def test_fall_of_ours_is_no_success() -> None:
     rows = [
-        {**r, "fell": True} if r["variant"] == d.WHOLE_BODY else r
+        {**r, "outcome": "fell"} if r["variant"] == d.WHOLE_BODY else r
         for r in measured(zmp_falls=False)
     ]
     found = verdicts(rows)
@@ -100,7 +100,7 @@ def test_page_needs_no_network_and_names_missing_runs(tmp_path: Path) -> None:
 def test_the_limit_is_told_for_both_servos_and_judged_with_the_ideal_one() -> None:
     """With slow servos everything above 60 deg/s falls here."""
     rows = [
-        {**r, "fell": r["fell"] or (r["servo_profile"] == d.SLOW and too_fast(r))}
+        {**r, "outcome": "fell" if is_slow(r) and too_fast(r) else "stood"}
         for r in measured(zmp_falls=False)
     ]
     (limit,) = (
@@ -113,12 +113,19 @@ def test_the_limit_is_told_for_both_servos_and_judged_with_the_ideal_one() -> No
     assert "harmonic roll 90, pitch 90, diagonal 90 deg/s" in limit.measured
 
 
+def is_slow(run: dict[str, Any]) -> bool:
+    return bool(run["servo_profile"] == d.SLOW)
+
+
 def too_fast(run: dict[str, Any]) -> bool:
     return bool(run["values"].get(d.TILT_RATE, 0.0) > d.PAPER_LIMIT_DEG_S)
 
 
 def test_a_limit_below_all_that_was_tried_is_no_limit_at_the_lowest() -> None:
-    rows = [{**r, "fell": bool(r["values"])} for r in measured(zmp_falls=False)]
+    rows = [
+        {**r, "outcome": "fell" if r["values"] else "stood"}
+        for r in measured(zmp_falls=False)
+    ]
     found = goals(Evidence(summarise(rows)))
     (limit,) = (f for f in found if f.statement.startswith("Half stay up"))
     assert limit.verdict == FAILS

@@ -1,0 +1,150 @@
+"""How a run went: one word, and when and why beside it.
+
+The rules, in this order; the first that holds decides:
+
+1. **fell**, by the simulator's criterion.
+2. **interrupted**: robot or stabilizer were asked to end before the run was over.
+3. **not_controlled**: nobody took command; or nobody answered; or of the ticks after
+   the calibration more than half had a QP that was not solved, so that the posture was
+   only kept; or the robot refused commands in more than half of its ticks.
+4. **fault**: the robot's gate ended in FAULT.
+5. **held**: the gate ended in HOLD or OFF, or the stabilizer had given up.
+6. **stood**.
+
+In real time a fall, a hold or a fault is put down to the machine when the gate found
+the loop too slow, or when more than 5 % of the commands that were due before came late
+or not at all.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from surefoot.schemas.messages import RobotMode
+from surefoot.schemas.reasons import EndReason, ModeCause, Outcome, in_words, plain
+from surefoot.schemas.result import ControllerResult, PlantResult
+
+LARGEST_UNSOLVED_SHARE = 0.5
+"""Share of ticks in which nothing was balanced, above which nobody was in control."""
+LATE_SHARE = 0.05
+"""Share of late commands, above which a slow machine is the cause of a failure."""
+_TO_THE_END = (EndReason.NONE, EndReason.RUN_OVER)
+
+
+class Judgement(NamedTuple):
+    """How a run went.
+
+    Attributes:
+        outcome: in one word.
+        detail: when and why, in words.
+    """
+
+    outcome: Outcome
+    detail: str
+
+    @property
+    def sentence(self) -> str:
+        """Both, for people: ``fell at 1.40 s: the base leans by 61 deg``."""
+        return f"{plain(self.outcome)} {self.detail}"
+
+
+def judge(
+    plant: PlantResult,
+    controller: ControllerResult | None = None,
+    *,
+    is_realtime: bool = False,
+    period_s: float,
+) -> Judgement:
+    """Say how a run went, by the rules at the top.
+
+    Args:
+        plant: what the robot measured.
+        controller: what the stabilizer measured; None where only the robot is known.
+        is_realtime: whether time went by the clock, so that a machine can be too slow.
+        period_s: of the robot's ticks [s].
+    """
+    slow = _slow_machine(plant, period_s=period_s) if is_realtime else ""
+    if plant.fell:
+        return Judgement(Outcome.FELL, _fall(plant, slow))
+    stopped = _stopped(plant, controller)
+    if stopped is not None:
+        detail = f"at {plant.duration_s:g} s: {stopped}"
+        return Judgement(Outcome.INTERRUPTED, detail)
+    idle = _idle(plant, controller)
+    if idle:
+        detail = f"for {plant.duration_s:g} s: {idle}"
+        return Judgement(Outcome.NOT_CONTROLLED, detail)
+    gate = plant.gate
+    if gate.mode is RobotMode.FAULT:
+        detail = _since(gate.since_s, slow or in_words(gate.cause, gate.detail))
+        return Judgement(Outcome.FAULT, detail)
+    has_given_up = controller is not None and controller.end not in _TO_THE_END
+    if gate.mode is not RobotMode.ACTIVE or has_given_up:
+        return Judgement(Outcome.HELD, _hold(plant, controller, slow))
+    return Judgement(Outcome.STOOD, f"{plant.duration_s:g} s")
+
+
+def _fall(plant: PlantResult, slow: str) -> str:
+    """When it fell and how one knows; what had gone wrong before."""
+    gate = plant.gate
+    before = ""
+    if gate.mode is not RobotMode.ACTIVE:
+        why = in_words(gate.cause, gate.detail)
+        before = f"; {gate.mode} since {gate.since_s:.2f} s, {why}"
+    what = f"{slow}; {plant.fall_detail}" if slow else plant.fall_detail
+    return f"at {plant.fell_at_s:.2f} s: {what}{before}"
+
+
+def _stopped(plant: PlantResult, controller: ControllerResult | None) -> str | None:
+    """Who asked the run to end before its time; None when nobody did."""
+    if plant.end is ModeCause.STOPPED:
+        return plant.end_detail
+    if controller is not None and controller.end is EndReason.STOPPED:
+        return f"the stabilizer, {controller.end_detail}"
+    return None
+
+
+def _idle(plant: PlantResult, controller: ControllerResult | None) -> str:
+    """Why nobody can be said to have controlled the robot; empty if somebody did."""
+    if plant.end is ModeCause.NO_COMMANDER:
+        return plant.end_detail
+    refused = sum(plant.refused.values())
+    if refused > LARGEST_UNSOLVED_SHARE * plant.ticks:
+        most = max(plant.refused, key=lambda name: plant.refused[name])
+        return f"the robot refused {refused} commands in {plant.ticks} ticks ({most})"
+    if controller is None:
+        return ""
+    if controller.ticks == 0:
+        return f"the stabilizer answered none of {plant.ticks} ticks"
+    failed, of = controller.balancing_failures, controller.balancing_ticks
+    if failed > LARGEST_UNSOLVED_SHARE * of:
+        return f"no solution of the QPs in {failed} of {of} ticks"
+    return ""
+
+
+def _hold(plant: PlantResult, controller: ControllerResult | None, slow: str) -> str:
+    gate = plant.gate
+    if slow:
+        return _since(gate.since_s, slow)
+    if controller is not None and controller.end not in _TO_THE_END:
+        why = in_words(controller.end, controller.end_detail)
+    else:
+        why = in_words(gate.cause, gate.detail)
+    if gate.mode is RobotMode.ACTIVE:
+        return f"at the end: {why}"
+    return _since(gate.since_s, why)
+
+
+def _since(time_s: float, why: str) -> str:
+    return f"since {time_s:.2f} s: {why}"
+
+
+def _slow_machine(plant: PlantResult, *, period_s: float) -> str:
+    """That the machine was the cause, in words; empty when it was not."""
+    gate = plant.gate
+    is_active = gate.mode is RobotMode.ACTIVE
+    commanded_s = plant.duration_s if is_active else gate.since_s
+    share = plant.deadline_misses * period_s / max(commanded_s, period_s)
+    if gate.cause is ModeCause.LOOP_TOO_SLOW or share > LATE_SHARE:
+        return f"machine too slow: {100.0 * min(share, 1.0):.0f} % of commands late"
+    return ""

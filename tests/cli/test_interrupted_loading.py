@@ -1,0 +1,46 @@
+"""A signal while libraries load ends with 130, whatever the library makes of it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from tests.cli.conftest import TIMEOUT_S, environment
+
+INTERRUPTED = 130
+SCRIPT = """
+import os, signal, sys, types
+import surefoot.cli.__main__ as entry
+
+def app(prog_name):
+    try:
+        os.kill(os.getpid(), signal.{name})
+        while True:
+            pass
+    except KeyboardInterrupt as error:
+        raise {error} from error
+
+sys.modules["surefoot.cli.app"] = types.SimpleNamespace(app=app)
+entry.main()
+"""
+
+
+@pytest.mark.parametrize(
+    "error", ["ImportError('numpy')", "RuntimeError('odd')", "error"]
+)
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
+def test_a_library_that_turns_it_into_its_own_error(name: str, error: str) -> None:
+    assert hasattr(signal, name)
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(name=name, error=error)],
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT_S,
+        env=environment(),
+        check=False,
+    )
+    assert done.returncode == INTERRUPTED, done.stderr
+    assert done.stderr == ""

@@ -1,0 +1,104 @@
+"""A robot that does not stand at tick 0 is refused before it runs."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.reasons import FallCriterion
+from surefoot.schemas.result import NO_TIME, PlantResult
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+
+SCENARIO = {"name": "test", "duration_s": 0.1}
+OFF_RAD = 0.1
+ANKLES = ("left_ankle_pitch", "right_ankle_pitch")
+
+
+def posed(walker: Robot, offsets: dict[str, float]) -> Robot:
+    """The Walker with another nominal posture."""
+    joints = [
+        msgspec.structs.replace(
+            joint, nominal_rad=joint.nominal_rad + offsets.get(joint.name, 0.0)
+        )
+        for joint in walker.file.joint
+    ]
+    file = msgspec.structs.replace(walker.file, joint=joints)
+    return Robot(
+        **{
+            field: file if field == "file" else getattr(walker, field)
+            for field in walker.__dataclass_fields__
+        }
+    )
+
+
+def simulated(robot: Robot) -> SimulatedRobot:
+    return SimulatedRobot(robot, scenario_from_table(SCENARIO, source="x"), seed=0)
+
+
+def test_soles_off_level_are_told_in_degrees(walker: Robot) -> None:
+    robot = posed(walker, dict.fromkeys(ANKLES, OFF_RAD))
+    with pytest.raises(RobotFileError, match=r"soles 5\.7 deg off level"):
+        simulated(robot)
+
+
+def test_a_robot_that_sinks_before_the_run_says_by_what_one_knows(
+    walker: Robot,
+) -> None:
+    weak = {**SCENARIO, "model_error": {"servo_kp_scale": 0.01}}
+    scenario = scenario_from_table(weak, source="x")
+    with pytest.raises(
+        RobotFileError,
+        match=r"nominal posture: (the base|\w+ is down).*expected it to stand",
+    ):
+        SimulatedRobot(walker, scenario, seed=0)
+
+
+def result(run: SimulatedRobot) -> PlantResult:
+    return run.result(
+        real_time_factor=1.0,
+        round_trip_ms=NO_TIME,
+        period_jitter_ms=NO_TIME,
+        deadline_misses=0,
+        refused={},
+        clipped={},
+    )
+
+
+@pytest.mark.parametrize(("ticks", "counts"), [(200, False), (201, True)])
+def test_no_force_peak_before_peaks_count(
+    walker: Robot, ticks: int, counts: bool
+) -> None:
+    scenario = scenario_from_table({**SCENARIO, "duration_s": 1.0}, source="x")
+    run = SimulatedRobot(walker, scenario, seed=0)
+    for _ in range(ticks):
+        run.advance(walker.nominal)
+    peak = result(run).force_peak_n
+    assert (peak is not None) == counts
+    assert peak is None or min(peak) > 0.0
+
+
+def test_a_fall_names_its_criterion(walker: Robot) -> None:
+    push = {"body": "torso", "force_n": [900.0, 0.0, 0.0], "start_s": 0.0}
+    table = {**SCENARIO, "duration_s": 5.0, "push": [{**push, "duration_s": 0.3}]}
+    run = SimulatedRobot(walker, scenario_from_table(table, source="x"), seed=0)
+    while not run.finished:
+        run.advance(walker.nominal)
+    found = result(run)
+    assert found.fell
+    assert found.fall in FallCriterion
+    assert found.fall_detail
+    assert found.end_detail == f"at {found.fell_at_s:.2f} s: {found.fall_detail}"
+
+
+def test_a_state_that_blew_up_is_named(walker: Robot) -> None:
+    run = simulated(walker)
+    run.plant.data.qpos[2] = math.nan
+    run.plant.data.xpos[:] = np.nan
+    assert run.plant.fell
+    assert run.plant.diagnose_fall().criterion is FallCriterion.NOT_FINITE
