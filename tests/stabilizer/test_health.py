@@ -180,3 +180,15 @@ def states_without(walker: Robot, entry: Sensor) -> list[StabilizerState]:
             if safety.state is StabilizerState.DEGRADED:
                 assert safety.lost_sensors == {entry.name: SensorTrouble.MISSING}
     return states
+
+
+@pytest.mark.parametrize("scale", [0.9, 1.1])
+def test_what_has_not_the_length_of_an_attitude_is_none(
+    walker: Robot, scale: float
+) -> None:
+    stream, health = trembling(walker), SensorHealth(walker, SETTINGS)
+    first, second = next(stream), next(stream)
+    health.check(first, FRESH, moves=lambda: True)
+    odd = replace(second, quat_xyzw=scale * second.quat_xyzw)
+    believed = health.check(odd, FRESH, moves=lambda: True)
+    assert np.array_equal(believed.quat_xyzw, first.quat_xyzw)
