@@ -75,7 +75,7 @@ def run(scenario_name: str, *, ticks: int) -> str:
     watch.wrap(controller.dik, "solve", "  DIK")
     watch.wrap(sim.simulated.plant, "sense", "plant: sense")
     watch.wrap(sim.simulated.plant, "step", "plant: step")
-    watch.wrap(sim.gate, "check", "command gate")
+    watch.wrap(sim.gate, "accept", "command gate")
     encode = watch.timed(_encode_snapshot, "codec: encode 4 sensors")
     decode = watch.timed(_decode_snapshot, "codec: decode 4 sensors")
     with quiet_interpreter():
