@@ -71,6 +71,7 @@ class Listener(ReadOnlyClient):
         """
         super().__init__(robot, endpoints=endpoints)
         self.lost = 0
+        self._status_key = robot.keys["status"]
         self._patterns = [f"{self._namespace}/{pattern}" for pattern in patterns]
         self._elsewhere = elsewhere
         self._heard: deque[RawMessage] = deque()
@@ -111,7 +112,11 @@ class Listener(ReadOnlyClient):
         if self._elsewhere:
             self._subscribe("**", self._on_foreign_sample)
         bus.announce(f"{self._namespace}/{self._token()}")
-        bus.watch_presence(f"{self._namespace}/{ALIVE_ROBOT}", self._on_robot)
+        self._watch_robot(
+            bus,
+            f"{self._namespace}/{self._status_key}",
+            f"{self._namespace}/{ALIVE_ROBOT}",
+        )
 
     def _subscribe(
         self, pattern: str, on_sample: Callable[[zenoh.Sample], None]

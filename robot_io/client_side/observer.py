@@ -15,8 +15,9 @@ from typing import NamedTuple, Self
 
 import msgspec
 
-from surefoot.robot_io.bus.bus import dialed_bus
+from surefoot.robot_io.bus.bus import Bus, dialed_bus
 from surefoot.robot_io.bus.channel import Channel
+from surefoot.robot_io.bus.inbox import Latest
 from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.requests import Requests, ServiceCaller
 from surefoot.robot_io.errors import RobotUnreachableError
@@ -27,6 +28,7 @@ from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import (
     ImuState,
     JointState,
+    RobotMode,
     RobotStatus,
     StabilizerStatus,
     Truth,
@@ -47,6 +49,8 @@ ALL_CHANNELS = tuple(
 )
 """Every channel that can be subscribed to."""
 REQUEST_TIMEOUT_S = 2.0
+RETURN_S = 10.0
+"""A robot that is away without having said that it ends is waited for so long [s]."""
 POLL_S = 0.002
 """Polling period of a wait [s]: fine enough for viewers, cheap when idle."""
 
@@ -65,8 +69,34 @@ VIEWER_CHANNELS = LatestMessages._fields
 """They are called as in the topic table."""
 
 
+class Absences(NamedTuple):
+    """Times the robot was away without having said that it ends.
+
+    Attributes:
+        times: how often.
+        total_s: how long in all [s].
+        is_lasting: it did not come back from the last one.
+    """
+
+    times: int
+    total_s: float
+    is_lasting: bool
+
+    def __str__(self) -> str:
+        """In words; empty when it was there all the time."""
+        if not self.times:
+            return ""
+        times = "" if self.times == 1 else f" in {self.times} places"
+        gone = " and did not come back" if self.is_lasting else ""
+        return f"the link to the robot was lost for {self.total_s:.1f} s{times}{gone}"
+
+
 class ReadOnlyClient(ABC):
-    """Dials a robot and knows whether it is there; has no part in its control."""
+    """Dials a robot and knows whether it is there; has no part in its control.
+
+    A robot that has gone has either ended, which its last status says (OFF, or a fault,
+    with nobody in command), or is only not to be reached for a while.
+    """
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
         """Prepare; :meth:`connect` dials.
@@ -77,7 +107,11 @@ class ReadOnlyClient(ABC):
         """
         self._namespace = robot.file.namespace
         self._endpoints = endpoints
+        self._joint_count = robot.n_a
         self._robot_is_here = threading.Event()
+        self._farewell: Latest[RobotStatus] | None = None
+        self._lost_s: float | None = None
+        self._absences: list[float] = []
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -116,6 +150,40 @@ class ReadOnlyClient(ABC):
         """Whether the robot's process is alive, as far as the bus knows."""
         return self._robot_is_here.is_set()
 
+    def has_left(self) -> bool:
+        """Whether the robot has ended, or has been away for too long to wait on."""
+        lost_s = self._lost_s
+        if self.robot_is_here or lost_s is None:
+            return False
+        return self._said_farewell() or time.monotonic() - lost_s > RETURN_S
+
+    @property
+    def absences(self) -> Absences:
+        """When the robot was away; an end in order is none."""
+        spans, lost_s = list(self._absences), self._lost_s
+        is_lasting = lost_s is not None and not self._said_farewell()
+        if is_lasting and lost_s is not None:
+            spans.append(time.monotonic() - lost_s)
+        return Absences(len(spans), sum(spans), is_lasting)
+
+    def _said_farewell(self) -> bool:
+        status = None if self._farewell is None else self._farewell.poll()
+        if status is None or status.commander:
+            return False
+        return status.mode in (RobotMode.OFF, RobotMode.FAULT)
+
+    def _watch_robot(self, bus: Bus, status_key: str, alive_key: str) -> None:
+        """Keep the newest status, and whether the robot is there.
+
+        Args:
+            bus: open.
+            status_key: of the robot's status, on this bus.
+            alive_key: of its liveliness token.
+        """
+        status = bus.channel(status_key, depth=1)
+        self._farewell = Latest(status, RobotStatus, joint_count=self._joint_count)
+        bus.watch_presence(alive_key, self._on_robot)
+
     @abstractmethod
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
         """Open the bus and declare everything, :meth:`_token` last.
@@ -134,8 +202,12 @@ class ReadOnlyClient(ABC):
         """Take in that the robot has come or gone; for ``Bus.watch_presence``."""
         del key
         if is_there:
+            if self._lost_s is not None:
+                self._absences.append(time.monotonic() - self._lost_s)
+            self._lost_s = None
             self._robot_is_here.set()
-        else:
+        elif self._robot_is_here.is_set():
+            self._lost_s = time.monotonic()
             self._robot_is_here.clear()
 
 
@@ -161,7 +233,7 @@ class Observer(ReadOnlyClient):
 
         with Observer(robot, endpoints=endpoints, channels=("joints",)) as observer:
             observer.connect(timeout_s=10.0)
-            while observer.robot_is_here:
+            while not observer.has_left():
                 for sample in observer.take(timeout_s=0.1):
                     message = observer.decode(sample)
 
@@ -291,7 +363,7 @@ class Observer(ReadOnlyClient):
         )
         self.requests = Requests(caller, self._robot, source=self._identity)
         bus.announce(self._token())
-        bus.watch_presence(ALIVE_ROBOT, self._on_robot)
+        self._watch_robot(bus, keys["status"], ALIVE_ROBOT)
         bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
 
     def _on_stabilizer(self, key: str, is_there: bool) -> None:
