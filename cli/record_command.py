@@ -13,7 +13,7 @@ from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from surefoot.recording.write import McapFile
-    from surefoot.robot_io.client_side.observer import Absences
+    from surefoot.robot_io.client_side.read_only_client import Absences
 
 
 class LogTime(StrEnum):

@@ -9,7 +9,7 @@ import typer
 from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
-    from surefoot.robot_io.client_side.observer import Absences
+    from surefoot.robot_io.client_side.read_only_client import Absences
 
 
 def tell_absences(absences: Absences) -> None:

@@ -14,7 +14,7 @@ from zenoh.handlers import Callback
 
 from surefoot.robot_io.bus.bus import dialed_bus
 from surefoot.robot_io.client_side.bus_graph import BusGraph, read_bus_graph
-from surefoot.robot_io.client_side.observer import ReadOnlyClient
+from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
 from surefoot.robot_io.realtime import SWITCH_INTERVAL_S
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
@@ -93,9 +93,12 @@ class Listener(ReadOnlyClient):
         return [self._heard.popleft() for _ in range(len(self._heard))]
 
     def bus_graph(self) -> BusGraph:
-        """Return who publishes, subscribes and answers, except this process."""
-        if self._session is None:
-            raise RuntimeError("not connected; call connect first")
+        """Return who publishes, subscribes and answers, except this process.
+
+        Nothing is told while there is no link.
+        """
+        if self._session is None or self._session.is_closed():
+            return BusGraph(False, (), (), (), ())
         return read_bus_graph(self._session, namespace=self._namespace)
 
     def _open(self, stack: ExitStack, timeout_s: float) -> None:

@@ -208,6 +208,8 @@ class LivePage:
             self._draw(sight)
             self._gains.send()
             self._tell(sight, observer)
+            if not observer.robot_is_here:
+                return  # dialed anew: a session that was cut off mixes up keys
             due_s += FRAME_S
             pause_s = due_s - time.monotonic()
             if pause_s < 0.0:  # behind: leave frames out, never catch up in a burst
