@@ -228,7 +228,8 @@ class Urdf:
         limit = joint.find("limit")
         if limit is None:
             raise self.refused(
-                f"{place} has no <limit>, expected one with lower, upper and effort"
+                f"{place} has no <limit>, expected one with lower, upper, effort and "
+                "velocity"
             )
         ends = [
             self.number(limit, key, f"{place}: limit") for key in ("lower", "upper")
@@ -242,8 +243,9 @@ class Urdf:
                 f"{place}: limit: from {ends[0]:g} to {ends[1]:g} rad; is it in "
                 "degrees? Write radians"
             )
-        if self.number(limit, "effort", f"{place}: limit") <= 0.0:
-            raise self.refused(f"{place}: limit: effort must be above 0 (N m)")
+        for key, unit in (("effort", "N m"), ("velocity", "rad/s")):
+            if self.number(limit, key, f"{place}: limit") <= 0.0:
+                raise self.refused(f"{place}: limit: {key} must be above 0 ({unit})")
 
     def axis(self, joint: ElementTree.Element) -> Vec3:
         """(3,) direction of a joint's axis, of length one."""
@@ -329,6 +331,21 @@ class Urdf:
             what = "a number" if count == 1 else f"{count} numbers"
             raise self.refused(f"{place}: {key}: got {text[:60]!r}, expected {what}")
         return numbers
+
+
+def without_shapes(path: Path) -> str:
+    """The text of a URDF that was checked, with nothing in it but what moves.
+
+    Meshes need not be there, and a mistake in a colour stops nobody's controller.
+    """
+    root = ElementTree.parse(path).getroot()
+    for link in root.iter("link"):
+        for tag in ("visual", "collision"):
+            for shape in link.findall(tag):
+                link.remove(shape)
+    for material in root.findall("material"):
+        root.remove(material)
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _parsed(path: Path) -> ElementTree.Element:

@@ -12,6 +12,7 @@ import mujoco
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.messages import ForceTorque, ImuState
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
@@ -64,14 +65,13 @@ def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
     Returns:
         The model, not compiled.
     """
-    root = ElementTree.parse(path).getroot()
-    # Nothing of it collides, and its meshes need not be there.
-    for link in root.iter("link"):
-        for shape in link.findall("collision"):
-            link.remove(shape)
-        if not visuals:
-            for shape in link.findall("visual"):
+    if visuals:
+        root = ElementTree.parse(path).getroot()
+        for link in root.iter("link"):
+            for shape in link.findall("collision"):
                 link.remove(shape)
+    else:
+        root = ElementTree.fromstring(without_shapes(path))
     # MuJoCo drops visuals while it reads, unless the file itself says otherwise.
     extension = root.find("mujoco")
     if extension is None:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.arrays import Array, Mat, Vec3
 
 GRAVITY = 9.81
@@ -66,8 +67,8 @@ class RobotModel:
         """
         self.robot = robot
         try:
-            self.pin_model = pin.buildModelFromUrdf(
-                str(robot.urdf_path), pin.JointModelFreeFlyer()
+            self.pin_model = pin.buildModelFromXML(
+                without_shapes(robot.urdf_path), pin.JointModelFreeFlyer()
             )
         except (ValueError, RuntimeError) as error:
             words = (str(error).strip() or type(error).__name__).splitlines()[0]

@@ -14,6 +14,7 @@ from typing import IO, Any
 import numpy as np
 
 from surefoot.errors import EnvironmentFailedError, UsageError
+from surefoot.installation import install_command
 from surefoot.recording.read import Record
 from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.run_folder import write_arrays
@@ -70,7 +71,7 @@ def export_parquet(record: Record, folder: Path) -> list[Path]:
     except ImportError as error:
         raise EnvironmentFailedError(
             "parquet needs pyarrow, which is not installed: "
-            "pip install 'surefoot[parquet]'; csv and npz need nothing"
+            f"{install_command('parquet')}; csv and npz need nothing"
         ) from error
 
     def column_of(values: list[Any]) -> Any:
