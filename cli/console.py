@@ -15,6 +15,7 @@ from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from surefoot.errors import ERROR_PREFIX
+from surefoot.installation import install_command
 
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
@@ -181,7 +182,7 @@ def _words(error: BaseException) -> str:
 def import_advice(error: ImportError) -> str:
     """Return what to install for a system library or package that failed to load."""
     if "shared object" not in str(error):
-        return "install what is missing: pip install . (in a checkout: make install)"
+        return f"install what is missing: {install_command()}"
     return (
         "a library of the system is missing; for libgomp.so.1, on Debian and Ubuntu: "
         "apt-get install libgomp1"

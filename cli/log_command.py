@@ -35,8 +35,8 @@ def info(file: FileArgument, as_json: options.JsonOption = False) -> None:
     if as_json:
         print_json(told)
         return
-    whole = "cut off; all that is whole of it is told" if told.is_cut_off else "whole"
-    print_text(f"{file}: {whole}, {told.duration_s:.3f} s between first and last stamp")
+    span = f"{told.duration_s:.3f} s between first and last stamp"
+    print_text(f"{file}: {told.condition}, {span}")
     print_table(counts_table(told.channels))
     print_text("attached: " + (", ".join(told.attachments) or "nothing"))
 
@@ -68,5 +68,12 @@ def export(
     record = read_record(file)
     for path in write(record, out):
         print_note(f"wrote {path}")
-    if record.is_cut_off:
-        print_note(f"{file} is cut off; what is whole of it was written")
+    for name in record.channels:
+        lost = record.size(name) - len(record.messages(name))
+        if lost:
+            words = f"{name}: {lost} of {record.size(name)} messages left out"
+            print_note(
+                f"{words}; they are not {record.encoding(name)} that can be read"
+            )
+    if record.is_cut_off or record.damage:
+        print_note(f"{file} is {record.condition}; what could be read was written")

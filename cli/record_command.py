@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,14 @@ from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from surefoot.recording.write import McapFile
+    from surefoot.robot_io.client_side.read_only_client import Absences
+
+
+class LogTime(StrEnum):
+    """What log times of a record are."""
+
+    STAMPS = "stamps"
+    SIMULATED = "simulated"
 
 
 def record(
@@ -33,6 +42,14 @@ def record(
             "--attach", metavar="FILE", help="Keep this file too. May be repeated."
         ),
     ] = None,
+    log_time: Annotated[
+        LogTime,
+        typer.Option(
+            "--log-time",
+            help="Times in viewers: the senders' stamps, or simulated time, which is "
+            "tick times period, for a robot in lockstep.",
+        ),
+    ] = LogTime.STAMPS,
     wait_s: Annotated[
         float,
         typer.Option(
@@ -47,8 +64,8 @@ def record(
     """Record everything on a robot's bus, until it leaves or Ctrl-C.
 
     Listens only; the robot does not wait for it. Exits with 4 when there is no robot,
-    with 3 when the file cannot be written, with 130 after Ctrl-C, which leaves a
-    whole file.
+    with 3 when the file cannot be written, with 1 when the link to the robot was lost
+    meanwhile, with 130 after Ctrl-C, which leaves a whole file.
     """
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.logs import log_note, set_up_logging
@@ -56,7 +73,10 @@ def record(
     from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
     from surefoot.processes.child import begin_as_child, report_ready
-    from surefoot.recording.write import RING_DEPTH, McapFile, attachments, record_bus
+    from surefoot.recording.attachments import attachments
+    from surefoot.recording.log_times import LogTimes
+    from surefoot.recording.record_bus import RING_DEPTH, record_bus
+    from surefoot.recording.write import McapFile
     from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
     from surefoot.robot_io.robot import load_robot
@@ -71,13 +91,19 @@ def record(
     kept = attachments(model, attach or [])
     # Status last: whoever receives it has subscribed to all others.
     channels = (*(name for name in ALL_CHANNELS if name != "status"), "status")
+    period_ns = round(model.period_s * 1e9) if log_time is LogTime.SIMULATED else None
     stop = StopRequest()
     with Observer(
         model, endpoints=meeting, channels=channels, depth=RING_DEPTH
     ) as observer:
         observer.connect(timeout_s=wait_s)
         with McapFile(
-            out, channels=channels, keys=model.keys, attachments=kept, raw=raw
+            out,
+            channels=channels,
+            keys=model.keys,
+            attachments=kept,
+            raw=raw,
+            times=LogTimes(period_ns),
         ) as file:
             log_note(f"records {model.file.name} to {out}")
             record_bus(
@@ -86,18 +112,22 @@ def record(
                 on_ready=report_ready if child else _say_ready,
                 stop=stop,
             )
-    _tell(file)
+        absences = observer.absences
+    _tell(file, absences)
     if as_json:
         print_json(list(file.counts.values()))
     elif not child:
         print_table(counts_table(list(file.counts.values())))
     if stop.is_set:
         raise typer.Exit(ExitCode.INTERRUPTED)
+    if absences.times:
+        raise typer.Exit(ExitCode.FAILED)
 
 
-def _tell(file: McapFile) -> None:
+def _tell(file: McapFile, absences: Absences) -> None:
     """Say on stderr what is missing, whatever is printed on stdout."""
     from surefoot.cli.logs import log_note, log_warning
+    from surefoot.recording.write import UNREADABLE
 
     total = sum(count.messages for count in file.counts.values())
     log_note(f"{total} messages in {file.path}")
@@ -107,8 +137,13 @@ def _tell(file: McapFile) -> None:
                 f"{name}: {count.missing} missing by {count.counted_by}, "
                 f"in {count.gaps} places"
             )
-        if file.unreadable[name]:
-            log_warning(f"{name}: {file.unreadable[name]} unreadable, left out")
+        if count.unreadable:
+            log_warning(
+                f"{name}: {count.unreadable} messages are none of this channel; they "
+                f"are kept as they came, on /{name}/{UNREADABLE}"
+            )
+    if absences.times:
+        log_warning(f"{absences}; what was said meanwhile is not in the record")
 
 
 def _say_ready() -> None:

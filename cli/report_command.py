@@ -55,12 +55,13 @@ def report(
 
     from surefoot.cli.console import count_bar, print_text
     from surefoot.errors import EnvironmentFailedError
+    from surefoot.installation import install_command
 
     missing = [name for name in NEEDED if find_spec(name) is None]
     if missing:
         raise EnvironmentFailedError(
             f"a report needs {', '.join(missing)}, not installed here; "
-            "pip install 'surefoot[view]'"
+            f"{install_command('view')}"
         )
     from surefoot.report.video import check_drawing, load_drawing
 

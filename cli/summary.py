@@ -22,7 +22,7 @@ from surefoot.schemas.result import (
 )
 
 if TYPE_CHECKING:
-    from surefoot.recording.write import ChannelCount
+    from surefoot.recording.counts import ChannelCount
     from surefoot.studies.tables import Summaries
 
 _PASSAGE = ("arrived", "left")
@@ -257,10 +257,13 @@ def _bar(share: float) -> str:
 
 def counts_table(counts: Iterable[ChannelCount]) -> Table:
     """What came on each channel, and what is missing."""
-    table = Table("channel", "messages", "first", "last", "missing", "restarts")
+    counts = list(counts)
+    odd = any(count.unreadable for count in counts)
+    headings = ("channel", "messages", "first", "last", "missing", "restarts")
+    table = Table(*headings, *(("not readable",) if odd else ()))
     for count in counts:
         counted = bool(count.counted_by)
-        table.add_row(
+        row = (
             count.channel,
             str(count.messages),
             "-" if count.first is None else str(count.first),
@@ -268,4 +271,6 @@ def counts_table(counts: Iterable[ChannelCount]) -> Table:
             f"{count.missing} by {count.counted_by}" if counted else "-",
             str(count.restarts) if counted else "-",
         )
+        unreadable = f"{count.unreadable}{count.encoding and f' ({count.encoding})'}"
+        table.add_row(*row, *((unreadable,) if odd else ()))
     return table

@@ -35,6 +35,7 @@ def view(
     from surefoot.cli.logs import set_up_logging
     from surefoot.endpoints import choose_endpoints
     from surefoot.errors import EnvironmentFailedError
+    from surefoot.installation import install_command
     from surefoot.processes.child import begin_as_child
     from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.robot import load_robot
@@ -51,7 +52,7 @@ def view(
     if find_spec("viser") is None or find_spec("yourdfpy") is None:
         raise EnvironmentFailedError(
             "the live page needs viser and yourdfpy, which are not installed; "
-            "pip install 'surefoot[view]'"
+            f"{install_command('view')}"
         )
     chosen = free_port(port)
     from surefoot.view.page import LivePage  # slow import; report bad options first

@@ -180,7 +180,7 @@ def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
     file, urdf_folder = _read(path)
     if servo_profile is not None:
         file = _with_profile(file, servo_profile)
-    urdf_path = (urdf_folder / file.urdf).resolve()
+    urdf_path = urdf_folder / file.urdf
     if not urdf_path.is_file():
         raise RobotFileError(f"{path}: urdf: no such file: {urdf_path}")
     return make_robot(file, path=path, urdf_path=urdf_path)
@@ -202,7 +202,7 @@ def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
     return Robot(
         file=file,
         path=path.resolve(),
-        urdf_path=urdf_path,
+        urdf_path=urdf_path.resolve(),
         keys=_bus_keys(file, path),
         lower=ranges.lower,
         upper=ranges.upper,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import NamedTuple
@@ -9,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.urdf_check import MOVABLE, Urdf
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, Joint, RobotFile
@@ -16,7 +18,8 @@ from surefoot.schemas.sensors import SENSORS
 
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
-_MOVABLE = ("revolute", "continuous", "prismatic")
+HEIGHT_SHARE = 0.1
+"""Of the height of the base: how far a robot's file may be off its URDF."""
 
 
 class JointRanges(NamedTuple):
@@ -42,15 +45,17 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> JointRanges:
         RobotFileError: the URDF is broken or says something else than the TOML.
     """
     _check_file(file, path)
-    root = _parse(urdf_path)
-    _check_links(file, path, root)
+    urdf = Urdf(urdf_path)
+    _check_links(file, path, urdf)
     for foot in file.foot:
-        _check_sole(foot, path, root)
-    movable = _movable_joints(file, path, root)
+        _check_foot(foot, path, urdf)
+        _check_sole(foot, path, urdf)
+    urdf.check_masses()
+    movable = _movable_joints(file, path, urdf)
     ranges = [
-        _joint_range(joint, path, movable[joint.name], urdf_path)
-        for joint in file.joint
+        _joint_range(joint, path, movable[joint.name], urdf) for joint in file.joint
     ]
+    _check_height(file, path, urdf)
     bounds = np.array(ranges, dtype=np.float64).T.copy()
     bounds.setflags(write=False)
     return JointRanges(lower=bounds[0], upper=bounds[1])
@@ -92,32 +97,81 @@ def _check_file(file: RobotFile, path: Path) -> None:
         )
 
 
-def _parse(urdf_path: Path) -> ElementTree.Element:
-    try:
-        return ElementTree.parse(urdf_path).getroot()
-    except OSError as error:
-        raise RobotFileError(f"{urdf_path}: cannot be read ({error})") from error
-    except ElementTree.ParseError as error:
-        raise RobotFileError(f"{urdf_path}: not valid XML: {error}") from error
-
-
-def _check_links(file: RobotFile, path: Path, root: ElementTree.Element) -> None:
-    links = {link.get("name") for link in root.iter("link")}
+def _check_links(file: RobotFile, path: Path, urdf: Urdf) -> None:
     wanted = {"base_link": file.base_link}
     wanted |= {entry.frame: entry.link(file) for entry in SENSORS if entry.frame}
     for index, foot in enumerate(file.foot):
         wanted[f"foot[{index}].sole_frame"] = foot.sole_frame
     for key, link in wanted.items():
-        if link not in links:
-            raise RobotFileError(f"{path}: {key}: {file.urdf} has no link {link!r}")
+        if link not in urdf.links:
+            near = difflib.get_close_matches(link, urdf.links, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise RobotFileError(
+                f"{path}: {key}: {file.urdf} has no link {link!r}{hint}"
+            )
+    if file.base_link != urdf.root:
+        raise RobotFileError(
+            f"{path}: base_link: {file.base_link!r} hangs on a joint; name the link "
+            f"that all others hang on, {urdf.root!r}"
+        )
+    if urdf.fixed_to(file.imu.frame)[-1] != file.base_link:
+        raise RobotFileError(
+            f"{path}: imu.frame: {file.imu.frame!r} moves against the base "
+            f"{file.base_link!r}; name a link that is fixed to it"
+        )
+    left, right = file.foot
+    for key in ("sole_frame", "ft_link"):
+        if getattr(left, key) == getattr(right, key):
+            raise RobotFileError(
+                f"{path}: foot: both feet have the {key} {getattr(left, key)!r}; name "
+                "one for each side"
+            )
 
 
-def _check_sole(foot: Foot, path: Path, root: ElementTree.Element) -> None:
-    """Check that the box under the sensor, which touches the ground, is the sole."""
-    boxes = root.findall(f"link[@name='{foot.ft_link}']/collision/geometry/box")
+def _check_foot(foot: Foot, path: Path, urdf: Urdf) -> None:
+    """The sole is a bare link, fixed below the one that the sensor carries."""
+    place = f"{path}: {foot.side} foot: sole_frame {foot.sole_frame!r}"
+    if foot.sole_frame == foot.ft_link:
+        raise RobotFileError(
+            f"{place} is the ft_link too; give the sole a link of its own, without "
+            "mass, fixed below it"
+        )
+    if foot.ft_link not in urdf.fixed_to(foot.sole_frame):
+        is_above = foot.sole_frame in urdf.fixed_to(foot.ft_link)
+        how = "stands above" if is_above else "is not fixed below"
+        raise RobotFileError(
+            f"{place} {how} ft_link {foot.ft_link!r}; the sensor must carry the sole, "
+            "with nothing that moves between them"
+        )
+    mass = urdf.mass_of(foot.sole_frame)
+    if mass > 0.0:
+        raise RobotFileError(
+            f"{place} weighs {mass:g} kg; it must weigh nothing, as what presses on "
+            "it would count as its weight: put the mass into ft_link"
+        )
+
+
+def _check_height(file: RobotFile, path: Path, urdf: Urdf) -> None:
+    """The soles lie below the base where the file says they do."""
+    posture = {joint.name: joint.nominal_rad for joint in file.joint}
+    below_m = [
+        -float(urdf.place_below_root(foot.sole_frame, posture)[2]) for foot in file.foot
+    ]
+    mean_m = 0.5 * sum(below_m)
+    if abs(mean_m - file.nominal_base_height_m) > HEIGHT_SHARE * abs(mean_m):
+        raise RobotFileError(
+            f"{path}: nominal_base_height_m: got {file.nominal_base_height_m:g}, but "
+            f"in the nominal posture the soles of {file.urdf} lie {mean_m:.4g} below "
+            f"{file.base_link!r}; are lengths in metres and angles in radians?"
+        )
+
+
+def _check_sole(foot: Foot, path: Path, urdf: Urdf) -> None:
+    """A box under the sensor is what touches the ground: it must be the sole."""
+    boxes = urdf.links[foot.ft_link].findall("collision/geometry/box")
     if len(boxes) != 1:
         return
-    size = _numbers(boxes[0], "size", 3, f"{foot.ft_link}: collision box")
+    size = urdf.vector(boxes[0], "size", f"link {foot.ft_link!r}: collision box")
     for key, half, full in (
         ("half_length_m", foot.half_length_m, size[0]),
         ("half_width_m", foot.half_width_m, size[1]),
@@ -130,12 +184,12 @@ def _check_sole(foot: Foot, path: Path, root: ElementTree.Element) -> None:
 
 
 def _movable_joints(
-    file: RobotFile, path: Path, root: ElementTree.Element
+    file: RobotFile, path: Path, urdf: Urdf
 ) -> dict[str, ElementTree.Element]:
     movable = {
-        str(joint.get("name")): joint
-        for joint in root.findall("joint")
-        if joint.get("type") in _MOVABLE
+        name: joint
+        for name, joint in urdf.joints.items()
+        if joint.get("type") in MOVABLE
     }
     listed = {joint.name for joint in file.joint}
     if listed != set(movable):
@@ -147,27 +201,23 @@ def _movable_joints(
 
 
 def _joint_range(
-    joint: Joint, path: Path, element: ElementTree.Element, urdf_path: Path
+    joint: Joint, path: Path, element: ElementTree.Element, urdf: Urdf
 ) -> tuple[float, float]:
     limit = element.find("limit")
-    if limit is None:
-        raise RobotFileError(
-            f"{urdf_path}: joint {joint.name!r} has no <limit>, expected one with "
-            "lower, upper and effort"
-        )
-    place = f"{urdf_path}: joint {joint.name!r}: limit"
+    assert limit is not None  # as the URDF was checked
+    place = f"joint {joint.name!r}: limit"
     lower, upper, effort = (
-        _numbers(limit, name, 1, place)[0] for name in ("lower", "upper", "effort")
+        urdf.number(limit, name, place) for name in ("lower", "upper", "effort")
     )
     if not abs(effort - joint.torque_limit_nm) <= EFFORT_TOLERANCE_NM:
         raise RobotFileError(
             f"{path}: joint {joint.name!r}: torque_limit_nm {joint.torque_limit_nm} "
-            f"but effort {effort} in {urdf_path.name}; make them equal"
+            f"but effort {effort} in {urdf.path.name}; make them equal"
         )
     if not lower <= joint.nominal_rad <= upper:
         raise RobotFileError(
             f"{path}: joint {joint.name!r}: nominal_rad {joint.nominal_rad} is "
-            f"outside [{lower}, {upper}] of {urdf_path.name}"
+            f"outside [{lower}, {upper}] of {urdf.path.name}"
         )
     _check_soft_range(joint, path, lower=lower, upper=upper)
     return lower, upper
@@ -182,16 +232,3 @@ def _check_soft_range(joint: Joint, path: Path, *, lower: float, upper: float) -
             f"must lie inside the joint range [{lower}, {upper}] and hold nominal_rad "
             f"{joint.nominal_rad}"
         )
-
-
-def _numbers(
-    element: ElementTree.Element, name: str, count: int, place: str
-) -> list[float]:
-    text = element.get(name, "")
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not np.all(np.isfinite(numbers)):
-        raise RobotFileError(f"{place}: {name}: got {text!r}, expected {count} numbers")
-    return numbers

@@ -7,18 +7,27 @@ message that does not fit is refused with an error that names the field.
 from __future__ import annotations
 
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgpack
 import msgspec
 
 from surefoot.schemas.errors import MessageError, SchemaVersionError
 from surefoot.schemas.finite import find_non_finite
-from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.messages import SCHEMA_VERSION, Count
 from surefoot.schemas.validation import explain
 
 MAX_MESSAGE_BYTES = 65536
 _T = TypeVar("_T", bound=msgspec.Struct)
+
+
+class Head(msgspec.Struct, frozen=True):
+    """What every message of the bus carries; the rest is passed over."""
+
+    tick: Count
+    stamp_ns: Count
+
+
 _UNREADABLE = (ValueError, TypeError, RecursionError, msgpack.UnpackException)
 """Exceptions of msgpack for bytes that are not MessagePack."""
 
@@ -80,6 +89,37 @@ _encoder = msgspec.msgpack.Encoder()
 def _decoder(kind: type[_T]) -> msgspec.msgpack.Decoder[_T]:
     """Return a decoder from bytes to struct: half the time of two steps."""
     return msgspec.msgpack.Decoder(kind)
+
+
+def decode_map(data: bytes) -> dict[str, Any]:
+    """Unpack a map with string keys, whatever it holds.
+
+    For tools that look at messages they do not know the kind of; all else is
+    :func:`decode`'s.
+
+    Raises:
+        MessageError: the bytes are no such map.
+    """
+    try:
+        return _map_decoder.decode(data)
+    except (msgspec.DecodeError, *_UNREADABLE) as error:
+        raise MessageError(f"not a map in MessagePack: {error}") from error
+
+
+def decode_head(data: bytes) -> Head:
+    """Unpack what every message carries, whatever else is in it.
+
+    Raises:
+        MessageError: the bytes are no message of ours.
+    """
+    try:
+        return _head_decoder.decode(data)
+    except (msgspec.DecodeError, *_UNREADABLE) as error:
+        raise MessageError(f"no tick and stamp in it: {error}") from error
+
+
+_head_decoder = msgspec.msgpack.Decoder(Head)
+_map_decoder = msgspec.msgpack.Decoder(dict[str, Any])
 
 
 def _decode_in_steps(data: bytes, kind: type[_T]) -> _T:

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.toml_file import FileStruct, load
+from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 
 DEFAULT_LOCATOR = "tcp/127.0.0.1:7447"
 MAX_INCOMING_BYTES = 16384
@@ -64,7 +64,8 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
     connect: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
     """Locators that everyone else dials."""
     router: list[str] = []
-    """Where a router listens, when there is one: everyone dials it, also the robot."""
+    """Where everyone dials the router, when there is one, also the robot. The router
+    itself listens at ``listen``, or here when its file says no ``listen``."""
     lease_ms: Annotated[int, msgspec.Meta(ge=50, le=60000)] = 500
     """Silence after which a peer counts as gone."""
     retry_ms: Annotated[int, msgspec.Meta(ge=10, le=10000)] = 50
@@ -89,7 +90,10 @@ def load_endpoints(path: Path) -> Endpoints:
         FileFormatError: malformed, a certificate is missing, or others can read the
             private key.
     """
-    endpoints = load(path, Endpoints)
+    table = read_toml(path)
+    endpoints = convert(table, Endpoints, source=str(path))
+    if endpoints.router and "listen" not in table:
+        endpoints = msgspec.structs.replace(endpoints, listen=endpoints.router)
     if endpoints.tls is None:
         return endpoints
     found = {}

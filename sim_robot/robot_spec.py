@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
 
 import mujoco
 
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.messages import ForceTorque, ImuState
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
@@ -61,7 +65,13 @@ def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
     Returns:
         The model, not compiled.
     """
-    root = ElementTree.parse(path).getroot()
+    if visuals:
+        root = ElementTree.parse(path).getroot()
+        for link in root.iter("link"):
+            for shape in link.findall("collision"):
+                link.remove(shape)
+    else:
+        root = ElementTree.fromstring(without_shapes(path))
     # MuJoCo drops visuals while it reads, unless the file itself says otherwise.
     extension = root.find("mujoco")
     if extension is None:
@@ -75,10 +85,24 @@ def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
     # From here on it would drop every geom that only explicit pairs let collide.
     spec.compiler.discardvisual = False
     spec.modelfiledir = str(path.parent)
-    for geom in list(spec.geoms):
-        if geom.contype or geom.conaffinity:
-            spec.delete(geom)
     return spec
+
+
+@contextmanager
+def refusing(robot: Robot) -> Iterator[None]:
+    """Turn what MuJoCo says of a robot's files into an error that names them.
+
+    Raises:
+        RobotFileError: with the first line of MuJoCo's words.
+    """
+    try:
+        yield
+    except (ValueError, RuntimeError, KeyError, TypeError, AttributeError) as error:
+        words = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise RobotFileError(
+            f"{robot.urdf_path}: MuJoCo refuses it: {words}; mend the file, or leave "
+            "out what it names"
+        ) from error
 
 
 def robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjSpec:

@@ -14,7 +14,7 @@ from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.platforms import PlatformPlan, add_platform, plan_platforms
-from surefoot.sim_robot.robot_spec import ANKLES, UNITS, robot_spec
+from surefoot.sim_robot.robot_spec import ANKLES, UNITS, refusing, robot_spec
 from surefoot.sim_robot.scenery import add_scenery
 from surefoot.sim_robot.ticks import SIM_STEP_S
 
@@ -68,9 +68,14 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
 
     Returns:
         The world; the state is not set up in it.
+
+    Raises:
+        RobotFileError: MuJoCo refuses the robot.
+        ScenarioError: the scenario does not fit it.
     """
-    spec = robot_spec(robot, scenario, visuals=scenery)
-    soles = _nominal_soles(spec, robot)
+    with refusing(robot):
+        spec = robot_spec(robot, scenario, visuals=scenery)
+        soles = _nominal_soles(spec, robot)
     base_height = -0.5 * float(soles[0][2] + soles[1][2])
     platforms = plan_platforms(scenario, sole_left=soles[0], sole_right=soles[1])
     for plan in platforms:
@@ -78,7 +83,8 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     _set_options(spec)
     if scenery:
         add_scenery(spec, platforms)
-    model = spec.compile()
+    with refusing(robot):
+        model = spec.compile()
     _scale_masses(model, robot, scale=scenario.model_error.mass_scale)
     base_body = _body_id(model, robot.file.base_link)
     _forget_platform_inertia(model, robot)

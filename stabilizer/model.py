@@ -9,7 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.arrays import Array, Mat, Vec3
 
 GRAVITY = 9.81
@@ -60,17 +62,24 @@ class RobotModel:
             robot: loaded and checked robot files.
 
         Raises:
-            ValueError: Pinocchio sees other joints than the robot file lists.
+            RobotFileError: Pinocchio refuses it, or sees other joints than the robot
+                file lists.
         """
         self.robot = robot
-        self.pin_model = pin.buildModelFromUrdf(
-            str(robot.urdf_path), pin.JointModelFreeFlyer()
-        )
+        try:
+            self.pin_model = pin.buildModelFromXML(
+                without_shapes(robot.urdf_path), pin.JointModelFreeFlyer()
+            )
+        except (ValueError, RuntimeError) as error:
+            words = (str(error).strip() or type(error).__name__).splitlines()[0]
+            raise RobotFileError(
+                f"{robot.urdf_path}: Pinocchio refuses it: {words}"
+            ) from error
         model = self.pin_model
         self.n_a = robot.n_a
         self.n_v = N_BASE_V + self.n_a
         if model.nv != self.n_v or model.nq != N_BASE_Q + self.n_a:
-            raise ValueError(
+            raise RobotFileError(
                 f"{robot.urdf_path}: Pinocchio sees {model.nv - N_BASE_V} joint "
                 f"velocities, the robot file lists {self.n_a} joints; "
                 "only revolute and prismatic joints are supported"

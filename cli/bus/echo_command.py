@@ -52,8 +52,10 @@ def echo(
     """Print the messages of a channel, until the robot leaves or Ctrl-C.
 
     Listens only. A malformed message is shown as such, with the reason. Exits with 4
-    when there is no robot, or it leaves before --count messages.
+    when there is no robot, or it leaves before --count messages, with 1 when the link
+    to it was lost meanwhile.
     """
+    from surefoot.cli.bus.absence import tell_absences
     from surefoot.cli.bus.echo import Echo, check_fields
     from surefoot.cli.bus.topics import find_channel
     from surefoot.endpoints import choose_endpoints
@@ -80,6 +82,7 @@ def echo(
 
         print_note(f"the robot left after {shown.count} of {count} messages")
         raise typer.Exit(ExitCode.UNREACHABLE)
+    tell_absences(listener.absences)
 
 
 def _show(listener: Listener, shown: Echo, entry: Topic, *, count: int | None) -> None:
@@ -90,14 +93,14 @@ def _show(listener: Listener, shown: Echo, entry: Topic, *, count: int | None) -
     said_since = time.monotonic()
     is_told = False
     while True:
-        is_here = listener.robot_is_here  # asked first: then what it said last is heard
+        has_left = listener.has_left()  # asked first: then what it said last is heard
         for heard in listener.take(timeout_s=_TAKE_S):
             said_since = time.monotonic()
             for line in shown.lines(heard):
                 print_text(line)
             if count is not None and shown.count >= count:
                 return
-        if not is_here:
+        if has_left:
             return
         if not is_told and time.monotonic() - said_since > SILENT_S:
             is_told = True

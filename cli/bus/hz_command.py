@@ -57,9 +57,10 @@ def hz(
     """Measure rate, jitter, gaps and delay of channels.
 
     On a terminal the table is renewed twice a second. Listens only; ends also when
-    the robot leaves. Exits with 4 when there is no robot, with 130 after Ctrl-C, which
-    leaves the last table.
+    the robot leaves. Exits with 4 when there is no robot, with 1 when the link to it
+    was lost meanwhile, with 130 after Ctrl-C, which leaves the last table.
     """
+    from surefoot.cli.bus.absence import tell_absences
     from surefoot.cli.bus.timing import TimingMeter, hz_table
     from surefoot.cli.bus.topics import PUBLISHED, find_channel, same_clock
     from surefoot.cli.console import live_table, print_json, print_note, print_table
@@ -111,6 +112,7 @@ def hz(
         )
     if stop.is_set:
         raise typer.Exit(ExitCode.INTERRUPTED)
+    tell_absences(listener.absences)
 
 
 def _measure(
@@ -131,7 +133,7 @@ def _measure(
         now_ns = time.monotonic_ns()
         return [meter.timing(now_ns) for meter in meters.values()]
 
-    while listener.robot_is_here and not stop.is_set:
+    while not listener.has_left() and not stop.is_set:
         for heard in listener.take(timeout_s=_TAKE_S):
             meters[heard.key].add(heard.data, received_ns=heard.received_ns)
         now = time.monotonic()

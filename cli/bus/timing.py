@@ -9,6 +9,8 @@ from itertools import pairwise
 import msgspec
 from rich.table import Table
 
+from surefoot.schemas.codec import decode_head
+from surefoot.schemas.errors import MessageError
 from surefoot.schemas.result import Distribution
 
 NS_PER_MS = 1e6
@@ -49,13 +51,6 @@ class ChannelTiming(msgspec.Struct, kw_only=True):
     unreadable: int
 
 
-class Head(msgspec.Struct):
-    """What every message carries; the rest is passed over."""
-
-    tick: int
-    stamp_ns: int
-
-
 class TimingMeter:
     """Takes in the messages of one channel."""
 
@@ -82,8 +77,8 @@ class TimingMeter:
         """Take in a message, whole or not."""
         self._messages += 1
         try:
-            head = _decoder.decode(data)
-        except msgspec.DecodeError:
+            head = decode_head(data)
+        except MessageError:
             self._unreadable += 1
             return
         self._recent.append((received_ns, received_ns - head.stamp_ns))
@@ -134,9 +129,6 @@ class TimingMeter:
     def _forget_before(self, time_ns: int) -> None:
         while self._recent and self._recent[0][0] < time_ns:
             self._recent.popleft()
-
-
-_decoder = msgspec.msgpack.Decoder(Head)
 
 
 def distribution(values: list[float]) -> Distribution:

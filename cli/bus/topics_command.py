@@ -28,8 +28,9 @@ def topics(
     """List the channels of a robot's bus: type, who speaks and listens, rate.
 
     Keys that are no channel of this robot are listed too. Listens only. Exits with 4
-    when there is no robot.
+    when there is no robot, with 1 when the link to it was lost meanwhile.
     """
+    from surefoot.cli.bus.absence import tell_absences
     from surefoot.cli.bus.topics import list_topics, topics_table, unknown_table
     from surefoot.cli.console import print_json, print_note, print_table, print_text
     from surefoot.endpoints import choose_endpoints
@@ -63,6 +64,7 @@ def topics(
             "who publishes and subscribes is not told here: the access control of "
             "the bus keeps it"
         )
+    tell_absences(listener.absences)
 
 
 def _hear(listener: Listener, for_s: float) -> tuple[list[RawMessage], float]:
@@ -73,6 +75,6 @@ def _hear(listener: Listener, for_s: float) -> tuple[list[RawMessage], float]:
     heard = listener.take(timeout_s=for_s)
     begin = time.monotonic()
     end = begin + for_s
-    while (left := end - time.monotonic()) > 0.0 and listener.robot_is_here:
+    while (left := end - time.monotonic()) > 0.0 and not listener.has_left():
         heard += listener.take(timeout_s=left)
     return heard, time.monotonic() - begin

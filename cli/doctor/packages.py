@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 from surefoot.cli.doctor.diagnosis import Diagnosis, Severity, finding
+from surefoot.installation import install_command
 
 LEAST_PYTHON = (3, 11)
 PINS = Path(__file__).resolve().parents[2] / "constraints.txt"
@@ -47,7 +48,7 @@ def check_packages() -> list[Diagnosis]:
                     name=f"package {name}",
                     verdict=Severity.FAIL,
                     got="not installed",
-                    advice="pip install . (in a checkout: make install)",
+                    advice=install_command(),
                 )
             )
         elif pin is not None and got != pin:
@@ -81,7 +82,7 @@ def check_extras() -> list[Diagnosis]:
                 f"extra {extra}",
                 f"no {', '.join(missing)}" if missing else ", ".join(there),
                 bad=Severity.WARN if missing else None,
-                advice=f"only if you want it: pip install 'surefoot[{extra}]'",
+                advice=f"only if you want it: {install_command(extra)}",
             )
         )
     return findings

@@ -24,7 +24,10 @@ from surefoot.robot_io.security.locators import (
     check_encryption,
     check_exposure,
     check_locators,
+    check_socket_files,
 )
+from surefoot.robot_io.security.own_certificates import check_own_certificates
+from surefoot.robot_io.security.peer_certificate import peer_fault
 from surefoot.schemas.arrays import JsonObject
 from surefoot.schemas.codec import MAX_MESSAGE_BYTES
 from surefoot.schemas.endpoints import Endpoints
@@ -87,7 +90,9 @@ def open_session(
 
     Raises:
         EndpointError: cannot listen there, or a locator is malformed.
-        LocatorError: a locator is malformed, or open to a network without TLS.
+        LocatorError: a locator is malformed, or open to a network without TLS, or
+            the path of something that is no socket.
+        CertificateError: a certificate of ours would be turned away.
         RobotUnreachableError: nobody answers where it dials.
     """
     _check(endpoints, role)
@@ -257,15 +262,19 @@ def _check(endpoints: Endpoints, role: Role) -> None:
     check_encryption(endpoints, locators)
     if is_listening:
         check_exposure(endpoints)
+        check_socket_files(locators)
+    check_own_certificates(endpoints, is_listening=is_listening)
 
 
 def _open_error(
     endpoints: Endpoints, role: Role, error: zenoh.ZError, timeout_s: float
 ) -> EndpointError | RobotUnreachableError:
     if not listens(endpoints, role):
-        return RobotUnreachableError(
-            unreachable(endpoints, "nobody answers", timeout_s)
+        # A client tries again, and looks at the other side once it gives up.
+        words = unreachable(
+            endpoints, "nobody answers", timeout_s, looks=role is not Role.CLIENT
         )
+        return RobotUnreachableError(words)
     why = _cause(error)
     if "in use" in why:
         why = "the address is in use; stop who listens there, or choose another port"
@@ -275,18 +284,26 @@ def _open_error(
     )
 
 
-def unreachable(endpoints: Endpoints, what: str, timeout_s: float) -> str:
+def unreachable(
+    endpoints: Endpoints, what: str, timeout_s: float, *, looks: bool = True
+) -> str:
     """Words for a bus on which the other side is not found.
 
     Args:
         endpoints: where it was dialed.
         what: what was found instead.
         timeout_s: how long was waited [s].
+        looks: look at the certificate of the other side, which takes a moment.
     """
+    where = dialed(endpoints)
+    told = f"{what} at {', '.join(where)} within {timeout_s:g} s"
+    fault = peer_fault(endpoints, where) if looks else ""
+    if fault:
+        return f"{told}: {fault}"
     if endpoints.router:
         hint = "are router and robot running (surefoot router, surefoot robot)"
     else:
         hint = "is the robot running (surefoot robot), and does it listen there"
     if endpoints.tls is not None:
-        hint += "; is our certificate of its authority, and not expired"
-    return f"{what} at {', '.join(dialed(endpoints))} within {timeout_s:g} s; {hint}?"
+        hint += "; does it trust the authority of our certificate"
+    return f"{told}; {hint}?"

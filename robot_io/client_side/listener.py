@@ -14,7 +14,7 @@ from zenoh.handlers import Callback
 
 from surefoot.robot_io.bus.bus import dialed_bus
 from surefoot.robot_io.client_side.bus_graph import BusGraph, read_bus_graph
-from surefoot.robot_io.client_side.observer import ReadOnlyClient
+from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
 from surefoot.robot_io.realtime import SWITCH_INTERVAL_S
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
@@ -71,6 +71,7 @@ class Listener(ReadOnlyClient):
         """
         super().__init__(robot, endpoints=endpoints)
         self.lost = 0
+        self._status_key = robot.keys["status"]
         self._patterns = [f"{self._namespace}/{pattern}" for pattern in patterns]
         self._elsewhere = elsewhere
         self._heard: deque[RawMessage] = deque()
@@ -92,9 +93,12 @@ class Listener(ReadOnlyClient):
         return [self._heard.popleft() for _ in range(len(self._heard))]
 
     def bus_graph(self) -> BusGraph:
-        """Return who publishes, subscribes and answers, except this process."""
-        if self._session is None:
-            raise RuntimeError("not connected; call connect first")
+        """Return who publishes, subscribes and answers, except this process.
+
+        Nothing is told while there is no link.
+        """
+        if self._session is None or self._session.is_closed():
+            return BusGraph(False, (), (), (), ())
         return read_bus_graph(self._session, namespace=self._namespace)
 
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
@@ -111,7 +115,11 @@ class Listener(ReadOnlyClient):
         if self._elsewhere:
             self._subscribe("**", self._on_foreign_sample)
         bus.announce(f"{self._namespace}/{self._token()}")
-        bus.watch_presence(f"{self._namespace}/{ALIVE_ROBOT}", self._on_robot)
+        self._watch_robot(
+            bus,
+            f"{self._namespace}/{self._status_key}",
+            f"{self._namespace}/{ALIVE_ROBOT}",
+        )
 
     def _subscribe(
         self, pattern: str, on_sample: Callable[[zenoh.Sample], None]

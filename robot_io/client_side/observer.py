@@ -3,23 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import secrets
-import threading
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import msgspec
 
 from surefoot.robot_io.bus.bus import dialed_bus
 from surefoot.robot_io.bus.channel import Channel
-from surefoot.robot_io.bus.session import unreachable
+from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
 from surefoot.robot_io.client_side.requests import Requests, ServiceCaller
-from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode
 from surefoot.schemas.endpoints import Endpoints
@@ -32,7 +26,6 @@ from surefoot.schemas.messages import (
     Truth,
 )
 from surefoot.schemas.topics import (
-    ALIVE_OBSERVER,
     ALIVE_ROBOT,
     ALIVE_STABILIZER,
     TOPICS,
@@ -65,80 +58,6 @@ VIEWER_CHANNELS = LatestMessages._fields
 """They are called as in the topic table."""
 
 
-class ReadOnlyClient(ABC):
-    """Dials a robot and knows whether it is there; has no part in its control."""
-
-    def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
-        """Prepare; :meth:`connect` dials.
-
-        Args:
-            robot: whose presence counts.
-            endpoints: where to dial.
-        """
-        self._namespace = robot.file.namespace
-        self._endpoints = endpoints
-        self._robot_is_here = threading.Event()
-        self._stack = ExitStack()
-
-    def __enter__(self) -> Self:
-        """Do nothing yet; see :meth:`connect`."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close the bus."""
-        self._stack.close()
-
-    def connect(self, *, timeout_s: float) -> None:
-        """Dial until the robot is alive there.
-
-        Args:
-            timeout_s: how long in all [s].
-
-        Raises:
-            EndpointError: a locator is malformed.
-            RobotUnreachableError: no robot was ready in time.
-        """
-        end = time.monotonic() + timeout_s
-        with ExitStack() as stack:
-            self._open(stack, timeout_s)
-            self._stack = stack.pop_all()
-        if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
-            what = f"no robot {self._namespace!r} is ready"
-            raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
-
-    @property
-    def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows."""
-        return self._robot_is_here.is_set()
-
-    @abstractmethod
-    def _open(self, stack: ExitStack, timeout_s: float) -> None:
-        """Open the bus and declare everything, :meth:`_token` last.
-
-        Args:
-            stack: closes what is opened, now or at the end.
-            timeout_s: how long to dial [s].
-        """
-
-    @staticmethod
-    def _token() -> str:
-        """Return the key of its own liveliness token."""
-        return f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}"
-
-    def _on_robot(self, key: str, is_there: bool) -> None:
-        """Take in that the robot has come or gone; for ``Bus.watch_presence``."""
-        del key
-        if is_there:
-            self._robot_is_here.set()
-        else:
-            self._robot_is_here.clear()
-
-
 class Sample(NamedTuple):
     """One message as it came.
 
@@ -161,7 +80,7 @@ class Observer(ReadOnlyClient):
 
         with Observer(robot, endpoints=endpoints, channels=("joints",)) as observer:
             observer.connect(timeout_s=10.0)
-            while observer.robot_is_here:
+            while not observer.has_left():
                 for sample in observer.take(timeout_s=0.1):
                     message = observer.decode(sample)
 
@@ -206,6 +125,7 @@ class Observer(ReadOnlyClient):
             name: topic(name).message for name in self.channels
         }
         self._rings: dict[str, Channel] = {}
+        self._unread: list[Sample] = []
         self._seen: dict[str, msgspec.Struct] = {}
         self._stabilizers: set[str] = set()
 
@@ -261,7 +181,13 @@ class Observer(ReadOnlyClient):
         seen = {name: self._seen.get(name) for name in VIEWER_CHANNELS}
         return LatestMessages(**seen)  # type: ignore[arg-type]  # by the topic table
 
+    def _keep_unread(self) -> None:
+        self._unread += list(self._drain())
+        self._rings.clear()
+
     def _drain(self) -> Iterator[Sample]:
+        unread, self._unread = self._unread, []
+        yield from unread
         for name, ring in self._rings.items():
             # Bounded: a fast channel must not keep the others waiting for ever.
             for _ in range(self._depth):
@@ -291,7 +217,7 @@ class Observer(ReadOnlyClient):
         )
         self.requests = Requests(caller, self._robot, source=self._identity)
         bus.announce(self._token())
-        bus.watch_presence(ALIVE_ROBOT, self._on_robot)
+        self._watch_robot(bus, keys["status"], ALIVE_ROBOT)
         bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
 
     def _on_stabilizer(self, key: str, is_there: bool) -> None:

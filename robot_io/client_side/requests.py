@@ -103,9 +103,13 @@ class ServiceCaller:
         )
 
     def _ask_once(self, key: str, data: bytes, timeout_s: float) -> bytes | None:
-        for reply in self._session.get(key, payload=data, timeout=timeout_s):
-            if reply.ok is not None:
-                return reply.ok.payload.to_bytes()
+        try:
+            for reply in self._session.get(key, payload=data, timeout=timeout_s):
+                if reply.ok is not None:
+                    return reply.ok.payload.to_bytes()
+        except zenoh.ZError as error:
+            words = str(error).split(" at /")[0]
+            raise RobotUnreachableError(f"{key}: not asked: {words}") from error
         return None
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
-
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.robot_io.urdf_check import Urdf, rotation
+from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.robot_file import Foot
 
 GRAVITY_M_S2 = 9.81
@@ -22,22 +21,15 @@ class Skeleton:
 
     def __init__(self, robot: Robot) -> None:
         """Read the URDF, which the loader has checked."""
-        root = ElementTree.parse(robot.urdf_path).getroot()
-        self._robot = robot
-        self._joints = {_child(joint): joint for joint in root.findall("joint")}
-        self._masses = {
-            str(link.get("name")): float(mass.get("value", "0"))
-            for link in root.findall("link")
-            if (mass := link.find("inertial/mass")) is not None
-        }
-        self.mass_kg = sum(self._masses.values())
+        self._robot, self._urdf = robot, Urdf(robot.urdf_path)
+        self.mass_kg = sum(map(self._urdf.mass_of, self._urdf.links))
 
     def mass_below_sensor_kg(self, foot: Foot) -> float:
         """Return the mass below a foot's sensor, which the sensor does not carry."""
         return sum(
-            mass
-            for link, mass in self._masses.items()
-            if foot.ft_link in self._up(link)
+            self._urdf.mass_of(link)
+            for link in self._urdf.links
+            if foot.ft_link in self._urdf.up(link)
         )
 
     def sole_height_rates(self, foot: Foot, q: Array) -> Array:
@@ -54,58 +46,18 @@ class Skeleton:
         index = {name: i for i, name in enumerate(robot.joint_names)}
         turned, p = np.eye(3), np.zeros(3)
         moved: list[tuple[int, Vec3, Vec3]] = []
-        for link in reversed(self._up(foot.sole_frame)):
-            joint = self._joints.get(link)
+        for link in reversed(self._urdf.up(foot.sole_frame)):
+            joint = self._urdf.joint_above(link)
             if joint is None:
                 continue
-            offset, turn = _origin(joint)
+            offset, turn = self._urdf.origin(joint)
             p, turned = p + turned @ offset, turned @ turn
             i = index.get(str(joint.get("name")))
             if i is not None:
-                axis = _numbers(joint.find("axis"), "xyz", "1 0 0")
+                axis = self._urdf.axis(joint)
                 moved.append((i, turned @ axis, p.copy()))
-                turned = turned @ _rotation(axis, float(q[i]))
+                turned = turned @ rotation(axis, float(q[i]))
         rates = np.zeros(robot.n_a)
         for i, axis_in_base, p_joint in moved:
             rates[i] = np.cross(axis_in_base, p - p_joint)[2]
         return rates
-
-    def _up(self, link: str) -> list[str]:
-        """Return a link and all links above it."""
-        chain = [link]
-        while (joint := self._joints.get(chain[-1])) is not None:
-            parent = joint.find("parent")
-            assert parent is not None
-            chain.append(str(parent.get("link")))
-        return chain
-
-
-def _child(joint: ElementTree.Element) -> str:
-    child = joint.find("child")
-    assert child is not None
-    return str(child.get("link"))
-
-
-def _numbers(element: ElementTree.Element | None, name: str, default: str) -> Vec3:
-    text = default if element is None else element.get(name, default)
-    return np.array([float(word) for word in text.split()])
-
-
-def _origin(joint: ElementTree.Element) -> tuple[Vec3, Mat]:
-    origin = joint.find("origin")
-    roll, pitch, yaw = _numbers(origin, "rpy", "0 0 0")
-    turn = (
-        _rotation(np.array([0.0, 0.0, 1.0]), yaw)
-        @ _rotation(np.array([0.0, 1.0, 0.0]), pitch)
-        @ _rotation(np.array([1.0, 0.0, 0.0]), roll)
-    )
-    return _numbers(origin, "xyz", "0 0 0"), turn
-
-
-def _rotation(axis: Vec3, angle: float) -> Mat:
-    """Return a rotation by Rodrigues' formula."""
-    x, y, z = axis / np.linalg.norm(axis)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Mat = np.eye(3) + np.sin(angle) * cross
-    turned += (1.0 - np.cos(angle)) * (cross @ cross)
-    return turned

@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 import msgspec
 
+from surefoot.schemas.codec import decode_map
+from surefoot.schemas.errors import MessageError
 from surefoot.schemas.relay_plan import (
     MS_PER_S,
     ClockJumpFault,
@@ -129,10 +131,11 @@ def _clock_jump(fault: ClockJumpFault, chance: Random) -> Act:
 
     def act(parcel: Parcel) -> Parcels:
         try:
-            message = msgspec.msgpack.decode(parcel.data)
+            message = decode_map(parcel.data)
             message["stamp_ns"] = max(0, message["stamp_ns"] + shift_ns)
-        except (msgspec.DecodeError, KeyError, TypeError, ValueError):
+            data = msgspec.msgpack.encode(message)
+        except (MessageError, KeyError, TypeError, ValueError, OverflowError):
             return (parcel,)  # whoever gets it will say what is wrong with it
-        return (parcel._replace(data=msgspec.msgpack.encode(message)),)
+        return (parcel._replace(data=data),)
 
     return act

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import ipaddress
 import re
+import socket
+import stat
+from pathlib import Path
 
-from surefoot.robot_io.errors import LocatorError
+from surefoot.robot_io.errors import EndpointError, LocatorError
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Endpoints
 
 PROTOCOLS = ("tcp", "tls", "quic", "udp", "ws", "unixsock-stream")
 SECURED = ("tls", "quic")
-_LOCATOR = re.compile(r"(?:(?:tcp|tls|quic|udp|ws)/\S+:\d+|unixsock-stream/\S+)")
+SOCKET_FILE = "unixsock-stream"
+LARGEST_PORT = 65535
+LONGEST_SOCKET_PATH = 103
+"""Bytes of the path of a Unix socket that every system allows."""
+_NAME = re.compile(r"[\w.-]+")
+_BLANK = re.compile(r"\s")
+_OPTIONS = re.compile(r"[?#].*", re.DOTALL)
 
 
 def check_locators(locators: list[str], *, verb: str) -> None:
@@ -23,14 +32,129 @@ def check_locators(locators: list[str], *, verb: str) -> None:
     Raises:
         LocatorError: one is malformed, or there is none.
     """
-    bad = [locator for locator in locators if not _LOCATOR.match(locator)]
-    if bad or not locators:
-        raise LocatorError(
-            f"cannot {verb} {', '.join(bad) or 'nowhere'}; expected "
-            f"protocol/address with one of {', '.join(PROTOCOLS)}, such as "
-            f"{DEFAULT_LOCATOR}",
+    if not locators:
+        _refuse("nowhere", "no locator is given", verb=verb, locators=locators)
+    for locator in locators:
+        why = _fault(locator, is_dialed=verb == "dial")
+        if why:
+            _refuse(locator, why, verb=verb, locators=locators)
+
+
+def _refuse(locator: str, why: str, *, verb: str, locators: list[str]) -> None:
+    raise LocatorError(
+        f"cannot {verb} {locator}: {why}; expected protocol/address with one of "
+        f"{', '.join(PROTOCOLS)}, such as {DEFAULT_LOCATOR}",
+        locators=locators,
+    )
+
+
+def _fault(locator: str, *, is_dialed: bool) -> str:
+    """What is wrong with a locator; empty when nothing is."""
+    protocol, slash, rest = locator.partition("/")
+    if not slash or protocol not in PROTOCOLS:
+        return f"got the protocol {protocol!r}" if slash else "no protocol before a /"
+    if _BLANK.search(rest):
+        return "a blank in it"
+    address = _OPTIONS.sub("", rest)
+    if protocol == SOCKET_FILE:
+        return _path_fault(address)
+    host, colon, port = address.rpartition(":")
+    if not colon:
+        return "no :port at its end"
+    if not port.isascii() or not port.isdigit() or int(port) > LARGEST_PORT:
+        return f"got the port {port!r}, expected a number up to {LARGEST_PORT}"
+    if is_dialed and int(port) == 0:
+        return "port 0 means any free one, which can only be listened on"
+    return _host_fault(host)
+
+
+def _path_fault(path: str) -> str:
+    if not path or path.endswith("/"):
+        return "no path of a socket after the protocol"
+    if len(path.encode()) > LONGEST_SOCKET_PATH:
+        return f"a path of more than {LONGEST_SOCKET_PATH} bytes, the most for a socket"
+    return ""
+
+
+def _host_fault(host: str) -> str:
+    if not host:
+        return "no host before the port"
+    if host.startswith("[") and host.endswith("]"):
+        try:
+            ipaddress.IPv6Address(host[1:-1])
+        except ValueError:
+            return f"got {host}, which is no IPv6 address"
+        return ""
+    if ":" in host:
+        return "an IPv6 address stands in brackets, such as [::1]:7447"
+    return "" if _NAME.fullmatch(host) else f"got {host!r}, which is no name of a host"
+
+
+def place_of(locator: str) -> tuple[str, int]:
+    """Host, without brackets, and port of a well-formed locator."""
+    address = _OPTIONS.sub("", locator.split("/", 1)[1])
+    host, _, port = address.rpartition(":")
+    return host.strip("[]"), int(port)
+
+
+def check_socket_files(locators: list[str]) -> None:
+    """Refuse to listen where Zenoh would remove a file that is not its own.
+
+    A socket that nobody listens on any more may be replaced.
+
+    Args:
+        locators: where this process listens; well-formed.
+
+    Raises:
+        LocatorError: something else than a socket stands there.
+        EndpointError: another process listens there.
+    """
+    for locator in locators:
+        if protocol_of(locator) == SOCKET_FILE:
+            path = Path(_OPTIONS.sub("", locator.split("/", 1)[1]))
+            _check_socket_file(path, locator, locators)
+
+
+def _check_socket_file(path: Path, locator: str, locators: list[str]) -> None:
+    def refused(what: str) -> LocatorError:
+        return LocatorError(
+            f"cannot listen on {locator}: {what}; name a path that is free",
             locators=locators,
         )
+
+    if not path.parent.is_dir():
+        raise refused(f"there is no folder {path.parent}")
+    lock = path.with_name(path.name + ".lock")
+    try:
+        is_locked = stat.S_ISREG(lock.lstat().st_mode) and not lock.lstat().st_size
+    except FileNotFoundError:
+        is_locked = True
+    if not is_locked:
+        raise refused(f"{lock}, which would be its lock, holds something else")
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(mode):
+        raise refused(f"{path} is there already and is no socket")
+    if _is_alive(path):
+        raise EndpointError(
+            f"cannot listen on {locator}: another process listens there; stop it, or "
+            "name another path",
+            locators=locators,
+        )
+
+
+def _is_alive(path: Path) -> bool:
+    """Whether somebody listens on a socket, or it cannot be told."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(str(path))
+        except (ConnectionRefusedError, FileNotFoundError):
+            return False
+        except OSError:
+            return True
+    return True
 
 
 def check_encryption(endpoints: Endpoints, locators: list[str]) -> None:
@@ -89,12 +213,9 @@ def protocol_of(locator: str) -> str:
 
 def is_local(locator: str) -> bool:
     """Whether only this host can reach it; a name might be anywhere."""
-    protocol, address = locator.split("/", 1)
-    if protocol == "unixsock-stream":
+    if protocol_of(locator) == SOCKET_FILE:
         return True
-    if re.search("[?#]", address):  # options, such as iface=, are not looked into
-        address = re.split("[?#]", address)[0]
-    host = address.rsplit(":", 1)[0].strip("[]")
+    host, _ = place_of(locator)  # options, such as iface=, are not looked into
     if host == "localhost":
         return True
     try:

@@ -15,7 +15,8 @@ from surefoot.playback.recompute import Inputs, ReplayOutcome, SessionOutcome, r
 from surefoot.playback.sensors import RecordedSensors, to_wire
 from surefoot.playback.sessions import Session, find_sessions
 from surefoot.playback.timeline import Entry, Timeline
-from surefoot.recording.write import VERSIONS, versions
+from surefoot.recording.attachments import VERSIONS, Versions, versions
+from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import MARKER, SETTINGS
 from surefoot.schemas.codec import decode
@@ -34,7 +35,7 @@ from surefoot.schemas.settings import ControllerSettings, build_settings
 M = TypeVar("M", bound=Message)
 
 
-def version_notes(recorded: bytes | None, present: dict[str, Any]) -> list[str]:
+def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
     """What is other than it was, in words; nothing when all is the same.
 
     Args:
@@ -43,28 +44,33 @@ def version_notes(recorded: bytes | None, present: dict[str, Any]) -> list[str]:
     """
     if recorded is None:
         return ["the record does not say which versions it was made with"]
-    then: dict[str, Any] = msgspec.json.decode(recorded)
+    try:
+        then = msgspec.json.decode(recorded, type=Versions)
+    except (ValueError, RecursionError) as error:
+        return [f"the attached {VERSIONS} cannot be read ({error})"]
     notes = [
-        f"{name}: recorded with {then.get(name)}, now {present[name]}"
-        for name in ("python", "platform")
-        if then.get(name) != present[name]
+        f"{name}: recorded with {before}, now {now}"
+        for name, before, now in (
+            ("python", then.python, present.python),
+            ("platform", then.platform, present.platform),
+        )
+        if before != now
     ]
-    packages = then.get("packages") or {}
     notes += [
-        f"{name}: recorded with {packages.get(name)}, now {version}"
-        for name, version in present["packages"].items()
-        if packages.get(name) != version
+        f"{name}: recorded with {then.packages.get(name)}, now {version}"
+        for name, version in present.packages.items()
+        if then.packages.get(name) != version
     ]
     return notes + _code_notes(then, present)
 
 
-def _code_notes(then: dict[str, Any], present: dict[str, Any]) -> list[str]:
-    before, now = then.get("git_commit"), present["git_commit"]
+def _code_notes(then: Versions, present: Versions) -> list[str]:
+    before, now = then.git_commit, present.git_commit
     notes = []
     if before != now:
         notes.append(f"code: recorded at commit {_short(before)}, now {_short(now)}")
     for when, about in (("when recorded", then), ("now", present)):
-        changed = about.get("git_changed_files") or []
+        changed = about.git_changed_files
         if changed:
             notes.append(f"code: {len(changed)} files not committed {when}")
     return notes
@@ -221,11 +227,16 @@ class _Said:
         self.raw = {name: record.is_raw(name) for name in record.channels}
         self._robot = robot
         self.notes = version_notes(record.attachments.get(VERSIONS), versions())
+        if record.damage:
+            self.notes.append(f"the record is {record.condition}")
         if SETTINGS not in record.attachments:
             self.notes.append("no settings attached: the defaults are used")
         self._about: dict[str, Any] = {}
         if MARKER in record.attachments:
-            self._about = msgspec.json.decode(record.attachments[MARKER])
+            try:
+                self._about = decode_json(record.attachments[MARKER])
+            except MessageError as error:
+                self.notes.append(f"the attached {MARKER} cannot be read ({error})")
         entries = [entry for entry in timeline.entries if entry.round == 0]
         if len(entries) < len(timeline.entries):
             self.notes.append("the robot began anew: only what came before is compared")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
@@ -10,6 +11,7 @@ from surefoot.playback.sensors import to_wire
 from surefoot.playback.timeline import Entry, Timeline
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.robot_side.replay_server import ReplayServer
+from surefoot.schemas.errors import MessageError
 
 LONGEST_NAP_S = 0.05
 """Longest sleep of a slow replay before it checks for a stop [s]."""
@@ -59,16 +61,18 @@ def play(
         on_tick: called with each tick before it is played.
 
     Returns:
-        Messages played, by channel.
+        Messages played, by channel; what the record holds that is no message is
+        passed over.
     """
     counts: dict[str, int] = {}
     for tick, said in _paced(entries, tick_s=tick_s, stop=stop):
         on_tick(tick)
         # Brought into form first, so that what belongs together leaves together.
-        ready = [
-            (entry.channel, to_wire(entry.data, is_raw=raw(entry.channel)))
-            for entry in said
-        ]
+        ready = []
+        for entry in said:
+            with contextlib.suppress(MessageError):
+                data = to_wire(entry.data, is_raw=raw(entry.channel))
+                ready.append((entry.channel, data))
         for channel, data in ready:
             server.publish(channel, data)
             counts[channel] = counts.get(channel, 0) + 1

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import msgspec
 
 from surefoot.playback.timeline import Entry
+from surefoot.recording.read import decode_json, with_nan
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
@@ -29,22 +29,17 @@ def to_wire(data: bytes, *, is_raw: bool) -> bytes:
         is_raw: whether these are the bytes of the bus already.
 
     Raises:
-        DecodeError: the record holds no JSON there (msgspec).
+        MessageError: the record holds no message there.
     """
     if is_raw:
         return data
-    message: dict[str, Any] = msgspec.json.decode(data)
+    message = decode_json(data)
     if _NULL in data:
-        message = {name: _restored(value) for name, value in message.items()}
-    return msgspec.msgpack.encode(message)
-
-
-def _restored(value: Any) -> Any:
-    if value is None:
-        return math.nan
-    if isinstance(value, list):
-        return [_restored(item) for item in value]
-    return value
+        message = {name: with_nan(value) for name, value in message.items()}
+    try:
+        return msgspec.msgpack.encode(message)
+    except (OverflowError, ValueError, RecursionError) as error:
+        raise MessageError(f"not a message of the bus: {error}") from error
 
 
 class Reading(NamedTuple):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from operator import attrgetter
@@ -14,8 +14,8 @@ import msgspec
 from mcap.records import Message
 
 from surefoot.errors import UsageError
+from surefoot.recording.attachments import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
 from surefoot.recording.read import Record, read_record
-from surefoot.recording.write import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.schemas.robot_file import RobotFile
 from surefoot.schemas.topics import TICK_SENSORS, TOPICS, Direction
@@ -86,10 +86,17 @@ def read_timeline(path: Path) -> Timeline:
     """
     collector = _Collector()
     record = read_record(path, collector.take)
+    collector.leave_out(
+        name for name in record.channels if not record.is_readable(name)
+    )
     entries = sorted(collector.entries, key=_ORDER)
     ticks = [entry.tick for entry in entries if entry.channel in TICK_SENSORS]
     if not ticks:
-        raise UsageError(f"{path}: holds no sensor messages; there is nothing to play")
+        there = ", ".join(record.channels) or "none"
+        raise UsageError(
+            f"{path}: holds no messages of a robot's sensors in JSON or MessagePack "
+            f"(channels: {there}); there is nothing to play"
+        )
     return Timeline(record, entries, ticks[0], ticks[-1])
 
 
@@ -108,7 +115,7 @@ class _Collector:
     def take(self, channel: str, message: Message) -> None:
         self._place += 1
         if channel not in _RANKS:
-            return
+            return  # of another program
         tick = message.sequence
         if channel == REFERENCE:
             # A planner need not count the robot's ticks: what counts is when it came.
@@ -120,13 +127,18 @@ class _Collector:
             Entry(
                 self._rounds[channel],
                 tick,
-                message.log_time,
+                message.publish_time,  # the sender's stamp, also in simulated time
                 _RANKS[channel],
                 self._place,
                 channel,
                 message.data,
             )
         )
+
+    def leave_out(self, channels: Iterable[str]) -> None:
+        """Forget what is written in an encoding that we do not read."""
+        gone = set(channels)
+        self.entries = [entry for entry in self.entries if entry.channel not in gone]
 
 
 @contextmanager
@@ -149,15 +161,15 @@ def recorded_robot(record: Record, instead: str | None) -> Iterator[Robot]:
     files = record.attachments
     if ROBOT_JSON not in files or ROBOT_URDF not in files:
         raise UsageError(
-            f"no {ROBOT_JSON} and {ROBOT_URDF} attached to this record; name the robot "
-            "with --robot"
+            f"{record.path}: no {ROBOT_JSON} and {ROBOT_URDF} attached to this record; "
+            "name the robot with --robot"
         )
     try:
         file = msgspec.json.decode(files[ROBOT_JSON], type=RobotFile)
-    except msgspec.DecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(
-            f"the attached {ROBOT_JSON} is none of this version ({error}); name the "
-            "robot with --robot"
+            f"{record.path}: the attached {ROBOT_JSON} is none of this version "
+            f"({error}); name the robot with --robot"
         ) from error
     with tempfile.TemporaryDirectory(prefix="surefoot-replay-") as name:
         urdf = Path(name) / ROBOT_URDF

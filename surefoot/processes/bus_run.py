@@ -43,6 +43,7 @@ def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
         *("record", "--out", str(folder / RECORD), "--wait", str(_READY_S)),
         *("--robot", plan.robot_name),
         *("--servo-profile", plan.robot.file.servo.profile),
+        *(("--log-time", "simulated") if plan.mode == "lockstep" else ()),
         *(
             word
             for name in (MARKER, SETTINGS, SCENARIO)
@@ -90,7 +91,8 @@ def see_recorder_off(recorder: Child) -> None:
     # The folder takes another name at the end of the run.
     here = f"{recorder.log.parent}/"
     lines = [line.replace(here, "") for line in recorder.last_lines()]
-    if code == 0:
+    is_whole = (recorder.log.parent / RECORD).is_file()
+    if is_whole:
         for line in lines:
             if " WARNING " in line:
                 _LOG.warning(f"recorder: {line}")

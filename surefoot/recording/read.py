@@ -1,19 +1,25 @@
-"""Reads records, also those that a crash has cut off."""
+"""Reads records: our own, damaged ones, and those of other programs."""
 
 from __future__ import annotations
 
+import contextlib
+import math
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.exceptions import EndOfFile, McapError
 from mcap.records import Attachment, Channel, Message
-from mcap.stream_reader import StreamReader
 
-from surefoot.errors import UsageError
-from surefoot.recording.write import MSGPACK, ChannelCount, count_message, new_count
+from surefoot.recording.counts import ChannelCount, count_message, new_count
+from surefoot.recording.mcap_records import Damage, McapRecords, RecordError
+from surefoot.schemas.codec import decode_map
+from surefoot.schemas.errors import MessageError
+
+MSGPACK, JSON = "msgpack", "json"
+TOLD_DAMAGES = 3
 
 
 @dataclass
@@ -21,13 +27,17 @@ class Record:
     """A record as it was read.
 
     Attributes:
+        path: of the file.
         is_cut_off: the file has no end; what is whole of it was read.
+        damage: places that could not be read.
         attachments: name to content.
         first_ns: earliest stamp of a message [ns]; None without any.
         last_ns: latest [ns].
     """
 
+    path: Path
     is_cut_off: bool = False
+    damage: list[Damage] = field(default_factory=list)
     attachments: dict[str, bytes] = field(default_factory=dict)
     first_ns: int | None = None
     last_ns: int | None = None
@@ -39,15 +49,67 @@ class Record:
         """Names of its channels, also of those that nothing came from."""
         return list(self._data)
 
-    def messages(self, channel: str) -> list[dict[str, Any]]:
-        """What came on a channel, in the order it came."""
-        is_raw = self.is_raw(channel)
-        decode = msgspec.msgpack.decode if is_raw else msgspec.json.decode
-        return [decode(data) for data in self._data[channel]]
+    @property
+    def condition(self) -> str:
+        """In words: whole, cut off or damaged, and where."""
+        cut = "cut off; all that is whole of it is told" if self.is_cut_off else "whole"
+        if not self.damage:
+            return cut
+        told = "; ".join(map(str, self.damage[:TOLD_DAMAGES]))
+        more = len(self.damage) - TOLD_DAMAGES
+        also = f"; and {more} more" if more > 0 else ""
+        return f"{cut if self.is_cut_off else 'damaged'} ({told}{also})"
+
+    def encoding(self, channel: str) -> str:
+        """What a channel's messages are written in: ``json``, ``msgpack``, ..."""
+        return self._encodings[channel]
+
+    def is_readable(self, channel: str) -> bool:
+        """Whether a channel is written in anything that we read."""
+        return self.encoding(channel) in (MSGPACK, JSON)
 
     def is_raw(self, channel: str) -> bool:
         """Whether a channel holds the bytes of the bus, not JSON."""
-        return self._encodings[channel] == MSGPACK
+        return self.encoding(channel) == MSGPACK
+
+    def size(self, channel: str) -> int:
+        """Messages of a channel, also those that cannot be read."""
+        return len(self._data[channel])
+
+    def messages(self, channel: str) -> list[dict[str, Any]]:
+        """What came on a channel and can be read, in the order it came."""
+        if not self.is_readable(channel):
+            return []
+        decode = decode_map if self.is_raw(channel) else decode_json
+        found = []
+        for data in self._data[channel]:
+            try:
+                found.append(decode(data))
+            except MessageError:
+                continue
+        return found
+
+
+def decode_json(data: bytes) -> dict[str, Any]:
+    """Read the JSON object of a message.
+
+    Raises:
+        MessageError: it is none.
+    """
+    try:
+        message: dict[str, Any] = msgspec.json.decode(data, type=dict[str, Any])
+    except (ValueError, RecursionError) as error:
+        raise MessageError(f"not a JSON object: {error}") from error
+    return message
+
+
+def with_nan(value: Any) -> Any:
+    """Put back the NaN of a reading, which JSON has as null."""
+    if value is None:
+        return math.nan
+    if isinstance(value, list):
+        return [with_nan(item) for item in value]
+    return value
 
 
 def read_record(
@@ -55,51 +117,74 @@ def read_record(
 ) -> Record:
     """Read a whole record from its beginning, since one cut off has no index.
 
+    What cannot be read is left out and told in the record's ``damage``.
+
     Args:
         path: the file.
         each: called with channel and message, in the order of the file.
 
     Raises:
-        UsageError: there is no such file, or it is no MCAP file.
+        RecordError: there is no such file, it is no MCAP file, or nothing in it can
+            be read.
     """
-    record = Record()
+    record = Record(path)
     names: dict[int, str] = {}
-    try:
-        with path.open("rb") as file:
-            for entry in StreamReader(file).records:
-                _take(entry, record, names)
-                if each is not None and isinstance(entry, Message):
-                    each(names[entry.channel_id], entry)
-    except EndOfFile:
-        record.is_cut_off = True
-    except OSError as error:
-        raise UsageError(f"{path}: {error.strerror}") from error
-    except McapError as error:
-        raise UsageError(f"{path}: not an MCAP file ({error})") from error
-    if record.is_cut_off and not names:
-        raise UsageError(f"{path}: not an MCAP file, or cut off at its very beginning")
+    unknown: Counter[int] = Counter()
+    records = McapRecords(path)
+    for entry in records.read():
+        if isinstance(entry, Channel):
+            names[entry.id] = _declare(record, entry)
+        elif isinstance(entry, Attachment):
+            record.attachments[entry.name] = entry.data
+        elif isinstance(entry, Message):
+            name = names.get(entry.channel_id)
+            if name is None:
+                unknown[entry.channel_id] += 1
+                continue
+            _take(record, name, entry)
+            if each is not None:
+                each(name, entry)
+    record.is_cut_off = records.is_cut_off
+    record.damage = records.damage
+    for channel_id, count in unknown.items():
+        what = f"{count} messages of channel {channel_id}, which is not described"
+        record.damage.append(Damage(0, what))
+    if record.damage and not record.channels and not record.attachments:
+        raise RecordError(
+            f"{path}: nothing in it can be read ({record.damage[0]}); there is no "
+            "record to be had from this file"
+        )
     return record
 
 
-def _take(entry: object, record: Record, names: dict[int, str]) -> None:
-    if isinstance(entry, Channel):
-        # The summary at the end of a file says each channel again.
-        names[entry.id] = name = entry.topic.lstrip("/")
-        record._data.setdefault(name, [])
-        record._encodings[name] = entry.message_encoding
-    elif isinstance(entry, Message):
-        stamp = entry.log_time
-        record._data[names[entry.channel_id]].append(entry.data)
-        record.first_ns = min(stamp, record.first_ns or stamp)
-        record.last_ns = max(stamp, record.last_ns or stamp)
-    elif isinstance(entry, Attachment):
-        record.attachments[entry.name] = entry.data
+def _declare(record: Record, channel: Channel) -> str:
+    """The name of a channel; one of another encoding gets a name of its own."""
+    name = channel.topic.lstrip("/") or f"channel {channel.id}"
+    if record._encodings.get(name, channel.message_encoding) != (
+        channel.message_encoding
+    ):
+        name = f"{name}#{channel.id}"
+    record._data.setdefault(name, [])
+    record._encodings[name] = channel.message_encoding
+    return name
+
+
+def _take(record: Record, name: str, message: Message) -> None:
+    stamp = message.log_time
+    record._data[name].append(message.data)
+    first, last = record.first_ns, record.last_ns
+    record.first_ns = stamp if first is None else min(stamp, first)
+    record.last_ns = stamp if last is None else max(stamp, last)
 
 
 class RecordInfo(msgspec.Struct, kw_only=True):
     """A record in figures."""
 
     is_cut_off: bool
+    condition: str
+    """Whole, cut off or damaged, in words."""
+    damage: list[str]
+    """Places that could not be read."""
     duration_s: float
     """Between the earliest stamp and the latest [s]."""
     channels: list[ChannelCount]
@@ -112,10 +197,17 @@ def record_info(record: Record) -> RecordInfo:
     for channel in record.channels:
         count = new_count(channel)
         for message in record.messages(channel):
-            count_message(count, message)
+            with contextlib.suppress(MessageError):
+                count_message(count, message)
+        readable, count.messages = count.messages, record.size(channel)
+        count.unreadable = count.messages - readable
+        if count.unreadable and not record.is_readable(channel):
+            count.encoding = record.encoding(channel)
         counts.append(count)
     return RecordInfo(
         is_cut_off=record.is_cut_off,
+        condition=record.condition,
+        damage=list(map(str, record.damage)),
         duration_s=((record.last_ns or 0) - (record.first_ns or 0)) * 1e-9,
         channels=counts,
         attachments=list(record.attachments),

@@ -175,7 +175,8 @@ def _sensors(run: RunData, heard: BusColumns, shape: RobotShape) -> Iterator[Sig
 def _imu(run: RunData, heard: BusColumns, shape: RobotShape) -> Iterator[Signal]:
     """Attitude of the base as the IMU has it; its yaw is free."""
     rows = heard.imu_tick.astype(int)
-    known = rows < len(run.ticks["q"])
+    is_attitude = np.linalg.norm(heard.imu_quat_xyzw, axis=1) > 0.0
+    known = (rows < len(run.ticks["q"])) & is_attitude
     if not known.any():
         return
     rows = rows[known]

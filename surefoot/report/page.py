@@ -36,7 +36,6 @@ _NO_RECORD = (
     "what only the bus tells: measured and desired forces, the ankle's sensor, modes "
     "and times."
 )
-_CUT_OFF = "its record of the bus is cut off; curves out of it end early."
 
 
 class Media(NamedTuple):
@@ -134,7 +133,7 @@ def _title(runs: list[RunData]) -> str:
 
 def _head(run: RunData) -> dict[str, Any]:
     result, about, heard = run.result, run.about, run.heard
-    gap = _NO_RECORD if heard is None else _CUT_OFF if heard.is_cut_off else ""
+    gap = _NO_RECORD if heard is None else heard.gap
     return {
         "label": run.label,
         "outcome": sentence(result),

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
 
 from surefoot.errors import UsageError
-from surefoot.recording.read import Record, read_record
+from surefoot.recording.read import Record, read_record, with_nan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.run_folder import (
     MARKER,
@@ -23,6 +26,14 @@ from surefoot.run_folder import (
     read_struct,
 )
 from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.codec import Head
+from surefoot.schemas.messages import (
+    ForceTorque,
+    ImuState,
+    Message,
+    RobotStatus,
+    StabilizerStatus,
+)
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario, load_scenario
 from surefoot.schemas.toml_file import read_toml
@@ -35,6 +46,7 @@ _NEEDED = (
     *("platform_position", "platform_quat_xyzw"),
 )
 NS_PER_MS = 1e6
+M = TypeVar("M", Head, ForceTorque, ImuState, RobotStatus, StabilizerStatus)
 
 
 @dataclass(frozen=True)
@@ -42,7 +54,7 @@ class BusColumns:
     """Messages of the bus as columns; every ``..._tick`` is the robot's counter.
 
     Attributes:
-        is_cut_off: whether the record has no end.
+        gap: what the record lacks, in words; empty for a whole one.
         told_tick: (n,) of the stabilizer's messages.
         com: (n, 3) estimated centre of mass, stance frame [m].
         com_reference: (n, 3) where it should be, same frame [m].
@@ -61,7 +73,7 @@ class BusColumns:
         mode: (k,) mode of its command gate.
     """
 
-    is_cut_off: bool
+    gap: str
     told_tick: Array
     com: Array
     com_reference: Array
@@ -81,26 +93,28 @@ class BusColumns:
 
 
 def read_heard(path: Path) -> BusColumns:
-    """Read a record.
+    """Read a record; what is no message of its channel is left out and told.
 
     Raises:
         UsageError: it cannot be read.
     """
     record = read_record(path)
-    told = _messages(record, "stabilizer")
-    ankle = _messages(record, "left_ankle_ft")
-    imu = _messages(record, "imu")
-    status = sorted(_messages(record, "status"), key=lambda message: message["tick"])
-    answer_tick, answer_ms = _answers(record)
+    lost: Counter[str] = Counter()
+    told = _messages(record, "stabilizer", StabilizerStatus, lost)
+    ankle = _messages(record, "left_ankle_ft", ForceTorque, lost)
+    imu = _messages(record, "imu", ImuState, lost)
+    status = _messages(record, "status", RobotStatus, lost)
+    status.sort(key=lambda message: message.tick)
+    answer_tick, answer_ms = _answers(record, lost)
     return BusColumns(
-        is_cut_off=record.is_cut_off,
+        gap=_gap(record, lost),
         told_tick=_column(told, "tick"),
         com=_rows(told, "com", width=3),
         com_reference=_rows(told, "com_reference", width=3),
         F_meas=_rows(told, "F_meas_left", "F_meas_right", width=12),
         F_id=_rows(told, "F_id_left", "F_id_right", width=12),
         in_contact=_rows(told, "in_contact", width=2),
-        state=[message["state"] for message in told],
+        state=[message.state for message in told],
         tick_ms=np.column_stack(
             (_column(told, "tick_median_ms"), _column(told, "tick_p99_ms"))
         ),
@@ -111,37 +125,63 @@ def read_heard(path: Path) -> BusColumns:
         answer_tick=answer_tick,
         answer_ms=answer_ms,
         mode_tick=_column(status, "tick"),
-        mode=[message["mode"] for message in status],
+        mode=[message.mode for message in status],
     )
 
 
-def _answers(record: Record) -> tuple[Array, Array]:
+def _gap(record: Record, lost: Counter[str]) -> str:
+    words = []
+    if record.is_cut_off or record.damage:
+        words.append(f"its record of the bus is {record.condition}")
+    for channel, count in lost.items():
+        words.append(f"{count} messages on {channel} cannot be read")
+    return f"{'; '.join(words)}. Curves out of it lack as much." if words else ""
+
+
+def _answers(record: Record, lost: Counter[str]) -> tuple[Array, Array]:
     """Ticks with a command, and how long each command took [ms].
 
     Both stamps are of one clock, since a run has both processes on one host.
     """
-    sensed_ns = {m["tick"]: m["stamp_ns"] for m in _messages(record, "joints")}
+    sensed = _messages(record, "joints", Head, lost)
+    sensed_ns = {head.tick: head.stamp_ns for head in sensed}
     answers = [
-        (m["tick"], (m["stamp_ns"] - sensed_ns[m["tick"]]) / NS_PER_MS)
-        for m in _messages(record, "joint_command")
-        if m["tick"] in sensed_ns
+        (head.tick, (head.stamp_ns - sensed_ns[head.tick]) / NS_PER_MS)
+        for head in _messages(record, "joint_command", Head, lost)
+        if head.tick in sensed_ns
     ]
     table = np.array(answers, dtype=np.float64).reshape(-1, 2)
     return table[:, 0], table[:, 1]
 
 
-def _messages(record: Record, channel: str) -> list[dict[str, Any]]:
-    return record.messages(channel) if channel in record.channels else []
+def _messages(
+    record: Record, channel: str, kind: type[M], lost: Counter[str]
+) -> list[M]:
+    """What came on a channel, typed; counts what does not fit.
+
+    A reading that was NaN, which JSON does not know, is NaN again.
+    """
+    if channel not in record.channels:
+        return []
+    found = []
+    for message in record.messages(channel):
+        restored = {name: with_nan(value) for name, value in message.items()}
+        with contextlib.suppress(msgspec.ValidationError):
+            found.append(msgspec.convert(restored, kind))
+    unreadable = record.size(channel) - len(found)
+    if unreadable:
+        lost[channel] += unreadable
+    return found
 
 
-def _column(messages: list[dict[str, Any]], field: str) -> Array:
-    return np.array([message[field] for message in messages], dtype=np.float64)
+def _column(messages: Sequence[Head | Message], field: str) -> Array:
+    return np.array([getattr(one, field) for one in messages], dtype=np.float64)
 
 
-def _rows(messages: list[dict[str, Any]], *fields: str, width: int) -> Array:
+def _rows(messages: Sequence[Message], *fields: str, width: int) -> Array:
     """(n, width) the fields of each message, one behind the other."""
     rows = [
-        [number for field in fields for number in message[field]]
+        [number for field in fields for number in getattr(message, field)]
         for message in messages
     ]
     return np.array(rows, dtype=np.float64).reshape(-1, width)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefoot.errors import EnvironmentFailedError
+from surefoot.installation import install_command
 from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import STILL
 from surefoot.report.run_data import RunData
@@ -110,7 +111,7 @@ def check_drawing(run: RunData, *, video: bool) -> None:
     if video and find_spec("imageio_ffmpeg") is None:
         raise EnvironmentFailedError(
             "--video needs imageio-ffmpeg, which is not installed; "
-            "pip install 'surefoot[video]'"
+            f"{install_command('video')}"
         )
     try:
         next(_pictures(run, np.array([0]), size=(64, 48)))

@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import html
 import io
+import logging
 import socket
 import time
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial import QhullError
 from scipy.spatial.transform import Rotation
 
 from surefoot.errors import EnvironmentFailedError
@@ -30,9 +32,12 @@ from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP, Scene
 from surefoot.view.scene_state import SceneState, state_of
 
+_LOG = logging.getLogger(__name__)
 FRAME_S = 1.0 / 30.0
 WORDS_S = 0.25
 PLOTS_S = 0.2
+UNDRAWN_S = 5.0
+"""What cannot be drawn is told at most so often [s]."""
 IDENTITY = "live-page"
 DIAL_S = 1.0
 """Period of attempts to reach a robot, each reported on the page [s]."""
@@ -158,7 +163,8 @@ class LivePage:
             )
         self._shape = RobotShape(robot)
         self._asker = Asker()
-        self._words_due_s = self._plots_due_s = 0.0
+        self._undrawn_due_s = 0.0
+        self._words_due_s = self._plots_due_s = self._undrawn_due_s = 0.0
         self._seen: tuple[int, ...] = ()
         self._build()
 
@@ -202,6 +208,8 @@ class LivePage:
             self._draw(sight)
             self._gains.send()
             self._tell(sight, observer)
+            if not observer.robot_is_here:
+                return  # dialed anew: a session that was cut off mixes up keys
             due_s += FRAME_S
             pause_s = due_s - time.monotonic()
             if pause_s < 0.0:  # behind: leave frames out, never catch up in a burst
@@ -213,12 +221,19 @@ class LivePage:
         if ticks == self._seen:
             return
         self._seen = ticks
-        state = state_of(sight, self._robot, self._shape)
-        if state is None:
-            return
-        with self._server.atomic():
-            self._scene.update(state)
-        self._plot(sight, state)
+        try:
+            state = state_of(sight, self._robot, self._shape)
+            if state is None:
+                return
+            with self._server.atomic():
+                self._scene.update(state)
+            self._plot(sight, state)
+        except (ValueError, ArithmeticError, QhullError) as error:
+            # Numbers of the right kind may still be no attitude, or no ground.
+            words = f"tick {max(ticks)} cannot be drawn: {str(error).splitlines()[0]}"
+            if time.monotonic() >= self._undrawn_due_s:
+                self._undrawn_due_s = time.monotonic() + UNDRAWN_S
+                _LOG.warning(words)
 
     def _plot(self, sight: LatestMessages, state: SceneState) -> None:
         stabilizer = sight.stabilizer

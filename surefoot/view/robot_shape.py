@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat
 
@@ -42,15 +45,25 @@ class RobotShape:
 
         Args:
             robot: names the file and the order of the joints.
+
+        Raises:
+            RobotFileError: a mesh it names is not there, or cannot be read.
         """
         import yourdfpy
 
-        urdf = yourdfpy.URDF.load(
-            str(robot.urdf_path), build_scene_graph=True, load_meshes=True
-        )
-        self._base = robot.file.base_link
-        self._joints = _sorted_joints(urdf, robot)
-        self.meshes = _link_meshes(urdf)
+        _check_meshes(robot.urdf_path)
+        try:
+            urdf = yourdfpy.URDF.load(
+                str(robot.urdf_path), build_scene_graph=True, load_meshes=True
+            )
+            self._base = robot.file.base_link
+            self._joints = _sorted_joints(urdf, robot)
+            self.meshes = _link_meshes(urdf)
+        except (ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+            words = (str(error).strip() or type(error).__name__).splitlines()[0]
+            raise RobotFileError(
+                f"{robot.urdf_path}: its shapes cannot be drawn: {words}"
+            ) from error
 
     def poses(self, q: Array) -> dict[str, Mat]:
         """Return the poses of the links.
@@ -68,6 +81,29 @@ class RobotShape:
                 pose = pose @ _motion(joint, float(q[joint.bus_index]))
             found[joint.child] = pose
         return found
+
+
+def _check_meshes(urdf_path: Path) -> None:
+    """Refuse meshes that are not where the URDF says; nothing but pictures needs them.
+
+    Raises:
+        RobotFileError: with the link, and where the file was looked for.
+    """
+    for link in ElementTree.parse(urdf_path).getroot().iter("link"):
+        for mesh in link.iterfind("visual/geometry/mesh"):
+            name = mesh.get("filename", "")
+            place = f"{urdf_path}: link {link.get('name')!r}: mesh {name!r}"
+            if "://" in name and not name.startswith("file://"):
+                raise RobotFileError(
+                    f"{place}: expected a path relative to the URDF; copy the mesh "
+                    "beside it, or leave out the <visual>"
+                )
+            path = urdf_path.parent / name.removeprefix("file://")
+            if not path.is_file():
+                raise RobotFileError(
+                    f"{place}: no such file: {path}; put it there, or leave out the "
+                    "<visual>"
+                )
 
 
 def _motion(joint: _Joint, position: float) -> Mat:

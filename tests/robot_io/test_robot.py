@@ -135,7 +135,7 @@ def test_contradictions_are_refused(
     ("old", "new", "words"),
     [
         ("</robot>", "", "not valid XML"),
-        ('lower="-1.6572"', 'lower="low"', "lower: got 'low', expected 1 numbers"),
+        ('lower="-1.6572"', 'lower="low"', "lower: got 'low', expected a number"),
         ('lower="-1.6572"', 'lower="nan"', "lower: got 'nan'"),
         (' effort="3.5"', "", "effort: got ''"),
         (

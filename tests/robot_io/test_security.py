@@ -313,13 +313,15 @@ def test_without_a_valid_certificate_nothing_is_read_or_commanded(
     assert served.do(lambda server, gate: gate.mode) is not RobotMode.FAULT
 
 
-def test_a_client_is_told_what_may_be_wrong_with_its_certificate(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+def test_a_client_is_told_that_the_robot_is_of_another_authority(
+    authority: ModeMachine, robot: Robot, served: ServedRobot, tmp_path: Path
 ) -> None:
-    authority.issue("late", days=1, now=datetime.now(UTC) - timedelta(days=2))
+    """Its own name is not known here, so it is asked whether it is trusted there."""
+    other = ModeMachine(tmp_path / "other").endpoints("stabilizer")
+    there = msgspec.structs.replace(other, connect=authority.endpoints("robot").connect)
     with (
-        pytest.raises(RobotUnreachableError, match=r"certificate.*not expired"),
-        client(robot, authority.endpoints("late")) as late,
+        pytest.raises(RobotUnreachableError, match="of another authority than ours"),
+        client(robot, there) as late,
     ):
         late.connect(timeout_s=REFUSED_WITHIN_S)
 

@@ -1,0 +1,195 @@
+"""Dials a robot to look on, and knows whether it is there."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import threading
+import time
+from abc import ABC, abstractmethod
+from contextlib import ExitStack
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from surefoot.robot_io.bus.bus import DIAL_S, Bus
+from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.session import unreachable
+from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.schemas.topics import ALIVE_OBSERVER
+
+RETURN_S = 10.0
+"""A robot that is away without having said that it ends is waited for so long [s]."""
+
+
+class Absences(NamedTuple):
+    """Times the robot was away without having said that it ends.
+
+    Attributes:
+        times: how often.
+        total_s: how long in all [s].
+        is_lasting: it did not come back from the last one.
+    """
+
+    times: int
+    total_s: float
+    is_lasting: bool
+
+    def __str__(self) -> str:
+        """In words; empty when it was there all the time."""
+        if not self.times:
+            return ""
+        times = "" if self.times == 1 else f" in {self.times} places"
+        gone = " and did not come back" if self.is_lasting else ""
+        return f"the link to the robot was lost for {self.total_s:.1f} s{times}{gone}"
+
+
+class ReadOnlyClient(ABC):
+    """Dials a robot and knows whether it is there; has no part in its control.
+
+    A robot that has gone has either ended, which its last status says (OFF, or a fault,
+    with nobody in command), or is only not to be reached for a while.
+    """
+
+    def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
+        """Prepares; :meth:`connect` dials.
+
+        Args:
+            robot: whose presence counts.
+            endpoints: where to dial.
+        """
+        self._namespace = robot.file.namespace
+        self._endpoints = endpoints
+        self._joint_count = robot.n_a
+        self._robot_is_here = threading.Event()
+        self._farewell: Latest[RobotStatus] | None = None
+        self._is_over = self._is_cut_off = False
+        self._lost_s: float | None = None
+        self._absences: list[float] = []
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Do nothing yet; see :meth:`connect`."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the bus."""
+        self._stack.close()
+
+    def connect(self, *, timeout_s: float) -> None:
+        """Dial until the robot is alive there.
+
+        Args:
+            timeout_s: how long in all [s].
+
+        Raises:
+            EndpointError: a locator is malformed.
+            RobotUnreachableError: no robot was ready in time.
+        """
+        end = time.monotonic() + timeout_s
+        with ExitStack() as stack:
+            self._open(stack, timeout_s)
+            self._stack = stack.pop_all()
+        if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
+            what = f"no robot {self._namespace!r} is ready"
+            raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
+
+    @property
+    def robot_is_here(self) -> bool:
+        """Whether the robot's process is alive, as far as the bus knows."""
+        return self._robot_is_here.is_set()
+
+    def has_left(self) -> bool:
+        """Whether the robot has ended, or has been away for too long to wait on.
+
+        Asked while a robot is away, it dials it anew.
+        """
+        lost_s = self._lost_s
+        if self.robot_is_here or lost_s is None:
+            return False
+        if self._said_farewell() or time.monotonic() - lost_s > RETURN_S:
+            return True
+        if self._is_cut_off:
+            self._dial_anew()
+        return False
+
+    def _dial_anew(self) -> None:
+        """Open another session.
+
+        One that was cut off would dial by itself. But keys are numbers on a link, and
+        a robot that has not yet noticed the loss keeps those of before: what it says
+        on one key then comes under another one.
+        """
+        self._keep_unread()
+        self._farewell = None
+        self._stack.close()
+        with contextlib.suppress(RobotUnreachableError), ExitStack() as stack:
+            self._open(stack, DIAL_S)
+            self._is_cut_off = False
+            self._stack = stack.pop_all()
+
+    def _keep_unread(self) -> None:  # noqa: B027  nothing to keep, for most
+        """Take over what has come, before the session is closed."""
+
+    @property
+    def absences(self) -> Absences:
+        """When the robot was away; an end in order is none."""
+        spans, lost_s = list(self._absences), self._lost_s
+        is_lasting = lost_s is not None and not self._said_farewell()
+        if is_lasting and lost_s is not None:
+            spans.append(time.monotonic() - lost_s)
+        return Absences(len(spans), sum(spans), is_lasting)
+
+    def _said_farewell(self) -> bool:
+        status = None if self._farewell is None else self._farewell.poll()
+        if status is not None:
+            is_free = not status.commander
+            self._is_over = is_free and status.mode in (RobotMode.OFF, RobotMode.FAULT)
+        return self._is_over
+
+    def _watch_robot(self, bus: Bus, status_key: str, alive_key: str) -> None:
+        """Keep the newest status, and whether the robot is there.
+
+        Args:
+            bus: open.
+            status_key: of the robot's status, on this bus.
+            alive_key: of its liveliness token.
+        """
+        status = bus.channel(status_key, depth=1)
+        self._farewell = Latest(status, RobotStatus, joint_count=self._joint_count)
+        bus.watch_presence(alive_key, self._on_robot)
+
+    @abstractmethod
+    def _open(self, stack: ExitStack, timeout_s: float) -> None:
+        """Open the bus and declare everything, :meth:`_token` last.
+
+        Args:
+            stack: closes what is opened, now or at the end.
+            timeout_s: how long to dial [s].
+        """
+
+    @staticmethod
+    def _token() -> str:
+        """Key of a liveliness token of its own."""
+        return f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}"
+
+    def _on_robot(self, key: str, is_there: bool) -> None:
+        """Take in that the robot has come or gone; for ``Bus.watch_presence``."""
+        del key
+        if is_there:
+            if self._lost_s is not None:
+                self._absences.append(time.monotonic() - self._lost_s)
+            self._lost_s = None
+            self._robot_is_here.set()
+        elif self._robot_is_here.is_set():
+            self._is_cut_off = True
+            self._lost_s = time.monotonic()
+            self._robot_is_here.clear()

@@ -1,0 +1,377 @@
+"""What can be seen from a URDF alone: a tree of links that MuJoCo and Pinocchio take.
+
+Their own errors come later, from other places, and name no link. So everything they
+would refuse, or take for something else than was meant, is looked for here.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.schemas.arrays import Mat, Vec3
+
+MOVABLE = ("revolute", "prismatic")
+_FIXED = "fixed"
+_OTHERS = {
+    "continuous": "make it revolute, with a <limit> of lower, upper and effort",
+    "planar": "only revolute, prismatic and fixed joints are known",
+    "floating": "leave it out: the base floats by itself",
+}
+_LEAST_MASS_KG, _LARGEST_MASS_KG = 0.1, 1000.0
+LARGEST_ANGLE_RAD = 4.0 * math.pi
+"""A range beyond it is in degrees."""
+_LARGEST_GYRATION_M = 3.0
+"""Inertia of more than this radius for its mass is in other units."""
+_SHARE = 1e-6
+"""Of the largest principal inertia: what rounding in a file may amount to."""
+_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """Mass and inertia of a link, about its own centre of mass."""
+
+    mass_kg: float
+    inertia: Mat
+
+
+class Urdf:
+    """A URDF whose links form a tree with numbers that mean something.
+
+    Attributes:
+        path: of the file.
+        root: name of the link that nothing is above.
+        links: by name.
+        joints: by name.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read and check.
+
+        Raises:
+            RobotFileError: names link or joint, what was found and what would be right.
+        """
+        self.path = path
+        element = _parsed(path)
+        if element.tag != "robot":
+            raise self.refused(f"begins with <{element.tag}>, expected <robot>")
+        self.links = self._named(element, "link")
+        self.joints = self._named(element, "joint")
+        self._above = self._parents()
+        self.root = self._find_root()
+        for name, joint in self.joints.items():
+            self._check_joint(name, joint)
+        self._inertials = {
+            name: self._inertial(name, link) for name, link in self.links.items()
+        }
+
+    def refused(self, words: str) -> RobotFileError:
+        """An error that names the file."""
+        return RobotFileError(f"{self.path}: {words}")
+
+    def joint_above(self, link: str) -> ElementTree.Element | None:
+        """The joint that carries a link; None for the root."""
+        name = self._above.get(link)
+        return None if name is None else self.joints[name]
+
+    def up(self, link: str) -> list[str]:
+        """A link and all above it, the root last."""
+        chain = [link]
+        while (joint := self.joint_above(chain[-1])) is not None:
+            chain.append(_end(joint, "parent"))
+        return chain
+
+    def origin(self, joint: ElementTree.Element) -> tuple[Vec3, Mat]:
+        """Where a joint is on its parent: place [m] and (3, 3) orientation."""
+        element = joint.find("origin")
+        place = f"joint {joint.get('name')!r}: origin"
+        offset = self.vector(element, "xyz", place)
+        return offset, _turn(*self.vector(element, "rpy", place))
+
+    def fixed_to(self, link: str) -> list[str]:
+        """A link, and those above it that do not move against it."""
+        chain = [link]
+        joint = self.joint_above(link)
+        while joint is not None and joint.get("type") == _FIXED:
+            chain.append(_end(joint, "parent"))
+            joint = self.joint_above(chain[-1])
+        return chain
+
+    def mass_of(self, link: str) -> float:
+        """Mass of one link [kg]; zero without any."""
+        inertial = self._inertials[link]
+        return 0.0 if inertial is None else inertial.mass_kg
+
+    def check_masses(self) -> None:
+        """Refuse what moves and has no mass, and robots of other units.
+
+        Raises:
+            RobotFileError: with the joint that moves nothing.
+        """
+        groups: Counter[str] = Counter()
+        for link in self.links:
+            groups[self.fixed_to(link)[-1]] += self.mass_of(link)  # type: ignore[assignment]
+        for top, mass in groups.items():
+            if mass > 0.0:
+                continue
+            joint = self._above.get(top)
+            what = f"joint {joint!r} moves" if joint else "the base is"
+            raise self.refused(
+                f"{what} link {top!r}, which has no mass, nor has what is fixed to "
+                "it; give it an <inertial>"
+            )
+        total = sum(groups.values())
+        if not _LEAST_MASS_KG <= total <= _LARGEST_MASS_KG:
+            raise self.refused(
+                f"the links weigh {total:g} together, expected {_LEAST_MASS_KG:g} to "
+                f"{_LARGEST_MASS_KG:g} kg; are masses in kg?"
+            )
+
+    def place_below_root(self, link: str, posture: dict[str, float]) -> Vec3:
+        """Origin of a link in the root's frame.
+
+        Args:
+            link: its name.
+            posture: joint to angle [rad] or place [m]; others are at zero.
+
+        Returns:
+            (3,) [m].
+        """
+        turned, p = np.eye(3), np.zeros(3)
+        for below in reversed(self.up(link)):
+            joint = self.joint_above(below)
+            if joint is None:
+                continue
+            offset, turn = self.origin(joint)
+            p, turned = p + turned @ offset, turned @ turn
+            moved = posture.get(str(joint.get("name")), 0.0)
+            axis = self.axis(joint)
+            if joint.get("type") == "prismatic":
+                p = p + turned @ axis * moved
+            elif joint.get("type") != _FIXED:
+                turned = turned @ rotation(axis, moved)
+        return p
+
+    def _named(
+        self, root: ElementTree.Element, tag: str
+    ) -> dict[str, ElementTree.Element]:
+        found: dict[str, ElementTree.Element] = {}
+        for element in root.findall(tag):
+            name = element.get("name", "")
+            if not name.strip():
+                raise self.refused(f"a <{tag}> without a name; give it one")
+            if name in found:
+                raise self.refused(f"two {tag}s are called {name!r}; rename one")
+            found[name] = element
+        if not found:
+            raise self.refused(f"no <{tag}> in it; is it the URDF of a robot?")
+        return found
+
+    def _parents(self) -> dict[str, str]:
+        above: dict[str, str] = {}
+        for name, joint in self.joints.items():
+            for end in ("parent", "child"):
+                link = _end(joint, end)
+                if link not in self.links:
+                    raise self.refused(
+                        f"joint {name!r}: {end} is link {link!r}, which is not there"
+                    )
+            child = _end(joint, "child")
+            if child in above:
+                raise self.refused(
+                    f"link {child!r} hangs on two joints, {above[child]!r} and "
+                    f"{name!r}; a robot's links must form a tree"
+                )
+            above[child] = name
+        return above
+
+    def _find_root(self) -> str:
+        roots = [link for link in self.links if link not in self._above]
+        if len(roots) != 1:
+            names = ", ".join(map(repr, roots)) or "none: they form a ring"
+            raise self.refused(f"expected one link that hangs on no joint, got {names}")
+        for link in self.links:
+            self._check_no_ring(link)
+        return roots[0]
+
+    def _check_no_ring(self, link: str) -> None:
+        seen = {link}
+        joint = self.joint_above(link)
+        while joint is not None:
+            parent = _end(joint, "parent")
+            if parent in seen:
+                raise self.refused(f"link {link!r} hangs on itself, in a ring")
+            seen.add(parent)
+            joint = self.joint_above(parent)
+
+    def _check_joint(self, name: str, joint: ElementTree.Element) -> None:
+        place, kind = f"joint {name!r}", joint.get("type", "")
+        if kind not in (*MOVABLE, _FIXED):
+            advice = _OTHERS.get(kind, f"expected {', '.join(MOVABLE)} or {_FIXED}")
+            raise self.refused(f"{place}: type {kind!r}; {advice}")
+        if joint.find("mimic") is not None:
+            raise self.refused(
+                f"{place}: follows another joint (<mimic>), which is not known; make "
+                "it fixed, or a joint of its own"
+            )
+        self.origin(joint)
+        if kind == _FIXED:
+            return
+        self.axis(joint)
+        limit = joint.find("limit")
+        if limit is None:
+            raise self.refused(
+                f"{place} has no <limit>, expected one with lower, upper, effort and "
+                "velocity"
+            )
+        ends = [
+            self.number(limit, key, f"{place}: limit") for key in ("lower", "upper")
+        ]
+        if not ends[0] < ends[1]:
+            raise self.refused(
+                f"{place}: limit: lower {ends[0]:g} is not below upper {ends[1]:g}"
+            )
+        if kind == "revolute" and max(map(abs, ends)) > LARGEST_ANGLE_RAD:
+            raise self.refused(
+                f"{place}: limit: from {ends[0]:g} to {ends[1]:g} rad; is it in "
+                "degrees? Write radians"
+            )
+        for key, unit in (("effort", "N m"), ("velocity", "rad/s")):
+            if self.number(limit, key, f"{place}: limit") <= 0.0:
+                raise self.refused(f"{place}: limit: {key} must be above 0 ({unit})")
+
+    def axis(self, joint: ElementTree.Element) -> Vec3:
+        """(3,) direction of a joint's axis, of length one."""
+        place = f"joint {joint.get('name')!r}: axis"
+        axis = self.vector(joint.find("axis"), "xyz", place, default="1 0 0")
+        length = float(np.linalg.norm(axis))
+        if length == 0.0:
+            raise self.refused(f"{place}: got 0 0 0, expected a direction")
+        return axis / length
+
+    def _inertial(self, name: str, link: ElementTree.Element) -> Inertial | None:
+        element = link.find("inertial")
+        if element is None:
+            return None
+        place = f"link {name!r}: inertial"
+        for part in ("xyz", "rpy"):
+            self.vector(element.find("origin"), part, f"{place}: origin")
+        mass_element, tensor = element.find("mass"), element.find("inertia")
+        if mass_element is None:
+            raise self.refused(f"{place}: no <mass> in it")
+        mass = self.number(mass_element, "value", f"{place}: mass")
+        if mass < 0.0:
+            raise self.refused(f"{place}: mass {mass:g} is negative; expected kg")
+        if tensor is None:
+            if mass == 0.0:
+                return Inertial(0.0, np.zeros((3, 3)))
+            raise self.refused(f"{place}: no <inertia> in it, but a mass of {mass:g}")
+        xx, yy, zz, xy, xz, yz = (
+            self.number(tensor, key, f"{place}: inertia") for key in _INERTIA
+        )
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if mass > 0.0:
+            self._check_inertia(place, mass, inertia)
+        return Inertial(mass, inertia)
+
+    def _check_inertia(self, place: str, mass: float, inertia: Mat) -> None:
+        a, b, c = np.linalg.eigvalsh(inertia)  # in rising order
+        told = f"{place}: principal inertias {a:.4g}, {b:.4g}, {c:.4g}"
+        if a <= 0.0:
+            raise self.refused(f"{told}; all must be above 0 (kg m^2)")
+        if a + b < c * (1.0 - _SHARE):
+            raise self.refused(
+                f"{told}: no body has these, as the two small ones must reach the "
+                "large one together; check signs and units (kg m^2)"
+            )
+        gyration_m = math.sqrt(c / mass)
+        if gyration_m > _LARGEST_GYRATION_M:
+            raise self.refused(
+                f"{told} for {mass:g} kg, as if it lay {gyration_m:.3g} m away; is the "
+                "inertia in kg m^2 about the centre of mass?"
+            )
+
+    def number(self, element: ElementTree.Element, key: str, place: str) -> float:
+        """One finite number of an element.
+
+        Raises:
+            RobotFileError: it is something else.
+        """
+        return float(self._numbers(element.get(key, ""), key, 1, place)[0])
+
+    def vector(
+        self,
+        element: ElementTree.Element | None,
+        key: str,
+        place: str,
+        *,
+        default: str = "0 0 0",
+    ) -> Vec3:
+        """Three finite numbers of an element, or what holds when it is not there.
+
+        Raises:
+            RobotFileError: they are something else.
+        """
+        text = default if element is None else element.get(key, default)
+        return self._numbers(text, key, 3, place)
+
+    def _numbers(self, text: str, key: str, count: int, place: str) -> Vec3:
+        try:
+            numbers = np.array([float(word) for word in text.split()])
+        except ValueError:
+            numbers = np.empty(0)
+        if len(numbers) != count or not np.all(np.isfinite(numbers)):
+            what = "a number" if count == 1 else f"{count} numbers"
+            raise self.refused(f"{place}: {key}: got {text[:60]!r}, expected {what}")
+        return numbers
+
+
+def without_shapes(path: Path) -> str:
+    """The text of a URDF that was checked, with nothing in it but what moves.
+
+    Meshes need not be there, and a mistake in a colour stops nobody's controller.
+    """
+    root = ElementTree.parse(path).getroot()
+    for link in root.iter("link"):
+        for tag in ("visual", "collision"):
+            for shape in link.findall(tag):
+                link.remove(shape)
+    for material in root.findall("material"):
+        root.remove(material)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _parsed(path: Path) -> ElementTree.Element:
+    try:
+        return ElementTree.parse(path).getroot()
+    except OSError as error:
+        raise RobotFileError(f"{path}: cannot be read ({error.strerror})") from error
+    except (ElementTree.ParseError, ValueError, LookupError) as error:
+        raise RobotFileError(f"{path}: not valid XML: {error}") from error
+
+
+def _end(joint: ElementTree.Element, end: str) -> str:
+    element = joint.find(end)
+    return "" if element is None else element.get("link", "")
+
+
+def _turn(roll: float, pitch: float, yaw: float) -> Mat:
+    x, y, z = np.eye(3)
+    turned: Mat = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
+    return turned
+
+
+def rotation(axis: Vec3, angle: float) -> Mat:
+    """(3, 3) by Rodrigues' formula; the axis has length one."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Mat = np.eye(3) + np.sin(angle) * cross
+    turned += (1.0 - np.cos(angle)) * (cross @ cross)
+    return turned

@@ -1,0 +1,89 @@
+"""How this was installed, and the command that adds what is missing."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import sys
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+_NAME = "surefoot"
+_ROOT = Path(__file__).resolve().parent.parent
+
+
+def install_command(extra: str = "") -> str:
+    """A command that works for how this was installed.
+
+    A checkout is installed again, in the same way; a package from elsewhere that may
+    be on no index is left alone, and what the extra needs is installed by name.
+
+    Args:
+        extra: name of an optional part; empty for what every run needs.
+    """
+    try:
+        package = distribution(_NAME)
+    except PackageNotFoundError:
+        package = None
+    if (_ROOT / "pyproject.toml").is_file():
+        return _pip("-e", _with(_shown(_ROOT), extra))
+    source = None if package is None else _source(package)
+    if source is not None:
+        return _pip(_with(source, extra))
+    needed = [] if package is None else _needed(package, extra)
+    return _pip(*needed) if needed else _pip(_with(_NAME, extra))
+
+
+def _source(package: Distribution) -> str | None:
+    """Folder, file or repository it was installed from; None when that is gone."""
+    text = package.read_text("direct_url.json")
+    if text is None:
+        return None
+    told = json.loads(text)
+    url = str(told.get("url", ""))
+    if "vcs_info" in told:
+        vcs = told["vcs_info"]
+        return f"{_NAME} @ {vcs['vcs']}+{url}@{vcs['commit_id']}"
+    path = Path(unquote(urlparse(url).path))
+    is_there = url.startswith("file:") and path.exists()
+    return _shown(path) if is_there else None
+
+
+def _needed(package: Distribution, extra: str) -> list[str]:
+    """What a part of the package requires, by name and version."""
+    needed = []
+    for line in package.requires or []:
+        requirement, _, marker = line.partition(";")
+        of = re.search(r"extra\s*==\s*['\"]([^'\"]+)", marker)
+        if (of[1] if of else "") == extra:
+            needed.append(requirement.strip())
+    return needed
+
+
+def _with(source: str, extra: str) -> str:
+    if not extra:
+        return source
+    name, at, url = source.partition(" @ ")
+    return f"{name}[{extra}]{at}{url}"
+
+
+def _shown(path: Path) -> str:
+    """A path as short as it is from here, always told apart from a name."""
+    near = os.path.relpath(path)
+    if near.startswith(".."):
+        return str(path)
+    return near if near == "." else f".{os.sep}{near}"
+
+
+def _pip(*words: str) -> str:
+    """The pip of this very Python, whichever is first on the path."""
+    python = sys.executable or "python3"
+    return shlex.join([_shown_program(python), "-m", "pip", "install", *words])
+
+
+def _shown_program(python: str) -> str:
+    near = os.path.relpath(python)
+    return python if near.startswith("..") else near

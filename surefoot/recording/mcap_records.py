@@ -1,0 +1,388 @@
+"""Reads the records of an MCAP file, whatever has become of it.
+
+The only place where a file somebody hands us meets the libraries that read it. Every
+record is framed here, against the size of the file, so that a false length allocates
+nothing; a chunk whose checksum is wrong is left out; whatever a library says of what
+is inside a frame becomes :class:`Damage`, and reading goes on behind it.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import zlib
+from bisect import bisect_right
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    Footer,
+    McapRecord,
+    Message,
+    Metadata,
+    MetadataIndex,
+    Statistics,
+)
+
+from surefoot.errors import UsageError
+
+MAGIC = b"\x89MCAP0\r\n"
+_HEAD = struct.Struct("<BQ")
+_CRC = struct.Struct("<I")
+_FOOTER_BYTES = 20
+_MESSAGE_HEAD_BYTES = 22
+_LAST_KNOWN = max(Opcode)
+_FIRST_PRIVATE = 0x80
+_PIECE_BYTES = 2**20
+_LARGEST_EXPANSION = 255
+"""What LZ4 can reach at most; data of a robot stay far below, also with zstd."""
+_BAD_CONTENT = (
+    McapError,
+    struct.error,
+    ValueError,
+    EOFError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+    zstandard.ZstdError,
+)
+"""What the libraries raise on bytes that are not what they should be."""
+_KINDS: dict[int, Any] = {
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+}
+_READ = (Opcode.CHUNK, Opcode.MESSAGE, *_KINDS)
+_INDICES: dict[int, Any] = {
+    Opcode.CHUNK_INDEX: ChunkIndex,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.METADATA_INDEX: MetadataIndex,
+}
+
+
+class RecordError(UsageError):
+    """A file holds no record that could be read."""
+
+
+class Damage(NamedTuple):
+    """A place that cannot be read.
+
+    Attributes:
+        offset: where in the file [bytes].
+        what: is wrong there.
+    """
+
+    offset: int
+    what: str
+
+    def __str__(self) -> str:
+        """In words, with the place."""
+        return f"byte {self.offset}: {self.what}"
+
+
+class _Frame(NamedTuple):
+    """A record that lies within the file."""
+
+    opcode: int
+    begin: int
+    length: int
+
+    @property
+    def end(self) -> int:
+        return self.begin + _HEAD.size + self.length
+
+
+class McapRecords:
+    """The records of one file, read once from the beginning.
+
+    Attributes:
+        path: of the file.
+        is_cut_off: whether what was read does not reach the end of a whole file;
+            known once all is read.
+        damage: what could not be read, in the order of the file; grows meanwhile.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Prepare; nothing is read yet."""
+        self.path = path
+        self.is_cut_off = True
+        self.damage: list[Damage] = []
+        self._size = 0
+        self._starts: list[int] = []
+        self._told: Statistics | None = None
+        self._messages = 0
+
+    def read(self) -> Iterator[McapRecord]:
+        """Yield channels, messages, attachments and metadata, in the file's order.
+
+        Channels that the file's summary repeats come first: a damaged chunk may have
+        held the only other description of what follows.
+
+        Raises:
+            RecordError: there is no such file, or it does not begin as MCAP.
+        """
+        try:
+            with self.path.open("rb") as file:
+                self._size = os.fstat(file.fileno()).st_size
+                self._check_beginning(file)
+                yield from self._summary(file)
+                yield from self._data(file)
+        except IsADirectoryError as error:
+            raise RecordError(_folder_advice(self.path)) from error
+        except OSError as error:
+            raise RecordError(f"{self.path}: {error.strerror or error}") from error
+        told = self._told.message_count if self._told is not None else 0
+        if told > self._messages:
+            lost = told - self._messages
+            what = f"{lost} of {told} messages that the file once held are not readable"
+            self.damage.append(Damage(self._size, what))
+
+    def _check_beginning(self, file: IO[bytes]) -> None:
+        begin = file.read(len(MAGIC))
+        if begin == MAGIC:
+            return
+        if begin and MAGIC.startswith(begin):
+            what = f"cut off after {len(begin)} bytes, nothing of it can be read"
+        elif not begin:
+            what = "the file is empty"
+        else:
+            what = f"begins with {begin!r}, a file of MCAP with {MAGIC!r}"
+        raise RecordError(
+            f"{self.path}: not an MCAP file: {what}; name what surefoot record or "
+            "surefoot run --out wrote"
+        )
+
+    def _summary(self, file: IO[bytes]) -> Iterator[Channel]:
+        """Channels from the end of the file; keeps where chunks begin, and counts.
+
+        Nothing when it does not end as a whole file, or the end is damaged.
+        """
+        tail = _HEAD.size + _FOOTER_BYTES + len(MAGIC)
+        footer_at = self._size - tail
+        if footer_at < len(MAGIC):
+            return
+        file.seek(footer_at)
+        end = file.read(tail)
+        if end[-len(MAGIC) :] != MAGIC or _HEAD.unpack_from(end) != (
+            Opcode.FOOTER,
+            _FOOTER_BYTES,
+        ):
+            return
+        footer: Footer = _parsed(Footer, end[_HEAD.size : -len(MAGIC)])
+        if not len(MAGIC) <= footer.summary_start < footer_at:
+            return
+        file.seek(footer.summary_start)
+        summary = file.read(footer_at - footer.summary_start)
+        covered = summary + end[: -len(MAGIC) - _CRC.size]
+        if footer.summary_crc and zlib.crc32(covered) != footer.summary_crc:
+            self.damage.append(
+                Damage(footer.summary_start, "a summary that belies its checksum")
+            )
+            return
+        try:
+            yield from self._in_summary(summary)
+        except _BAD_CONTENT as error:
+            self.damage.append(
+                Damage(footer.summary_start, f"a broken summary ({error})")
+            )
+
+    def _in_summary(self, summary: bytes) -> Iterator[Channel]:
+        for opcode, content in _inner(summary):
+            if opcode == Opcode.CHANNEL:
+                yield _parsed(Channel, content)
+            elif opcode == Opcode.STATISTICS:
+                self._told = _parsed(Statistics, content)
+            elif opcode in _INDICES:
+                index = _parsed(_INDICES[opcode], content)
+                is_chunk = isinstance(index, ChunkIndex)
+                self._starts.append(
+                    index.chunk_start_offset if is_chunk else index.offset
+                )
+        self._starts.sort()
+
+    def _data(self, file: IO[bytes]) -> Iterator[McapRecord]:
+        at = len(MAGIC)
+        while True:
+            frame = self._frame(file, at)
+            if frame is None:
+                at = self._next_start(at)
+                if not at:
+                    return
+                continue
+            if frame.opcode in (Opcode.DATA_END, Opcode.FOOTER):
+                self.is_cut_off = not self._has_end(file)
+                return
+            at = frame.end
+            if frame.opcode in _READ:
+                yield from self._content(frame, file.read(frame.length))
+            elif _LAST_KNOWN < frame.opcode < _FIRST_PRIVATE:
+                what = f"a record of unknown kind {frame.opcode}, passed over"
+                self.damage.append(Damage(frame.begin, what))
+
+    def _frame(self, file: IO[bytes], at: int) -> _Frame | None:
+        """The record that begins at a place; None where none does."""
+        file.seek(at)
+        head = file.read(_HEAD.size)
+        if len(head) < _HEAD.size:
+            self.damage.append(Damage(at, "the file ends here, without its end"))
+            return None
+        opcode, length = _HEAD.unpack(head)
+        frame = _Frame(opcode, at, length)
+        following = bisect_right(self._starts, at)
+        limit = self._starts[following] if following < len(self._starts) else self._size
+        if opcode == 0:
+            self.damage.append(Damage(at, "zeros where a record should begin"))
+        elif frame.end > self._size:
+            what = (
+                f"a record of {length} bytes, of which the file holds "
+                f"{self._size - at - _HEAD.size}"
+            )
+            self.damage.append(Damage(at, what))
+        elif frame.end > limit:
+            self.damage.append(Damage(at, "a record that reaches into the next chunk"))
+        else:
+            return frame
+        return None
+
+    def _next_start(self, at: int) -> int:
+        """Where reading can go on behind damage; 0 where nowhere."""
+        following = bisect_right(self._starts, at)
+        return self._starts[following] if following < len(self._starts) else 0
+
+    def _has_end(self, file: IO[bytes]) -> bool:
+        if self._size < 2 * len(MAGIC):
+            return False
+        file.seek(-len(MAGIC), os.SEEK_END)
+        if file.read() == MAGIC:
+            return True
+        self.damage.append(Damage(self._size, "the file lacks its last bytes"))
+        return False
+
+    def _content(self, frame: _Frame, data: bytes) -> Iterator[McapRecord]:
+        """What is in a frame; nothing of it, or its first part, when it is damaged."""
+        name = "chunk" if frame.opcode == Opcode.CHUNK else "record"
+        try:
+            if frame.opcode == Opcode.CHUNK:
+                yield from self._in_chunk(data)
+            elif frame.opcode == Opcode.MESSAGE:
+                yield self._message(data)
+            else:
+                if frame.opcode == Opcode.ATTACHMENT:
+                    _check_crc(data[: -_CRC.size], _CRC.unpack(data[-_CRC.size :])[0])
+                yield _parsed(_KINDS[frame.opcode], data)
+        except _BAD_CONTENT as error:
+            words = str(error) or type(error).__name__
+            self.damage.append(Damage(frame.begin, f"a {name} left out: {words}"))
+
+    def _in_chunk(self, data: bytes) -> Iterator[McapRecord]:
+        chunk: Chunk = _parsed(Chunk, data)
+        body = _unpacked(chunk)
+        _check_crc(body, chunk.uncompressed_crc)
+        for opcode, content in _inner(body):
+            if opcode == Opcode.CHANNEL:
+                yield _parsed(Channel, content)
+            elif opcode == Opcode.MESSAGE:
+                yield self._message(content)
+
+    def _message(self, data: bytes) -> Message:
+        if len(data) < _MESSAGE_HEAD_BYTES:
+            raise ValueError(f"a message of {len(data)} bytes, shorter than its head")
+        message: Message = Message.read(ReadDataStream(BytesIO(data)), len(data))
+        self._messages += 1
+        return message
+
+
+def _folder_advice(path: Path) -> str:
+    inside = sorted(p.name for p in path.glob("*.mcap*"))
+    where = f"name the file in it: {path / inside[0]}" if inside else "it holds none"
+    return f"{path}: a folder, expected a record (.mcap); {where}"
+
+
+def _parsed(kind: Any, data: bytes) -> Any:
+    """A record of a kind, all of whose bytes belong to it."""
+    stream = ReadDataStream(BytesIO(data))
+    record = kind.read(stream)
+    if stream.count != len(data):
+        raise ValueError(f"{kind.__name__} with {len(data) - stream.count} bytes over")
+    return record
+
+
+def _inner(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of records that stand one behind the other.
+
+    Raises:
+        ValueError: one reaches beyond the end.
+    """
+    at = 0
+    while at < len(data):
+        if len(data) - at < _HEAD.size:
+            raise ValueError("ends within a record")
+        opcode, length = _HEAD.unpack_from(data, at)
+        at += _HEAD.size
+        if length > len(data) - at:
+            raise ValueError(f"a record of {length} bytes in it, which are not there")
+        yield opcode, data[at : at + length]
+        at += length
+
+
+def _check_crc(data: bytes, crc: int) -> None:
+    if crc and zlib.crc32(data) != crc:
+        raise ValueError("it belies its checksum")
+
+
+def _unpacked(chunk: Chunk) -> bytes:
+    """The content of a chunk; memory grows with what is there, not what is claimed.
+
+    Raises:
+        ValueError: not of the size that the chunk claims, or compressed otherwise.
+    """
+    wanted, data = chunk.uncompressed_size, chunk.data
+    if wanted > _LARGEST_EXPANSION * len(data):
+        raise ValueError(f"claims to unpack {len(data)} bytes to {wanted}")
+    if chunk.compression == "":
+        body = data
+    elif chunk.compression == "lz4":
+        body = _unpacked_lz4(data, wanted)
+    elif chunk.compression == "zstd":
+        body = _unpacked_zstd(data, wanted)
+    else:
+        raise ValueError(f"compressed by {chunk.compression!r}, expected lz4 or zstd")
+    if len(body) != wanted:
+        raise ValueError(f"unpacks to {len(body)} bytes or more, {wanted} expected")
+    return body
+
+
+def _unpacked_lz4(data: bytes, wanted: int) -> bytes:
+    unpacker = lz4.frame.LZ4FrameDecompressor()
+    pieces = []
+    size = 0
+    while not unpacker.eof and size <= wanted:
+        piece = unpacker.decompress(data, max_length=_PIECE_BYTES)
+        data = b""
+        if not piece and unpacker.needs_input:
+            break
+        pieces.append(piece)
+        size += len(piece)
+    return b"".join(pieces)
+
+
+def _unpacked_zstd(data: bytes, wanted: int) -> bytes:
+    pieces = []
+    size = 0
+    with zstandard.ZstdDecompressor().stream_reader(data) as reader:
+        while size <= wanted and (piece := reader.read(_PIECE_BYTES)):
+            pieces.append(piece)
+            size += len(piece)
+    return b"".join(pieces)

@@ -1,0 +1,91 @@
+"""Takes what comes on the bus, and hands it to the file."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from itertools import islice
+
+from surefoot.recording.write import McapFile
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.observer import Observer, Sample
+
+RING_DEPTH = 4096
+"""Messages that Zenoh keeps per channel until they are taken, each with all of the
+batch of 64 KiB it came in: a second and a half at 3000 ticks a second."""
+KEPT_BYTES = 128 * 2**20
+"""Taken and not yet written; with more, what comes is left to the rings."""
+SLICE = 500
+"""Messages written before the rings are emptied again: some ten milliseconds."""
+PERIOD_S = 0.02
+"""Many messages at a time cost the other processes less than each for itself."""
+LAST_S = 0.3
+"""Once the robot is gone, what is still on its way may take so long [s]."""
+
+
+class _Backlog:
+    """Messages between bus and disk: taken at once, written when there is time."""
+
+    def __init__(self, observer: Observer, file: McapFile) -> None:
+        self._observer, self._file = observer, file
+        self._samples: deque[Sample] = deque()
+        self._bytes = 0
+
+    def take(self, *, timeout_s: float = 0.0) -> bool:
+        """Copy what the rings hold; whether there was anything."""
+        if self._bytes >= KEPT_BYTES:
+            return False
+        samples = self._observer.take(timeout_s=timeout_s)
+        self._samples.extend(samples)
+        self._bytes += sum(len(sample.data) for sample in samples)
+        return bool(samples)
+
+    def write(self) -> bool:
+        """Write some; whether anything is left."""
+        some = list(islice(self._samples, SLICE))
+        for sample in some:
+            self._samples.popleft()
+            self._bytes -= len(sample.data)
+        self._file.add(some)
+        return bool(self._samples)
+
+
+def record_bus(
+    observer: Observer,
+    file: McapFile,
+    *,
+    on_ready: Callable[[], None],
+    stop: StopRequest,
+) -> None:
+    """Write everything that comes, until the robot ends or is away for too long.
+
+    Args:
+        observer: connected, ``status`` the last of its channels.
+        file: gets the messages.
+        on_ready: called at the first ``status``: whoever receives it receives all.
+        stop: ends the recording in order.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    backlog = _Backlog(observer, file)
+    is_ready = False
+    with stop.on_signals():
+        while not observer.has_left() and not stop.is_set:
+            backlog.take()
+            has_more = backlog.write()
+            if not is_ready and file.counts["status"].messages:
+                is_ready = True
+                on_ready()
+            if not has_more:
+                time.sleep(PERIOD_S)  # gathers: waking per message would cost the loop
+        while True:
+            has_taken = backlog.take(timeout_s=LAST_S)
+            has_more = backlog.write()
+            if stop.is_set and observer.robot_is_here:
+                break
+            if not has_taken and not has_more:
+                break
+        while backlog.write():
+            pass

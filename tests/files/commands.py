@@ -1,0 +1,59 @@
+"""Commands of ``surefoot`` run in this process, so that a thousand take minutes."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import typer
+
+from surefoot.cli import console
+from surefoot.cli.app import app
+from surefoot.exit_codes import exit_code_of
+
+
+class Outcome(NamedTuple):
+    """What a command left.
+
+    Attributes:
+        code: exit code.
+        error: what it said was wrong; empty when nothing.
+    """
+
+    code: int
+    error: str
+
+
+def run_here(*arguments: object) -> Outcome:
+    """Run a command; an error nobody foresaw goes on, and fails the test."""
+    with _silent():
+        try:
+            code = app(list(map(str, arguments)), standalone_mode=False)
+        except typer.Exit as end:
+            return Outcome(end.exit_code, "")
+        except Exception as error:
+            known = exit_code_of(error)
+            if known is None:
+                raise
+            return Outcome(int(known), console._words(error))
+    return Outcome(int(code or 0), "")
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    out, err = console._stdout.file, console._stderr.file
+    console._stdout.file = console._stderr.file = io.StringIO()
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        console._stdout.file, console._stderr.file = out, err
+
+
+def assert_refused_in_one_line(outcome: Outcome, name: str) -> None:
+    """Exit code 2, one line, and the file named."""
+    assert outcome.code == 2, outcome
+    assert "\n" not in outcome.error.strip(), outcome
+    assert name in outcome.error, outcome

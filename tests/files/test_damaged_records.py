@@ -1,0 +1,213 @@
+"""Every damaged or foreign record is read as far as it can be, or refused in a line."""
+
+from __future__ import annotations
+
+import contextlib
+import resource
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mcap.writer import Writer
+
+from surefoot.playback.timeline import read_timeline
+from surefoot.recording.mcap_records import MAGIC
+from surefoot.recording.read import RecordError, read_record
+from surefoot.report.run_data import load_run, read_heard
+from tests.cli.conftest import TIMEOUT_S, environment
+from tests.files.commands import assert_refused_in_one_line, run_here
+from tests.files.damage import FOREIGN, damaged, foreign_record
+from tests.support import free_port
+
+COPIES = 60
+MANY_COPIES = 1000
+PLAYED_EVERY = 10
+"""Opening a bus takes longer than reading the file."""
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    scenario = folder / "short.toml"
+    scenario.write_text('name = "short"\nduration_s = 0.3\n')
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "surefoot.cli", "run", scenario),
+            *("--controller", "hold", "--out", folder / "run"),
+        ],
+        env=environment(),
+        check=True,
+        capture_output=True,
+        timeout=TIMEOUT_S,
+    )
+    return folder / "run"
+
+
+@pytest.fixture(scope="module")
+def record(run_folder: Path) -> bytes:
+    return (run_folder / "run.mcap").read_bytes()
+
+
+def read_in_every_way(path: Path, run_folder: Path, *, is_played: bool) -> None:
+    """Each command that reads a record, and each reader of the library."""
+    codes = [run_here("log", "info", path).code]
+    for kind, out in (("npz", "a.npz"), ("csv", "c")):
+        words = ("--format", kind, "--out", path.parent / out)
+        codes.append(run_here("log", "export", path, *words).code)
+    codes.append(run_here("replay", "--controller", path).code)
+    if is_played:
+        listen = f"tcp/127.0.0.1:{free_port()}"
+        words = ("--now", "--speed", 1000, "--listen", listen)
+        codes.append(run_here("replay", path, *words).code)
+    in_run = run_folder / "run.mcap"
+    in_run.write_bytes(path.read_bytes())
+    with contextlib.suppress(RecordError):
+        load_run(run_folder, label="damaged")
+    assert set(codes) <= {0, 1, 2}, codes
+
+
+def read_copies(record: bytes, run_folder: Path, folder: Path, seeds: range) -> None:
+    path = folder / "damaged.mcap"
+    kept = (run_folder / "run.mcap").read_bytes()
+    try:
+        for seed in seeds:
+            path.write_bytes(damaged(record, seed))
+            is_played = seed % PLAYED_EVERY == 0
+            try:
+                read_in_every_way(path, run_folder, is_played=is_played)
+            except Exception as error:
+                raise AssertionError(f"copy {seed}: {error!r}") from error
+    finally:
+        (run_folder / "run.mcap").write_bytes(kept)
+
+
+def test_damaged_copies_are_read_or_refused(
+    record: bytes, run_folder: Path, tmp_path: Path
+) -> None:
+    read_copies(record, run_folder, tmp_path, range(COPIES))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(10))
+def test_a_thousand_damaged_copies_are_read_or_refused(
+    record: bytes, run_folder: Path, tmp_path: Path, part: int
+) -> None:
+    share = MANY_COPIES // 10
+    read_copies(record, run_folder, tmp_path, range(part * share, (part + 1) * share))
+
+
+@pytest.mark.parametrize("what", FOREIGN)
+def test_records_of_other_programs_are_read_or_refused(
+    what: str, run_folder: Path, tmp_path: Path, record: bytes
+) -> None:
+    path = foreign_record(tmp_path / "other.mcap", what)
+    try:
+        read_in_every_way(path, run_folder, is_played=True)
+    finally:
+        (run_folder / "run.mcap").write_bytes(record)
+    assert run_here("log", "info", path).code == 0
+    refused = run_here("replay", "--controller", path)
+    assert_refused_in_one_line(refused, str(path))
+    # Names of channels never lead out of the folder they are written to.
+    written = {p.name for p in tmp_path.iterdir()}
+    assert written <= {"other.mcap", "a.npz", "c"}
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"PK\x03\x04 a zip", MAGIC[:3], b"\x00" * 1000]
+)
+def test_what_is_no_record_is_refused_with_what_it_is(
+    content: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "no.mcap"
+    path.write_bytes(content)
+    for words in (
+        ("log", "info", path),
+        ("log", "export", path, "--format", "npz", "--out", tmp_path / "a.npz"),
+        ("replay", path),
+        ("replay", "--controller", path),
+    ):
+        assert_refused_in_one_line(run_here(*words), str(path))
+    for read in (read_record, read_timeline, read_heard):
+        with pytest.raises(RecordError, match="not an MCAP file"):
+            read(path)
+
+
+def test_a_folder_is_refused_with_the_name_of_the_record_in_it(
+    run_folder: Path,
+) -> None:
+    outcome = run_here("log", "info", run_folder)
+    assert_refused_in_one_line(outcome, str(run_folder / "run.mcap"))
+
+
+def test_every_prefix_gives_the_messages_it_holds(
+    record: bytes, tmp_path: Path
+) -> None:
+    path = tmp_path / "cut.mcap"
+    counts = []
+    for share in range(1, 40):
+        path.write_bytes(record[: len(record) * share // 40])
+        try:
+            read = read_record(path)
+        except RecordError:
+            continue
+        assert read.is_cut_off
+        channels = read.channels
+        counts.append(sum(read.size(name) for name in channels))
+    assert counts == sorted(counts)
+    assert counts[-1] > 0.8 * 2000
+
+
+def test_a_damaged_chunk_costs_its_own_messages_alone(
+    record: bytes, tmp_path: Path
+) -> None:
+    """Also when it is the first, which alone describes the channels."""
+    path = tmp_path / "a.mcap"
+    path.write_bytes(record)
+    whole = read_record(path)
+    total = sum(whole.size(name) for name in whole.channels)
+    chunk = record.index(b"lz4") + 200
+    broken = bytearray(record)
+    broken[chunk] ^= 0x10
+    path.write_bytes(broken)
+    read = read_record(path)
+    assert read.channels == whole.channels
+    assert 0 < total - sum(read.size(name) for name in read.channels) < total / 2
+    assert any("checksum" in str(d) or "chunk" in str(d) for d in read.damage)
+    assert "damaged" in read.condition
+
+
+def test_a_false_length_does_not_allocate(tmp_path: Path) -> None:
+    """In a process of its own that may not have more than a little memory."""
+    path = tmp_path / "long.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="", library="")
+        writer.finish()
+    data = path.read_bytes()
+    begin = data[:8]
+    files = {
+        "record": begin + struct.pack("<BQ", 6, 2**40) + b"x" * 100,
+        "chunk": begin
+        + struct.pack("<BQ", 6, 60)
+        + struct.pack("<QQQIi", 0, 0, 2**40, 0, 4)
+        + b"zstd"
+        + struct.pack("<Q", 16)
+        + b"\x28\xb5\x2f\xfd"
+        + bytes(12),
+    }
+    for name, content in files.items():
+        path.write_bytes(content)
+        done = subprocess.run(
+            [sys.executable, "-m", "surefoot.cli", "log", "info", path],
+            env=environment(),
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT_S,
+            check=False,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31)),
+        )
+        assert done.returncode == 2, (name, done.stderr)
+        assert "Traceback" not in done.stderr

@@ -1,0 +1,222 @@
+"""Foreign messages end nobody who listens, and are kept by who records."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections import Counter
+from functools import partial
+from pathlib import Path
+
+import msgpack
+import pytest
+from mcap.reader import make_reader
+
+from surefoot.cli.bus.echo import Echo
+from surefoot.cli.bus.timing import TimingMeter
+from surefoot.cli.bus.topics import list_topics
+from surefoot.playback.timeline import read_timeline
+from surefoot.recording.counts import LARGEST_GAP
+from surefoot.recording.log_times import LogTimes
+from surefoot.recording.read import read_record, record_info
+from surefoot.recording.write import McapFile
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.client_side.listener import Listener, RawMessage
+from surefoot.robot_io.client_side.observer import (
+    ALL_CHANNELS,
+    VIEWER_CHANNELS,
+    Observer,
+    Sample,
+)
+from surefoot.robot_io.errors import RobotIoError
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.codec import Head, decode, decode_head, decode_map
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.errors import MessageError
+from surefoot.schemas.topics import TICK_SENSORS, TOPICS, topic
+from tests.cli.bus.talking_robot import Say, talking_robot
+from tests.files.commands import run_here
+from tests.files.malformed import many
+from tests.support import free_port, wait_until
+
+WALKER = load_robot("walker")
+COUNTS = [50, pytest.param(1000, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize("count", [500, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_decoding_gives_a_message_or_says_why_not(count: int) -> None:
+    refused = Counter()
+    for name, data in many(count, joint_count=WALKER.n_a):
+        in_full = partial(decode, kind=topic(name).message, joint_count=WALKER.n_a)
+        for read in (decode_map, decode_head, in_full):
+            try:
+                read(data)
+            except MessageError:
+                refused[name] += 1
+    assert sum(refused.values()) > count
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("raw", [False, True], ids=["json", "raw"])
+@pytest.mark.parametrize("period_ns", [None, 10**6], ids=["stamps", "simulated"])
+def test_the_recorder_keeps_every_message(
+    count: int, raw: bool, period_ns: int | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "odd.mcap"
+    sent = many(count, joint_count=WALKER.n_a)
+    file = McapFile(
+        path,
+        channels=ALL_CHANNELS,
+        keys=WALKER.keys,
+        attachments=[],
+        raw=raw,
+        times=LogTimes(period_ns),
+    )
+    with file:
+        file.add(Sample(name, data, 5) for name, data in sent)
+    kept: Counter[str] = Counter()
+    apart = []
+    with path.open("rb") as opened:  # by the MCAP project's own reader
+        for _, channel, message in make_reader(opened).iter_messages():
+            kept[channel.topic.split("/")[1]] += 1
+            if channel.topic.endswith("/unreadable"):
+                apart.append(message.data)
+    assert kept == Counter(name for name, _ in sent)
+    unreadable = {name: one.unreadable for name, one in file.counts.items()}
+    assert len(apart) == sum(unreadable.values()) > count / 10
+    assert not Counter(apart) - Counter(data for _, data in sent)
+    info = record_info(read_record(path))
+    assert sum(one.messages for one in info.channels) == count
+    assert all(one.missing < LARGEST_GAP * count for one in info.channels)
+    for words in (("log", "info", path), ("replay", "--controller", path)):
+        assert run_here(*words).code in (0, 2)
+    with contextlib.suppress(ValueError):
+        read_timeline(path)
+
+
+def test_in_simulated_time_a_run_spans_what_it_simulated() -> None:
+    times = LogTimes(10**6)
+    span = [times.of("joints", Head(tick, 7 * tick)) for tick in range(8000)]
+    assert span[-1] - span[0] == 7999 * 10**6
+    # A robot that begins anew goes on behind itself, on every channel alike.
+    again = [times.of("joints", Head(tick, 0)) for tick in range(10)]
+    assert again == [8000 * 10**6 + tick * 10**6 for tick in range(10)]
+    times.of("imu", Head(7999, 0))
+    assert times.of("imu", Head(3, 0)) == again[3]
+    # A planner's count and a foreign tick tell nothing of the time.
+    assert times.of("reference", Head(0, 0)) == times.latest
+    assert times.of("joints", Head(2**60, 0)) == times.latest
+    assert times.of("joints", Head(10, 0)) == again[9] + 10**6
+
+
+def test_a_foreign_tick_is_not_a_million_missing_messages(tmp_path: Path) -> None:
+    file = McapFile(
+        tmp_path / "a.mcap",
+        channels=ALL_CHANNELS,
+        keys=WALKER.keys,
+        attachments=[],
+        raw=False,
+    )
+    with file:
+        for tick in (0, 1, 2**60, 2, 3, 7):
+            data = msgpack.packb({"tick": tick, "stamp_ns": tick})
+            file.add([Sample("joints", data, 0)])
+    count = file.counts["joints"]
+    assert (count.messages, count.missing, count.restarts) == (6, 3, 2)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_tools_of_the_bus_take_everything(count: int) -> None:
+    heard = []
+    for name, data in many(count, joint_count=WALKER.n_a):
+        key = f"{WALKER.file.namespace}/{WALKER.keys[name]}"
+        heard.append(RawMessage(key, data, len(heard)))
+        meter = TimingMeter(name, every_tick=True, window_s=1.0, has_delay=True)
+        meter.add(data, received_ns=1)
+        meter.timing(2)
+        for as_json in (False, True):
+            shown = Echo(
+                topic(name),
+                joint_count=WALKER.n_a,
+                fields=[],
+                rate_hz=None,
+                as_json=as_json,
+            )
+            assert shown.lines(heard[-1])
+
+    class Nobody:
+        processes = publishers = subscribers = services = ()
+        is_told = False
+
+    told = list_topics(WALKER, heard, Nobody(), listened_s=1.0)
+    assert sum(row.messages for row in told.channels) == count
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_everyone_who_listens_goes_on(
+    count: int, endpoints: Endpoints, tmp_path: Path
+) -> None:
+    """Recorder, viewer, relay and a stabilizer's client, on one bus."""
+    pytest.importorskip("viser", reason="needs viser: pip install -e .[view]")
+    from surefoot.view.page import LivePage
+
+    sent = many(count, joint_count=WALKER.n_a)
+    rounds = 0
+
+    def say(number: int, tell: Say) -> None:
+        nonlocal rounds
+        name, data = sent[number % count]
+        tell(WALKER.keys[name], data)
+        rounds = number // count
+
+    failures: list[BaseException] = []
+
+    def watched(work: object) -> threading.Thread:
+        def run() -> None:
+            try:
+                work()  # type: ignore[operator]
+            except BaseException as error:
+                failures.append(error)
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        return thread
+
+    stop = StopRequest()
+    with talking_robot(endpoints, say):
+        page = LivePage(WALKER, endpoints=endpoints, port=free_port())
+        threads = [watched(lambda: page.run(stop))]
+        client = RobotClient(
+            WALKER, endpoints=endpoints, identity="ann", in_order=False, stop=stop
+        )
+        observer = Observer(
+            WALKER, endpoints=endpoints, channels=VIEWER_CHANNELS, depth=1000
+        )
+        listener = Listener(WALKER, endpoints=endpoints, patterns=["**"])
+        with client, observer, listener:
+            assert client.connect(timeout_s=20.0)
+            observer.connect(timeout_s=20.0)
+            listener.connect(timeout_s=20.0)
+            with contextlib.suppress(RobotIoError, MessageError):
+                client.take_lease()  # nobody answers
+            begin, heard = rounds, set()
+            end = time.monotonic() + 60.0
+            while rounds < begin + 2 and time.monotonic() < end:
+                client.wait_snapshot(timeout_s=0.01)
+                observer.latest_messages()
+                heard |= {(m.key, m.data) for m in listener.take(timeout_s=0.01)}
+        wait_until(lambda: rounds >= begin + 2, what="every message to be said twice")
+        stop.set()
+        for thread in threads:
+            thread.join(20.0)
+    assert not failures, failures
+    wanted = {(f"walker/{WALKER.keys[name]}", data) for name, data in sent}
+    assert len(wanted - heard) < len(wanted) / 5
+
+
+def test_every_kind_of_message_is_among_the_malformed() -> None:
+    names = {name for name, _ in many(100, joint_count=WALKER.n_a)}
+    assert names == set(ALL_CHANNELS)
+    assert set(TICK_SENSORS) < names <= {entry.name for entry in TOPICS}
