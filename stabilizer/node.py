@@ -18,6 +18,7 @@ from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.realtime import Pace, quiet_interpreter
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.ticks.recorder import TickSink
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SettingsChange
@@ -28,6 +29,7 @@ from surefoot.stabilizer.loop import End, Loop
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry
+from surefoot.stabilizer.tick_recorder import recorder_to
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,6 +53,7 @@ def run_stabilizer(
     settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
     safety: SafetySettings | None = None,
+    ticks: TickSink | None = None,
 ) -> ControllerResult:
     """Wait for the robot, takes command of it and answer its ticks.
 
@@ -77,6 +80,7 @@ def run_stabilizer(
         settings: the controller was made with; None refuses changes on the bus.
         stop: ends the run from outside, besides signals.
         safety: limits of the sensors and what their loss leads to; None for defaults.
+        ticks: gets the controller's signals of every tick; None keeps none.
 
     Returns:
         Figures of the run and why it ended.
@@ -96,6 +100,7 @@ def run_stabilizer(
         settings=settings,
         stop=stop or StopRequest(),
         safety=safety or SafetySettings(),
+        ticks=ticks,
     )
     end = node.run(connect_timeout_s=connect_timeout_s, reconnect=reconnect)
     result = node.telemetry.result(end.reason, histogram=histogram)
@@ -124,12 +129,17 @@ class _Node:
         settings: ControllerSettings | None,
         stop: StopRequest,
         safety: SafetySettings,
+        ticks: TickSink | None,
     ) -> None:
         self._controller, self._robot = controller, robot
         self._endpoints, self._pace, self._identity = endpoints, pace, identity
         self._failure_file, self._settings = failure_file, settings
         self._stop, self._safety = stop, safety
-        self.telemetry = ControllerTelemetry(controller.name, period_s=robot.period_s)
+        self.telemetry = ControllerTelemetry(
+            controller.name,
+            period_s=robot.period_s,
+            recorder=recorder_to(ticks, robot),
+        )
         self._desk: RequestHandler | None = None
         self._stays = 0
         self._refused_since_s = math.inf

@@ -171,7 +171,7 @@ class WholeBodyController:
             base_pose=self.estimator.q[:7],
             base_twist=self.estimator.v[:6],
             r=self.law.r,
-            v_joint=self._v_joint,
+            v_joint=self._v_joint[self.model.to_bus],
             wrench_qp=wrench_qp,
             motion_qp=motion_qp,
         )
