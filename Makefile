@@ -42,8 +42,8 @@ $(STAMP): pyproject.toml constraints.txt
 demo: $(STAMP)
 	$(BIN)/surefoot run moving-platform-slow --out $(OUT)
 	@echo
-	@echo "Look into $(OUT): result.json holds the figures, ticks.npz every tick, run.mcap"
-	@echo "every message (surefoot log info), *.log what the processes said."
+	@echo "Look into $(OUT): result.json holds the figures, ticks.mcap the signals"
+	@echo "of every tick, run.mcap every message (surefoot log info), *.log what was said."
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

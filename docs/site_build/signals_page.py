@@ -36,9 +36,9 @@ print(run.signals.describe())  # name, shape, unit, frame, columns, meaning
 - A signal that its controller does not tell is not there. Where a tick has no answer,
   the controller's signals are NaN, or {MISSING} for whole numbers, and empty in CSV.
 - Unit 1 stands for a number without one. A wrench is [force; moment], of the ground on
-  the robot; a twist [linear; angular]; quaternions are x y z w. The frame `stance` stands
-  midway between the soles. A joint signal has a column per joint, in the order of the
-  robot file.
+  the robot; a twist [linear; angular]; quaternions are x y z w. The frame `stance`
+  stands midway between the soles. A joint signal has a column per joint, in the order
+  of the robot file.
 """
 _GROUPS = {
     KnownBy.CLOCK: ("Time", "What the clocks say."),
