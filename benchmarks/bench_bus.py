@@ -98,7 +98,7 @@ def _run_robot(
     robot: Robot, endpoints: Endpoints, *, ticks: int, delay: int, load: Load
 ) -> Distribution:
     gate = CommandGate(robot, robot.nominal)
-    times = TimingLog(ticks)
+    times = TimingLog()
     snapshots = [_snapshot(robot, tick) for tick in range(WARM_UP_TICKS + ticks)]
     with RobotServer(robot, gate, endpoints=endpoints, stop=StopRequest()) as server:
         if not server.wait_until_active(now_s=0.0, timeout_s=START_TIMEOUT_S):
@@ -198,7 +198,7 @@ def _measure_codec(robot: Robot, ticks: int) -> Distribution:
 
 
 def _time(count: int, run: Callable[[], None]) -> Distribution:
-    times = TimingLog(count)
+    times = TimingLog()
     for _ in range(count):
         begin = time.perf_counter_ns()
         run()

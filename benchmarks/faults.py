@@ -26,6 +26,7 @@ import numpy as np
 from benchmarks.shortened import shortened
 from surefoot.robot_io.relay.catalogue import list_plans
 from surefoot.schemas.reasons import Outcome
+from surefoot.signals import read_signals
 
 SCENARIOS = ("standing", "moving-platform-slow")
 MRAD = 1e3
@@ -57,8 +58,7 @@ def run_once(
                 f"{done.stderr[-800:]}"
             )
         result: dict[str, Any] = json.loads(done.stdout)
-        with np.load(out / "ticks.npz") as ticks:
-            steps = np.abs(np.diff(ticks["q_command"], axis=0))
+        steps = np.abs(np.diff(read_signals(out)["q_command"], axis=0))
         result["step_mrad"] = MRAD * float(steps.max(initial=0.0))
         return result
 

@@ -30,6 +30,7 @@ from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.signals import Signals, read_signals
 from surefoot.sim_robot.catalogue import find_scenario
 
 SCENARIOS = ("standing", "moving-platform-slow")
@@ -94,7 +95,7 @@ def kill_once(robot: Robot, scenario: Path, pace: str, tick: int, seed: int) -> 
     endpoints = loopback_endpoints()
     (locator,) = endpoints.listen
     folder = scenario.parent
-    record = folder / "ticks.npz"
+    record = folder / "ticks.mcap"
     watch = Watch(robot, endpoints)
     words = ("robot", scenario, "--listen", locator, "--seed", seed, pace)
     dial = ("stabilizer", "--connect", locator, "--wait", 60, pace)
@@ -119,19 +120,18 @@ def kill_once(robot: Robot, scenario: Path, pace: str, tick: int, seed: int) -> 
                 pass  # it fell while it held
             plant.exit_code()
             second.exit_code()
-    with np.load(record) as arrays:
-        return _what_came(arrays, held.tick, hold_ms, gap_s, robot)
+    return _what_came(read_signals(record), held.tick, hold_ms, gap_s, robot)
 
 
 def _what_came(
-    arrays: dict[str, np.ndarray],
+    arrays: Signals,
     tick: int,
     hold_ms: float,
     gap_s: float | None,
     robot: Robot,
 ) -> Kill:
     steps = np.abs(np.diff(arrays["q_command"], axis=0)).max()
-    x, y = arrays["base_quat_xyzw"][-1][:2]
+    x, y = arrays["true_base_pose"][-1, 3:5]
     lean = math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
     ticks = len(arrays["q_command"])
     is_short = ticks < round(DURATION_S / robot.period_s)

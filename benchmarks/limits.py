@@ -24,6 +24,7 @@ import numpy as np
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import Outcome
+from surefoot.signals import memory_sinks
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.factory import make_controller
 from surefoot.studies.cell import Cell, Group, Row, plan_of, run_cell
@@ -201,8 +202,8 @@ def push(grid: Any) -> None:
                 )
             )
             time_s = arrays["time_s"]
-            middle = 0.5 * (arrays["sole_left"][:, 0] + arrays["sole_right"][:, 0])
-            com = 1e3 * (arrays["com"][:, 0] - middle)
+            soles = arrays["true_sole_left"] + arrays["true_sole_right"]
+            com = 1e3 * (arrays["true_com"] - 0.5 * soles)[:, 0]
             rest = com[time_s >= FROM_S][0]
             upper.plot(time_s, com - rest, colour, label=variant)
             pressure = _pressure_mm(arrays) - rest
@@ -226,14 +227,14 @@ def push(grid: Any) -> None:
 
 def _record(group: Group) -> dict[str, Array]:
     plan = plan_of(Cell(group, seed=0), robot="walker", overrides=())
-    sim = Simulation.of_plan(plan, record=True)
+    sim = Simulation.of_plan(plan, sinks=memory_sinks())
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
-    return sim.simulated.recording()
+    return dict(sim.signals)
 
 
 def _pressure_mm(arrays: dict[str, Array]) -> Array:
     """Return the centre of pressure of both level soles from their middle, along x."""
-    left, right = arrays["F_left"], arrays["F_right"]
+    left, right = arrays["true_F"][:, :6], arrays["true_F"][:, 6:]
     force = np.maximum(left[:, 2] + right[:, 2], 1.0)
     pressure: Array = -1e3 * (left[:, 4] + right[:, 4]) / force
     return pressure

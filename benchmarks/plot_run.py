@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from surefoot.robot_io.robot import load_robot
+from surefoot.signals import read_signals
 from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.plant import Plant
 
 MM = 1e3
 NO_MATPLOTLIB = "plot_run needs matplotlib; get it with: pip install matplotlib"
-SIDES = ("left", "right")
 COLOURS = {"x": "#c0392b", "y": "#27ae60", "z": "#1f5fa8"}
 
 
@@ -45,20 +45,20 @@ def draw(run: Path, picture: Path) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    ticks = np.load(run / "ticks.npz")
+    signals = read_signals(run)
     scenario = load_scenario(str(run / "scenario.toml"))
     about = json.loads((run / "run.json").read_text(encoding="utf-8"))
     reference = Plant(load_robot(about["robot"]), scenario, seed=0).com_reference
-    time_s = ticks["time_s"]
-    soles = 0.5 * (ticks["sole_left"] + ticks["sole_right"])
-    error = MM * (ticks["com"] - reference)
+    time_s = signals.time_s
+    soles = 0.5 * (signals["true_sole_left"] + signals["true_sole_right"])
+    error = MM * (signals["true_com"] - reference)
     error[:, :2] -= MM * soles[:, :2]
     figure, (ground, com, force) = plt.subplots(
         3, 1, figsize=(9.0, 7.0), sharex=True, layout="constrained"
     )
-    quats = ticks["platform_quat_xyzw"].reshape(len(time_s), -1, 4)[:, 0]
-    heights = ticks["platform_position"].reshape(len(time_s), -1, 3)[:, 0, 2]
-    roll, pitch = tilt_angles(quats)
+    platform = signals["true_platform_pose"][:, 0]
+    heights = platform[:, 2]
+    roll, pitch = tilt_angles(platform[:, 3:])
     ground.plot(time_s, MM * heights, color=COLOURS["z"], label="height [mm]")
     ground.plot(time_s, 10 * roll, color=COLOURS["x"], label="roll [0.1 deg]")
     ground.plot(time_s, 10 * pitch, color=COLOURS["y"], label="pitch [0.1 deg]")
@@ -66,10 +66,11 @@ def draw(run: Path, picture: Path) -> None:
     for axis, name in enumerate("xyz"):
         com.plot(time_s, error[:, axis], color=COLOURS[name], label=name)
     com.set_ylabel("CoM error [mm]")
-    force.plot(time_s, ticks["F_left"][:, 2], lw=0.8, color="#8e44ad", label="left")
-    force.plot(time_s, ticks["F_right"][:, 2], lw=0.8, color="#e67e22", label="right")
+    normals = signals["true_F"][:, (2, 8)]
+    force.plot(time_s, normals[:, 0], lw=0.8, color="#8e44ad", label="left")
+    force.plot(time_s, normals[:, 1], lw=0.8, color="#e67e22", label="right")
     force.set_ylabel("normal force [N]")
-    force.set_ylim(0.0, 1.4 * max(ticks[f"F_{s}"][:, 2].max() for s in SIDES))
+    force.set_ylim(0.0, 1.4 * normals.max())
     force.set_xlabel("time [s]")
     for axes in (ground, com, force):
         axes.grid(alpha=0.3)

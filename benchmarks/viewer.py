@@ -164,7 +164,7 @@ def run(
     claim_processor(cpu=None, priority=priority)
     robot, endpoints, stop = load_robot("walker"), loopback_endpoints(), StopRequest()
     world = msgspec.structs.replace(load_scenario(scenario), duration_s=LONGEST_S)
-    simulated = SimulatedRobot(robot, world, seed=0, record=False)
+    simulated = SimulatedRobot(robot, world, seed=0)
     gate = CommandGate(robot, simulated.held_posture)
     trips = RoundTrips()
     stabilizer = child(

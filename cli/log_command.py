@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surefoot.cli import options
 
+if TYPE_CHECKING:
+    from surefoot.recording.read import Record
+    from surefoot.signals import Signals
+
 log = typer.Typer(no_args_is_help=True, help="Look into records, and export them.")
 FileArgument = Annotated[
-    Path, typer.Argument(metavar="FILE", help="A record (.mcap, or .mcap.partial).")
+    Path,
+    typer.Argument(
+        metavar="FILE",
+        help="A record (.mcap, or .mcap.partial), or the folder of a run for its "
+        "signals at every tick.",
+    ),
 ]
 
 
@@ -26,11 +35,15 @@ class ExportFormat(StrEnum):
 
 @log.command()
 def info(file: FileArgument, as_json: options.JsonOption = False) -> None:
-    """Tell what a record holds, and what is missing in it."""
+    """Tell what a record or a run holds, and what is missing in it."""
     from surefoot.cli.console import print_json, print_table, print_text
     from surefoot.cli.summary import counts_table
     from surefoot.recording.read import read_record, record_info
+    from surefoot.signals import holds_signals
 
+    if holds_signals(file):
+        _tell_signals(file, as_json=as_json)
+        return
     told = record_info(read_record(file))
     if as_json:
         print_json(told)
@@ -41,13 +54,29 @@ def info(file: FileArgument, as_json: options.JsonOption = False) -> None:
     print_text("attached: " + (", ".join(told.attachments) or "nothing"))
 
 
+def _tell_signals(place: Path, *, as_json: bool) -> None:
+    from surefoot.cli.console import print_json, print_text
+    from surefoot.signals import read_signals, signals_info
+
+    signals = read_signals(place)
+    told = signals_info(signals)
+    if as_json:
+        print_json(told)
+        return
+    whole = "cut off; all that is whole of it is told" if told.is_cut_off else "whole"
+    lost = f", {told.lost_ticks} not recorded" if told.lost_ticks else ""
+    print_text(f"{place}: {whole}, {told.ticks} ticks{lost}\n\n{signals.describe()}")
+
+
 @log.command()
 def export(
     file: FileArgument,
     to: Annotated[
         ExportFormat,
         typer.Option(
-            "--format", help="npz: one file. csv and parquet: a file per channel."
+            "--format",
+            help="npz: one file. csv and parquet: a file per channel, or one for the "
+            "signals of a run.",
         ),
     ],
     out: Annotated[
@@ -55,25 +84,39 @@ def export(
         typer.Option("--out", metavar="PATH", help="The file (npz), or a folder."),
     ],
 ) -> None:
-    """Write a record in a format of other tools."""
+    """Write a record, or the signals of a run, in a format of other tools."""
     from surefoot.cli.console import print_note
-    from surefoot.recording.export import export_csv, export_npz, export_parquet
+    from surefoot.recording import export
     from surefoot.recording.read import read_record
+    from surefoot.signals import holds_signals, read_signals
 
-    write = {
-        ExportFormat.CSV: export_csv,
-        ExportFormat.NPZ: export_npz,
-        ExportFormat.PARQUET: export_parquet,
-    }[to]
-    record = read_record(file)
-    for path in write(record, out):
+    source: Record | Signals
+    if holds_signals(file):
+        source = signals = read_signals(file)
+        written = {
+            ExportFormat.CSV: export.export_signals_csv,
+            ExportFormat.NPZ: export.export_signals_npz,
+            ExportFormat.PARQUET: export.export_signals_parquet,
+        }[to](signals, out)
+    else:
+        source = record = read_record(file)
+        written = {
+            ExportFormat.CSV: export.export_csv,
+            ExportFormat.NPZ: export.export_npz,
+            ExportFormat.PARQUET: export.export_parquet,
+        }[to](record, out)
+    for path in written:
         print_note(f"wrote {path}")
-    for name in record.channels:
-        lost = record.size(name) - len(record.messages(name))
+    if isinstance(source, Signals):
+        if source.is_cut_off:
+            print_note(f"{file} is cut off; what is whole of it was written")
+        return
+    for name in source.channels:
+        lost = source.size(name) - len(source.messages(name))
         if lost:
-            words = f"{name}: {lost} of {record.size(name)} messages left out"
+            words = f"{name}: {lost} of {source.size(name)} messages left out"
             print_note(
-                f"{words}; they are not {record.encoding(name)} that can be read"
+                f"{words}; they are not {source.encoding(name)} that can be read"
             )
-    if record.is_cut_off or record.damage:
-        print_note(f"{file} is {record.condition}; what could be read was written")
+    if source.is_cut_off or source.damage:
+        print_note(f"{file} is {source.condition}; what could be read was written")

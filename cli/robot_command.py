@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import typer
@@ -12,7 +12,7 @@ from surefoot.exit_codes import ExitCode, exit_code_for
 
 if TYPE_CHECKING:
     from surefoot.outcome import Judgement
-    from surefoot.sim_robot.node import RobotRun
+    from surefoot.schemas.result import PlantResult
 
 
 def robot(
@@ -38,6 +38,8 @@ def robot(
     Exits with 5 when the robot fell, with 1 when it was in fault, held or not
     commanded at the end.
     """
+    from msgspec.structs import replace
+
     from surefoot.cli.logs import log_note, set_up_logging
     from surefoot.cli.scheduling import check_priority, claim_processor
     from surefoot.endpoints import choose_endpoints
@@ -45,6 +47,8 @@ def robot(
     from surefoot.processes.child import begin_as_child, progress_reporter
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
+    from surefoot.robot_io.ticks.write import TickFile
+    from surefoot.run_folder import write_struct
     from surefoot.schemas.scenario import load_scenario
     from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 
@@ -69,47 +73,45 @@ def robot(
     claim_processor(cpu=cpu, priority=realtime_priority)
     from surefoot.sim_robot.node import run_robot  # slow import; report bad files first
 
-    with naming_scenario(path):
+    with (
+        naming_scenario(path),
+        nullcontext()
+        if record_file is None
+        else TickFile(record_file, may_wait=lockstep) as ticks,
+    ):
         done = run_robot(
             model,
             world,
             seed=seed,
             endpoints=meeting,
             pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
-            record=record_file is not None,
+            ticks=ticks,
             histogram=histogram,
             on_tick=progress_reporter() if child else None,
         )
-    _write_files(done, result_file=result_file, record_file=record_file)
-    judgement = judge(done.result, is_realtime=not lockstep, period_s=model.period_s)
+    result = done.result
+    if ticks is not None:
+        result = replace(result, unrecorded_ticks=ticks.lost_ticks)
+    if result_file is not None:
+        write_struct(result_file, result)
+    judgement = judge(result, is_realtime=not lockstep, period_s=model.period_s)
     code = exit_code_for(judgement.outcome)
     if child and code is ExitCode.FAILED:
         raise typer.Exit(ExitCode.OK)  # its parent knows of both sides, and judges
     if not child:
-        _show(done, scenario, judgement, as_json=as_json)
+        _show(result, scenario, judgement, as_json=as_json)
     raise typer.Exit(code)
 
 
-def _write_files(
-    done: RobotRun, *, result_file: Path | None, record_file: Path | None
-) -> None:
-    from surefoot.run_folder import write_arrays, write_struct
-
-    if record_file is not None and done.recording is not None:
-        write_arrays(record_file, done.recording)
-    if result_file is not None:
-        write_struct(result_file, done.result)
-
-
 def _show(
-    done: RobotRun, scenario: str, judgement: Judgement, *, as_json: bool
+    result: PlantResult, scenario: str, judgement: Judgement, *, as_json: bool
 ) -> None:
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import histogram_table, plant_table
 
     if as_json:
-        print_json(done.result)
+        print_json(result)
     else:
-        print_table(plant_table(done.result, judgement, title=scenario))
-        for name, histogram in done.result.histograms.items():
+        print_table(plant_table(result, judgement, title=scenario))
+        for name, histogram in result.histograms.items():
             print_table(histogram_table(name, histogram))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -53,6 +54,7 @@ def stabilizer(
     as_json: options.JsonOption = False,
     child: options.ChildOption = False,
     result_file: options.ResultFileOption = None,
+    record_file: options.RecordFileOption = None,
 ) -> None:
     """Run the stabilizer alone; it takes command of the robot it dials.
 
@@ -60,6 +62,8 @@ def stabilizer(
     with 5 when it fell. Ctrl-C brings the robot to rest first; again, and it ends at
     once.
     """
+    from msgspec.structs import replace
+
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.logs import log_note, log_warning, set_up_logging
     from surefoot.cli.scheduling import check_priority, claim_processor
@@ -69,6 +73,7 @@ def stabilizer(
     from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
+    from surefoot.robot_io.ticks.write import TickFile
     from surefoot.run_folder import QP_FAILURE, write_struct
     from surefoot.run_plan import resolve_settings
 
@@ -93,18 +98,26 @@ def stabilizer(
     make = find_controller(controller)
     folder = result_file.parent if result_file is not None else Path.cwd()
     stop = StopRequest()
-    result = run_stabilizer(
-        lambda present: make(model, present),
-        model,
-        endpoints=meeting,
-        pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
-        connect_timeout_s=wait_s,
-        reconnect=reconnect,
-        histogram=histogram,
-        failure_file=folder / QP_FAILURE,
-        settings=resolved,
-        stop=stop,
-    )
+    with (
+        nullcontext()
+        if record_file is None
+        else TickFile(record_file, may_wait=lockstep) as ticks
+    ):
+        result = run_stabilizer(
+            lambda present: make(model, present),
+            model,
+            endpoints=meeting,
+            pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+            connect_timeout_s=wait_s,
+            reconnect=reconnect,
+            histogram=histogram,
+            failure_file=folder / QP_FAILURE,
+            settings=resolved,
+            stop=stop,
+            ticks=ticks,
+        )
+    if ticks is not None:
+        result = replace(result, unrecorded_ticks=ticks.lost_ticks)
     code = _CODES.get(result.end, ExitCode.FAILED)
     if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
         log_warning(in_words(result.end, result.end_detail))

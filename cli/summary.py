@@ -171,6 +171,10 @@ def _add_gate(table: Table, result: RunResult | PlantResult) -> None:
     table.add_row(
         "ticks, missed deadlines", f"{result.ticks}, {result.deadline_misses}"
     )
+    if result.unrecorded_ticks:
+        table.add_row(
+            "ticks not recorded", f"[bold red]{result.unrecorded_ticks}[/], slow disk"
+        )
     table.add_row("commands refused", _counts(result.refused))
     table.add_row("commands clipped", _counts(result.clipped))
 

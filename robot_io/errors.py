@@ -46,3 +46,7 @@ class RequestRefusedError(RobotIoError):
 
 class CertificateError(RobotIoError, ValueError):
     """Certificates cannot be made as asked; nothing was overwritten."""
+
+
+class TickFileError(RobotIoError, ValueError):
+    """A file is no ticks file, or nothing of it can be read."""

@@ -144,6 +144,12 @@ def take_priority(priority: int) -> str:
     return ""
 
 
+def leave_priority() -> None:
+    """Run this thread as an ordinary one, whatever it has inherited from its maker."""
+    if hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) != os.SCHED_OTHER:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def _limit() -> str:
     """Return the largest real-time priority this account may ask for."""
     import resource  # not on every system; this one has it, or has no SCHED_FIFO

@@ -107,6 +107,8 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """Stamp of the sensors to command applied, on the robot's side."""
     histograms: dict[str, Histogram] = {}
     """Times of the robot's side, when asked for."""
+    unrecorded_ticks: int = 0
+    """Ticks that its ticks file lacks."""
 
 
 class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -140,6 +142,8 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """Times it began anew from a held posture: the robot came back, or had held."""
     histograms: dict[str, Histogram] = {}
     """Times of the stabilizer's side, when asked for."""
+    unrecorded_ticks: int = 0
+    """Ticks that its ticks file lacks."""
 
 
 class RelayResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -235,5 +239,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Answers that took longer than a period to compute."""
     histograms: dict[str, Histogram] = {}
     """Times of both sides, when asked for."""
+    unrecorded_ticks: int = 0
+    """Ticks that a ticks file lacks, since the disk was too slow, or full."""
     relay: RelayResult | None = None
     """What a relay did to the bus, if there was one."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from surefoot.robot_io.realtime import Pace, quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
-from surefoot.schemas.arrays import Array
+from surefoot.robot_io.ticks.recorder import TickSink
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import PlantResult
@@ -29,11 +28,9 @@ class RobotRun:
 
     Attributes:
         result: figures of the run, over the ticks there were.
-        recording: per-tick arrays by name; None unless recorded.
     """
 
     result: PlantResult
-    recording: dict[str, Array] | None
 
 
 def run_robot(
@@ -43,7 +40,7 @@ def run_robot(
     seed: int,
     endpoints: Endpoints,
     pace: Pace,
-    record: bool = False,
+    ticks: TickSink | None = None,
     histogram: bool = False,
     wait_s: float | None = None,
     stop: StopRequest | None = None,
@@ -62,7 +59,7 @@ def run_robot(
         seed: of the sensor noise.
         endpoints: where to listen.
         pace: lockstep or real time.
-        record: keep per-tick arrays.
+        ticks: gets the signals of every tick; None keeps none.
         histogram: whether the result holds those of the times.
         wait_s: how long to wait for a commander; None for ever [s].
         stop: ends the run from outside, besides signals.
@@ -76,7 +73,7 @@ def run_robot(
         ScenarioError: the scenario fits neither the robot nor its ticks.
     """
     stop = stop or StopRequest()
-    simulated = SimulatedRobot(robot, scenario, seed=seed, record=record)
+    simulated = SimulatedRobot(robot, scenario, seed=seed, ticks=ticks)
     gate = CommandGate(robot, simulated.held_posture)
     with (
         stop.on_signals(),
@@ -90,7 +87,6 @@ def run_robot(
             server,
             pace=pace,
             period_s=robot.period_s,
-            ticks=math.ceil(scenario.duration_s / robot.period_s),
             on_tick=on_tick,
         )
         is_commanded = server.wait_until_active(now_s=0.0, timeout_s=wait_s)
@@ -123,5 +119,4 @@ def run_robot(
                 end_to_end_ms=loop.latency.log.distribution(),
                 histograms=loop.histograms() if histogram else {},
             ),
-            recording=simulated.recording() if record else None,
         )

@@ -147,15 +147,14 @@ class Renderer:
         """Draw one tick of a recorded run.
 
         Args:
-            arrays: as :meth:`SimulatedRobot.recording` gives them, or the file they
-                were saved in, opened by ``numpy.load``.
+            arrays: signals of the run by name.
             row: which tick; negative counts from the end.
             camera: where from; a view of the whole robot if not given.
         """
         return self.draw(
             time_s=float(arrays["time_s"][row]),
-            base_position=arrays["base_position"][row],
-            base_quat_xyzw=arrays["base_quat_xyzw"][row],
+            base_position=arrays["true_base_pose"][row, :3],
+            base_quat_xyzw=arrays["true_base_pose"][row, 3:],
             q=arrays["q"][row],
             camera=camera,
         )

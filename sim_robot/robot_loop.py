@@ -47,7 +47,6 @@ class RobotLoop:
         *,
         pace: Pace,
         period_s: float,
-        ticks: int,
         on_tick: Callable[[int], None] | None = None,
     ) -> None:
         """Join plant, gate and bus.
@@ -58,15 +57,14 @@ class RobotLoop:
             server: the bus.
             pace: lockstep or real time.
             period_s: from tick to tick [s].
-            ticks: how many there will be at most.
             on_tick: told the tick now and then, for a progress bar.
         """
-        self.round_trip = TimingLog(ticks)
-        self.lateness = TimingLog(ticks)
+        self.round_trip = TimingLog()
+        self.lateness = TimingLog()
         self._simulated, self._gate, self._server = simulated, gate, server
         self._is_lockstep = pace is Pace.LOCKSTEP
         self._pacer = Pacer(period_s, lateness=self.lateness)
-        self.latency = CommandLatency(ticks)
+        self.latency = CommandLatency()
         self._on_tick = on_tick
         self._active_since: int | None = None
         self._is_answered = False

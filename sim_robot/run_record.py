@@ -1,85 +1,89 @@
-"""Per-tick arrays of a run, for plots and pictures."""
+"""What the robot's side of a run keeps of every tick."""
 
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 
 import numpy as np
 
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout, readings
+from surefoot.robot_io.ticks.recorder import TickRecorder, TickSink
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.signals import lay_out
 from surefoot.sim_robot.truth import PlantTruth
 
+SENSED = (
+    *("q", "dq", "effort", "q_command"),
+    *("quat_xyzw", "angular_velocity", "linear_acceleration", "ft_left", "ft_right"),
+)
+TRUE = (
+    *("true_com", "true_com_velocity", "true_base_pose"),
+    *("true_sole_left", "true_sole_right", "true_F"),
+)
+PLATFORM_POSE = "true_platform_pose"
 BLOCK_ROWS = 64
 """Ticks hashed at a time; the digest does not depend on it."""
 
 
-class RunRecord:
-    """Keeps the truth, the joints and the command of every tick.
+class RobotRecorder:
+    """Hands on what the robot's side of a run knows of every tick.
 
-    Memory for the whole run is taken at the start.
+    That is: its sensors, the command its servos follow, and the simulator's truth.
     """
 
     def __init__(
-        self, *, ticks: int, joints: int, platforms: int, period_s: float
+        self, sink: TickSink, *, joints: Sequence[str], platforms: int, period_s: float
     ) -> None:
-        """Make room.
+        """Begin.
 
         Args:
-            ticks: most ticks to keep; later ones are dropped.
-            joints: n_a.
-            platforms: platforms of the scenario.
+            sink: gets the ticks.
+            joints: names, in the order of the robot file.
+            platforms: of the scenario.
             period_s: control period.
         """
-        self._period_s = period_s
-        self._count = 0
-        self._rows: dict[str, Array] = {
-            "time_s": np.empty(ticks),
-            "com": np.empty((ticks, 3)),
-            "com_velocity": np.empty((ticks, 3)),
-            "base_position": np.empty((ticks, 3)),
-            "base_quat_xyzw": np.empty((ticks, 4)),
-            "sole_left": np.empty((ticks, 3)),
-            "sole_right": np.empty((ticks, 3)),
-            "F_left": np.empty((ticks, 6)),
-            "F_right": np.empty((ticks, 6)),
-            "q": np.empty((ticks, joints)),
-            "q_command": np.empty((ticks, joints)),
-            "platform_position": np.empty((ticks, platforms, 3)),
-            "platform_quat_xyzw": np.empty((ticks, platforms, 4)),
-        }
-        self._truth_rows = [
-            (rows, name)
-            for name, rows in self._rows.items()
-            if name in PlantTruth.__slots__
+        names = [*SENSED, *TRUE, *([PLATFORM_POSE] if platforms else [])]
+        layouts = [
+            lay_out(name, joints=joints, platforms=platforms)
+            for name in ("tick", "time_s", *names)
         ]
+        self._recorder = TickRecorder(layouts, sink)
+        self._period_s = period_s
+        self._time_s = np.zeros(1)
 
     def add(self, truth: PlantTruth, snapshot: Snapshot, q_command: Array) -> None:
-        """Keep one tick; each tick once, in order."""
-        row = self._count
-        rows = self._rows
-        if row >= len(rows["time_s"]):
-            return
-        self._count = row + 1
-        rows["time_s"][row] = truth.tick * self._period_s
-        for column, name in self._truth_rows:
-            column[row] = getattr(truth, name)
-        rows["q"][row] = snapshot.q
-        rows["q_command"][row] = q_command
-        for index, platform in enumerate(truth.platforms):
-            rows["platform_position"][row, index] = platform.position
-            rows["platform_quat_xyzw"][row, index] = platform.quat_xyzw
-
-    def arrays(self) -> dict[str, Array]:
-        """What was kept, by name, first axis ticks: ready for ``numpy.savez``.
-
-        ``time_s`` [s]; ``com``, ``com_velocity``, ``base_position``,
-        ``base_quat_xyzw``, ``sole_left``, ``sole_right``, ``F_left``, ``F_right``
-        as in :class:`PlantTruth`; ``q`` as measured and ``q_command`` as given to
-        the servos (n_a) [rad]; ``platform_position``, ``platform_quat_xyzw`` by
-        platform of the scenario.
-        """
-        return {name: rows[: self._count] for name, rows in self._rows.items()}
+        """Take in one tick; each tick once, in order."""
+        self._time_s[0] = truth.tick * self._period_s
+        platforms = [
+            part
+            for platform in truth.platforms
+            for part in (platform.position, platform.quat_xyzw)
+        ]
+        self._recorder.add(
+            truth.tick,
+            (
+                self._time_s,
+                snapshot.q,
+                snapshot.dq,
+                snapshot.effort,
+                q_command,
+                snapshot.quat_xyzw,
+                snapshot.angular_velocity,
+                snapshot.linear_acceleration,
+                snapshot.ft_left,
+                snapshot.ft_right,
+                truth.com,
+                truth.com_velocity,
+                truth.base_position,
+                truth.base_quat_xyzw,
+                truth.sole_left,
+                truth.sole_right,
+                truth.F_left,
+                truth.F_right,
+                *platforms,
+            ),
+        )
 
 
 class RunDigest:

@@ -7,15 +7,16 @@ import math
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.mode_machine import DONE, Answer
 from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.ticks.recorder import TickSink
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import PushEvent, PushRequest
 from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantResult
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.errors import CommandError, ScenarioError, SimulationError
+from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.metrics import Fall, PlantMetrics
 from surefoot.sim_robot.plant import Plant
-from surefoot.sim_robot.run_record import RunDigest, RunRecord
+from surefoot.sim_robot.run_record import RobotRecorder, RunDigest
 from surefoot.sim_robot.sensor_faults import SensorFaults
 from surefoot.sim_robot.ticks import whole_ticks
 from surefoot.sim_robot.truth import PlantTruth
@@ -95,7 +96,12 @@ class SimulatedRobot:
     """
 
     def __init__(
-        self, robot: Robot, scenario: Scenario, *, seed: int, record: bool = False
+        self,
+        robot: Robot,
+        scenario: Scenario,
+        *,
+        seed: int,
+        ticks: TickSink | None = None,
     ) -> None:
         """Build the plant; it stands at rest at tick 0.
 
@@ -103,7 +109,7 @@ class SimulatedRobot:
             robot: what its files say.
             scenario: the run.
             seed: of the sensor noise.
-            record: keep per-tick arrays; see :meth:`recording`.
+            ticks: gets the signals of every tick; None for a run that keeps none.
 
         Raises:
             ScenarioError: the scenario fits neither the robot nor its ticks.
@@ -132,11 +138,11 @@ class SimulatedRobot:
             period_s=period_s,
         )
         self._digest = RunDigest(joints=robot.n_a)
-        self._record: RunRecord | None = None
-        if record:
-            self._record = RunRecord(
-                ticks=self._last_tick,
-                joints=robot.n_a,
+        self._recorder: RobotRecorder | None = None
+        if ticks is not None:
+            self._recorder = RobotRecorder(
+                ticks,
+                joints=robot.joint_names,
                 platforms=len(scenario.platform),
                 period_s=period_s,
             )
@@ -235,8 +241,8 @@ class SimulatedRobot:
         """
         snapshot = self.sense()
         self._metrics.update(self.plant.view, tick=self.plant.tick)
-        if self._record is not None:
-            self._record.add(self.truth(), snapshot, q_command)
+        if self._recorder is not None:
+            self._recorder.add(self.truth(), snapshot, q_command)
         self.plant.step(q_command)
         self._digest.add(snapshot, q_command)
         self._truth = None
@@ -261,18 +267,6 @@ class SimulatedRobot:
             )
         )
         return DONE
-
-    def recording(self) -> dict[str, Array]:
-        """Per-tick arrays by name; see :meth:`RunRecord.arrays`.
-
-        Raises:
-            SimulationError: the run was started without a record.
-        """
-        if self._record is None:
-            raise SimulationError(
-                "recording: this run keeps no record; start it with record=True"
-            )
-        return self._record.arrays()
 
     def result(
         self,

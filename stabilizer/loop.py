@@ -187,6 +187,7 @@ class Loop:
         self._client.send(output.q_command, tick=tick)
         self._telemetry.add(
             output,
+            tick=tick,
             duration_ns=time.perf_counter_ns() - reading.complete_ns,
             is_stale=bool(reading.stale),
             skipped=tick - self._last_tick - 1,

@@ -18,6 +18,7 @@ from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.realtime import Pace, quiet_interpreter
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.ticks.recorder import TickSink
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SettingsChange
@@ -29,6 +30,7 @@ from surefoot.stabilizer.loop import End, Loop
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry
+from surefoot.stabilizer.tick_recorder import recorder_to
 
 _LOG = logging.getLogger(__name__)
 
@@ -51,6 +53,7 @@ def run_stabilizer(
     failure_file: Path | None = None,
     settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
+    ticks: TickSink | None = None,
 ) -> ControllerResult:
     """Wait for the robot, take command of it and answer its ticks.
 
@@ -79,6 +82,7 @@ def run_stabilizer(
         failure_file: where the first QP that cannot be solved is kept (.npz).
         settings: to begin with; None for defaults.
         stop: ends the run from outside, besides signals.
+        ticks: gets the controller's signals of every tick; None keeps none.
 
     Returns:
         Figures of the run and why it ended.
@@ -97,6 +101,7 @@ def run_stabilizer(
         failure_file=failure_file,
         settings=settings or ControllerSettings(),
         stop=stop or StopRequest(),
+        ticks=ticks,
     )
     end = node.run(connect_timeout_s=connect_timeout_s, reconnect=reconnect)
     result = node.telemetry.result(end.reason, end.detail, histogram=histogram)
@@ -124,6 +129,7 @@ class _Node:
         failure_file: Path | None,
         settings: ControllerSettings,
         stop: StopRequest,
+        ticks: TickSink | None,
     ) -> None:
         self._make, self._robot = make_controller, robot
         # The first one is made now: what cannot be made is told before dialing.
@@ -137,6 +143,7 @@ class _Node:
             first.name,
             period_s=robot.period_s,
             calibration_s=settings.estimator.calibration_s,
+            recorder=recorder_to(ticks, robot),
         )
         self._requests: RequestHandler | None = None
         self._stays = 0

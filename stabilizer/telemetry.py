@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-from surefoot.robot_io.timing import TimingLog
+from surefoot.robot_io.timing import RecentTimes, TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.result import ControllerResult, Distribution
 from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.tick_recorder import ControllerRecorder
 
 NS_PER_S = 1e9
-TICKS_KEPT = 65536
 TICKS_IN_STATUS = 1024
 TIMING_EVERY_STATUSES = 25
 """Percentiles take as long as a small QP: not in every status."""
@@ -31,7 +31,12 @@ class ControllerTelemetry:
     """
 
     def __init__(
-        self, controller_name: str, *, period_s: float, calibration_s: float = 0.0
+        self,
+        controller_name: str,
+        *,
+        period_s: float,
+        calibration_s: float = 0.0,
+        recorder: ControllerRecorder | None = None,
     ) -> None:
         """Start empty.
 
@@ -39,11 +44,13 @@ class ControllerTelemetry:
             controller_name: as told on status.
             period_s: of the robot [s].
             calibration_s: after a start, ticks count as balancing from here on [s].
+            recorder: takes in every answer; None for a run that keeps none.
         """
+        self._recorder = recorder
         self._name = controller_name
         self._settled_ticks = SETTLED_S / period_s
-        self._durations = TimingLog(TICKS_KEPT)
-        self._recent = TimingLog(TICKS_IN_STATUS)
+        self._durations = TimingLog()
+        self._recent = RecentTimes(TICKS_IN_STATUS)
         self._recent_ms = Distribution(median=0.0, p99=0.0, max=0.0)
         self._ticks = self._qp_failures = self._stale = self._statuses = 0
         self._skipped = self._slow = 0
@@ -67,6 +74,7 @@ class ControllerTelemetry:
         self,
         output: ControllerOutput,
         *,
+        tick: int,
         duration_ns: int,
         is_stale: bool,
         skipped: int = 0,
@@ -75,10 +83,13 @@ class ControllerTelemetry:
 
         Args:
             output: the controller's answer.
+            tick: the tick answered.
             duration_ns: time it took, snapshot to command [ns].
             is_stale: whether a sensor's message was missing.
             skipped: the robot's ticks since the last answer that had none.
         """
+        if self._recorder is not None:
+            self._recorder.add(tick, output, duration_ns=duration_ns)
         self._skipped += skipped
         self._slow += duration_ns > self._period_ns
         self._durations.add(duration_ns)

@@ -40,9 +40,10 @@ _HOMES = {
     "stabilizer.errors": ("ControllerError",),
     "errors": (
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
-        "ChildFailedError",
+        *("ChildFailedError", "UnknownSignalError"),
     ),
     "controllers": ("make_controller", "list_controllers"),
+    "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
     "recording.read": ("Record", "read_record"),
@@ -74,6 +75,7 @@ if TYPE_CHECKING:
     from surefoot.errors import ChildFailedError as ChildFailedError
     from surefoot.errors import EnvironmentFailedError as EnvironmentFailedError
     from surefoot.errors import SurefootError as SurefootError
+    from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
     from surefoot.hardware import drive as drive
     from surefoot.playback.replay import ReplayOutcome as ReplayOutcome
@@ -106,6 +108,8 @@ if TYPE_CHECKING:
     from surefoot.schemas.scenario import Sensors as Sensors
     from surefoot.schemas.scenario import SineMotion as SineMotion
     from surefoot.schemas.settings import ControllerSettings as ControllerSettings
+    from surefoot.signals import Signals as Signals
+    from surefoot.signals import read_signals as read_signals
     from surefoot.sim_robot.catalogue import list_scenarios as list_scenarios
     from surefoot.sim_robot.catalogue import load_scenario as load_scenario
     from surefoot.sim_robot.errors import ScenarioError as ScenarioError

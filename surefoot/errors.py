@@ -14,6 +14,14 @@ class UsageError(SurefootError, ValueError):
     """Options contradict each other, or point at something that is not there."""
 
 
+class UnknownSignalError(UsageError, KeyError):
+    """A run has no signal of this name."""
+
+    def __str__(self) -> str:
+        """The message as it is; a KeyError would put it in quotes."""
+        return str(self.args[0])
+
+
 class EnvironmentFailedError(SurefootError, OSError):
     """This machine lacks something: a free port, a library, a package."""
 

@@ -51,6 +51,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
         RobotFileError,
         RobotIoError,
         RobotUnreachableError,
+        TickFileError,
     )
     from surefoot.schemas.errors import SchemaError
     from surefoot.sim_robot.errors import ScenarioError, SimulationError
@@ -65,6 +66,8 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     if isinstance(error, (UsageError, SchemaError, RobotFileError, ScenarioError)):
         return ExitCode.USAGE
     if isinstance(error, (LocatorError, CertificateError, ControllerError)):
+        return ExitCode.USAGE
+    if isinstance(error, TickFileError):
         return ExitCode.USAGE
     if isinstance(error, EndpointError):
         return ExitCode.ENVIRONMENT

@@ -31,6 +31,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import RelayResult
 from surefoot.schemas.topics import TICK_SENSORS
+from surefoot.signals import TickSinks
 from surefoot.simulation import COMMANDER, NO_TIME, Simulation
 from surefoot.stabilizer.control.controller import ControllerOutput
 
@@ -49,8 +50,8 @@ class RelayedSimulation(Simulation):
             cause).
     """
 
-    def _build(self, plan: RunPlan, *, record: bool) -> None:
-        super()._build(plan, record=record)
+    def _build(self, plan: RunPlan, sinks: TickSinks | None) -> None:
+        super()._build(plan, sinks)
         assert plan.relay is not None
         self.modes: list[tuple[float, RobotMode, ModeCause]] = []
         self._faults = plan.relay
@@ -122,7 +123,12 @@ class RelayedSimulation(Simulation):
             return None
         safety = self._safety_around(controller, reading.snapshot)
         output = safety.step(reading.snapshot, reading.ages, reference)
-        self._telemetry.add(output, duration_ns=0, is_stale=bool(reading.stale))
+        self._telemetry.add(
+            output,
+            tick=reading.snapshot.tick,
+            duration_ns=0,
+            is_stale=bool(reading.stale),
+        )
         self._telemetry.note(
             safety.state, safety.end, safety.detail, lost=safety.losses
         )

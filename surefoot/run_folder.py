@@ -14,19 +14,17 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 import msgspec
-import numpy as np
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.run_plan import RunPlan, make_plan, settings_text
-from surefoot.schemas.arrays import Array
 from surefoot.schemas.result import RunResult
 
 RESULT = "result.json"
 SETTINGS = "settings.toml"
 SCENARIO = "scenario.toml"
 RELAY = "relay.toml"
-TICKS = "ticks.npz"
+TICKS, CONTROLLER_TICKS = "ticks.mcap", "controller-ticks.mcap"
 RECORD = "run.mcap"
 QP_FAILURE = "qp-failure.npz"
 _PACKAGES = ("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy", "msgspec")
@@ -220,12 +218,6 @@ def write_struct(path: Path, value: msgspec.Struct) -> None:
 def read_struct(path: Path, kind: type[_T]) -> _T:
     """Read what :func:`write_struct` wrote."""
     return msgspec.json.decode(path.read_bytes(), type=kind)
-
-
-def write_arrays(path: Path, arrays: dict[str, Array]) -> None:
-    """Write named arrays as a compressed .npz, whole or not at all."""
-    with atomic_file(path) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
 
 
 def _version(package: str) -> str | None:

@@ -79,4 +79,5 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         slow_ticks=controller.slow_ticks,
         histograms={**plant.histograms, **controller.histograms},
         relay=relay,
+        unrecorded_ticks=max(plant.unrecorded_ticks, controller.unrecorded_ticks),
     )

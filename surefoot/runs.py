@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import nullcontext
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from surefoot.errors import ChildFailedError
+from surefoot.errors import ChildFailedError, UsageError
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import RunDirectory, read_run, write_inputs, write_result
 from surefoot.run_plan import Mode, RunPlan, Settings, make_plan
 from surefoot.run_result import join_result
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
+from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
 from surefoot.stabilizer.factory import check_controller, make_controller, maker_of
 
 if TYPE_CHECKING:
@@ -29,11 +31,28 @@ class Run:
         result: its figures; see :class:`RunResult`.
         plan: robot, scenario, controller, settings and seed.
         folder: where it is kept; None while it is only in memory.
+        recorded: its signals, while they are only in memory.
     """
 
     result: RunResult
     plan: RunPlan
     folder: Path | None = None
+    recorded: Signals | None = None
+
+    @cached_property
+    def signals(self) -> Signals:
+        """What is known of it at every tick, by name; ``signals.describe()`` lists it.
+
+        Raises:
+            UsageError: it kept none, or nothing of them can be read.
+        """
+        if self.recorded is not None:
+            return self.recorded
+        if self.folder is None:
+            raise UsageError(
+                "this run kept no signals; make it with record=True, or with a folder"
+            )
+        return read_signals(self.folder)
 
     @property
     def robot(self) -> Robot:
@@ -120,12 +139,17 @@ def run_inline(
     else:
         from surefoot.relayed_simulation import RelayedSimulation as Kind
 
-    sim = Kind.of_plan(plan, record=record)
-    law = _made(controller, plan)
-    sim.run(law, on_tick=on_tick)
+    with _sinks(folder) if record else nullcontext() as sinks:
+        sim = Kind.of_plan(plan, sinks=sinks)
+        law = _made(controller, plan)
+        sim.run(law, on_tick=on_tick)
     if folder is not None:
         sim.write(folder)
-    return Run(result=sim.result(histogram=histogram), plan=plan)
+    return Run(
+        result=sim.result(histogram=histogram),
+        plan=plan,
+        recorded=sim.signals if record and folder is None else None,
+    )
 
 
 def run(
@@ -247,6 +271,11 @@ def execute(
                 raise
             result = join_result(plan, sides)
         return Run(write_result(folder, result), plan, out)
+
+
+def _sinks(folder: Path | None) -> AbstractContextManager[TickSinks]:
+    """Where the signals go: into files, or into memory without a folder."""
+    return nullcontext(memory_sinks()) if folder is None else file_sinks(folder)
 
 
 def _name_of(controller: Any) -> str:

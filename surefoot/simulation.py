@@ -11,11 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Self
 
+from surefoot.errors import UsageError
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.snapshot import Delivery, Snapshot
-from surefoot.run_folder import QP_FAILURE, TICKS, write_arrays
+from surefoot.robot_io.ticks.memory import MemoryTicks
+from surefoot.run_folder import QP_FAILURE
 from surefoot.run_plan import RunPlan, Settings, make_plan
 from surefoot.run_result import Sides, join_result
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, Reference
@@ -27,6 +29,7 @@ from surefoot.schemas.result import (
     RunResult,
 )
 from surefoot.schemas.scenario import Scenario
+from surefoot.signals import Signals, TickSinks, memory_sinks
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.truth import PlantTruth
@@ -36,6 +39,7 @@ from surefoot.stabilizer.loop import told_end
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry
+from surefoot.stabilizer.tick_recorder import recorder_to
 
 COMMANDER = "inline"
 NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
@@ -91,22 +95,30 @@ class Simulation:
             settings=settings,
             seed=seed,
         )
-        self._build(plan, record=record)
+        self._build(plan, memory_sinks() if record else None)
 
     @classmethod
-    def of_plan(cls, plan: RunPlan, *, record: bool = False) -> Self:
-        """Build from a plan."""
+    def of_plan(cls, plan: RunPlan, *, sinks: TickSinks | None = None) -> Self:
+        """Build from a plan.
+
+        Args:
+            plan: what to run.
+            sinks: get the signals of every tick; None keeps none.
+        """
         made = cls.__new__(cls)
-        made._build(plan, record=record)
+        made._build(plan, sinks)
         return made
 
-    def _build(self, plan: RunPlan, *, record: bool) -> None:
+    def _build(self, plan: RunPlan, sinks: TickSinks | None) -> None:
         self.plan = plan
-        self._is_recording = record
+        self._sinks = sinks
         robot = plan.robot
         with naming_scenario(plan.scenario_path or Path(plan.scenario_name)):
             self.simulated = SimulatedRobot(
-                robot, plan.scenario, seed=plan.seed, record=record
+                robot,
+                plan.scenario,
+                seed=plan.seed,
+                ticks=None if sinks is None else sinks.robot,
             )
         self.gate = CommandGate(robot, self.simulated.held_posture)
         for action in ("take", "enable"):
@@ -117,6 +129,7 @@ class Simulation:
             plan.controller,
             period_s=robot.period_s,
             calibration_s=plan.settings.estimator.calibration_s,
+            recorder=recorder_to(None if sinks is None else sinks.controller, robot),
         )
         self._delivery = Delivery()
         self._commands: dict[int, JointCommand] = {}
@@ -162,6 +175,20 @@ class Simulation:
     def truth(self) -> PlantTruth:
         """True state at the present tick; for plots and tests, never for control."""
         return self.simulated.truth()
+
+    @property
+    def signals(self) -> Signals:
+        """Signals of all ticks so far, of a simulation with ``record=True``.
+
+        Raises:
+            UsageError: it keeps none in memory.
+        """
+        tables = [sink for sink in self._sinks or () if isinstance(sink, MemoryTicks)]
+        if not tables:
+            raise UsageError(
+                "this simulation keeps no signals; make it with record=True"
+            )
+        return Signals(tables)
 
     @property
     def safety(self) -> Safety | None:
@@ -234,13 +261,11 @@ class Simulation:
         return Sides(self._plant_result(controller.tick_ms), controller)
 
     def write(self, folder: Path) -> None:
-        """Write every tick, if they were recorded, and the first QP that failed.
+        """Write the first QP that failed, if one did.
 
         Args:
-            folder: gets the files.
+            folder: gets the file.
         """
-        if self._is_recording:
-            write_arrays(folder / TICKS, self.simulated.recording())
         controller = self._safety.controller if self._safety is not None else None
         if controller is not None and controller.failure is not None:
             save_failure(controller.failure, folder / QP_FAILURE)
@@ -268,6 +293,7 @@ class Simulation:
         output = safety.step(snapshot, ages, reference)
         self._telemetry.add(
             output,
+            tick=tick,
             duration_ns=time.perf_counter_ns() - began_ns,
             is_stale=any(ages),
         )

@@ -81,7 +81,8 @@ def results_page() -> str:
     head = """# Results
 
 What `surefoot run --json` prints and `--out DIR` keeps as `result.json`. A folder of a
-run holds besides: `ticks.npz` (every tick), `run.mcap`
+run holds besides: `ticks.mcap` and `controller-ticks.mcap`
+([signals of every tick](signals.md)), `run.mcap`
 ([every message](../recording.md)), `settings.toml` and `scenario.toml` (as resolved),
 and a log per process.
 

@@ -14,6 +14,7 @@ from docs.site_build.file_pages import (
     scenario_page,
 )
 from docs.site_build.settings_page import settings_page
+from docs.site_build.signals_page import signals_page
 from docs.site_build.source_links import ROOT
 
 
@@ -27,6 +28,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "reference/commands.md": commands_page,
     "reference/settings.md": settings_page,
     "reference/bus.md": bus_page,
+    "reference/signals.md": signals_page,
     "reference/scenario-file.md": scenario_page,
     "reference/robot-file.md": robot_page,
     "reference/endpoint-file.md": endpoint_page,

@@ -22,8 +22,6 @@ from surefoot.schemas.reasons import ModeCause
 
 _LOG = logging.getLogger(__name__)
 
-LATENESS_KEPT = 10_000
-
 
 class VendorAdapter(Protocol):
     """What a vendor's robot must offer; in our joint order, units, signs and frames.
@@ -94,8 +92,8 @@ def run_driver(
         stop.on_signals(),
         RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server,
     ):
-        pacer = Pacer(robot.period_s, lateness=TimingLog(LATENESS_KEPT))
-        latency = CommandLatency(LATENESS_KEPT)
+        pacer = Pacer(robot.period_s, lateness=TimingLog())
+        latency = CommandLatency()
         ready()
         tick, posture = 0, gate.posture
         with quiet_interpreter():

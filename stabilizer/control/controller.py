@@ -36,7 +36,7 @@ class ControllerOutput:
         base_pose: (7,) estimated base in the stance frame: position [m], quat_xyzw.
         base_twist: (6,) its twist in the base frame [m/s, rad/s].
         r: (12,) desired sole twists, sole frames [m/s, rad/s].
-        v_joint: (n_a,) joint velocities of the second QP, model order [rad/s].
+        v_joint: (n_a,) joint velocities of the second QP, bus order [rad/s].
         wrench_qp: status of the QP that gives F_id; ``ok`` when solved.
         motion_qp: status of the QP that gives joint velocities; ``ok`` when solved.
     """

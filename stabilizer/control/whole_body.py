@@ -168,5 +168,5 @@ class WholeBodyController(BalanceController):
             F_id=self.tsid.F_id,
             com=self.dynamics.p_com,
             r=self.law.r,
-            v_joint=self._v_joint,
+            v_joint=self._v_joint[self.model.to_bus],
         )

@@ -13,7 +13,15 @@ from surefoot.errors import ChildFailedError
 from surefoot.exit_codes import ExitCode
 from surefoot.processes.child import Child, Event, Exit, Ready, Said
 from surefoot.processes.supervise import failure, supervise
-from surefoot.run_folder import MARKER, RECORD, SCENARIO, SETTINGS, TICKS, read_struct
+from surefoot.run_folder import (
+    CONTROLLER_TICKS,
+    MARKER,
+    RECORD,
+    SCENARIO,
+    SETTINGS,
+    TICKS,
+    read_struct,
+)
 from surefoot.run_plan import RunPlan
 from surefoot.run_result import Sides
 from surefoot.schemas.endpoints import Endpoints
@@ -197,8 +205,6 @@ def run_processes(
         *("--endpoints", str(meeting)),
         *("--result-file", str(plant_file)),
     ]
-    if record:
-        robot_argv += ["--record-file", str(folder / TICKS)]
     stabilizer_argv = [
         *_stabilizer_argv(plan),
         *shared,
@@ -206,6 +212,9 @@ def run_processes(
         *("--settings", str(folder / SETTINGS)),
         *("--result-file", str(controller_file)),
     ]
+    if record:
+        robot_argv += ["--record-file", str(folder / TICKS)]
+        stabilizer_argv += ["--record-file", str(folder / CONTROLLER_TICKS)]
     events: SimpleQueue[Event] = SimpleQueue()
     children: list[Child] = []
 

@@ -1,4 +1,4 @@
-"""Writes the channels of a record in formats of other tools."""
+"""Writes the channels of a record, or signals of a run, in formats of other tools."""
 
 from __future__ import annotations
 
@@ -6,23 +6,28 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from itertools import count
 from pathlib import Path
 from typing import IO, Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
+from numpy.lib.format import write_array
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.installation import install_command
 from surefoot.recording.read import Record
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.run_folder import write_arrays
 from surefoot.schemas.arrays import Array
+from surefoot.signals import Signals
 
 Columns = dict[str, list[Any]]
 _UNSAFE = re.compile(r"[^A-Za-z0-9._#-]")
 _LONGEST_NAME = 200
+SIGNALS_STEM = "ticks"
+PART_TICKS = 16384
+"""Ticks in memory at a time, whatever the length of the run."""
 
 
 def export_npz(record: Record, path: Path) -> list[Path]:
@@ -39,7 +44,7 @@ def export_npz(record: Record, path: Path) -> list[Path]:
         for field, name in safe_names(fields).items():
             column = [message.get(field) for message in messages]
             arrays[f"{safe[channel]}.{name}"] = _array(column)
-    write_arrays(path, arrays)
+    _write_arrays(path, arrays)
     return [path]
 
 
@@ -65,14 +70,7 @@ def export_parquet(record: Record, folder: Path) -> list[Path]:
     Raises:
         EnvironmentFailedError: the package for it is not installed.
     """
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise EnvironmentFailedError(
-            "parquet needs pyarrow, which is not installed: "
-            f"{install_command('parquet')}; csv and npz need nothing"
-        ) from error
+    pyarrow = _pyarrow()
 
     def column_of(values: list[Any]) -> Any:
         try:
@@ -87,6 +85,109 @@ def export_parquet(record: Record, folder: Path) -> list[Path]:
     return _export_tables(record, folder, suffix="parquet", write=write)
 
 
+def export_signals_npz(signals: Signals, path: Path) -> list[Path]:
+    """Write one file with an array per signal, the ticks along its first axis."""
+    with atomic_file(path) as file, ZipFile(file, "w", ZIP_DEFLATED) as archive:
+        for name in signals:  # one in memory at a time
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                write_array(entry, signals.read(name, 0, signals.count))
+    return [path]
+
+
+def export_signals_csv(signals: Signals, folder: Path) -> list[Path]:
+    """Write ``ticks.csv``: a row per tick, a column per number: ``F_id.f_z_left``.
+
+    What nobody told is an empty field.
+    """
+    _make_folder(folder)
+    path = folder / f"{SIGNALS_STEM}.csv"
+    with atomic_file(path) as file:
+        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+        writer = csv.writer(text)
+        for index, columns in enumerate(_parts(signals)):
+            if index == 0:
+                writer.writerow(columns)
+            writer.writerows(zip(*map(_fields, columns.values()), strict=True))
+        text.flush()
+        text.detach()
+    return [path]
+
+
+def export_signals_parquet(signals: Signals, folder: Path) -> list[Path]:
+    """Write ``ticks.parquet``, with the columns of :func:`export_signals_csv`.
+
+    Each column says its unit, frame and meaning in its metadata.
+
+    Raises:
+        EnvironmentFailedError: the package for it is not installed.
+    """
+    pyarrow = _pyarrow()
+    _make_folder(folder)
+    path = folder / f"{SIGNALS_STEM}.parquet"
+    schema = pyarrow.schema(
+        [
+            pyarrow.field(
+                column,
+                pyarrow.from_numpy_dtype(np.dtype(layout.dtype)),
+                metadata={
+                    "unit": unit,
+                    "frame": layout.frame,
+                    "meaning": layout.meaning,
+                    "words": json.dumps(layout.words),
+                },
+            )
+            for layout in map(signals.layout, signals)
+            for column, unit in zip(layout.columns, layout.units, strict=True)
+        ]
+    )
+    with (
+        atomic_file(path) as file,
+        pyarrow.parquet.ParquetWriter(file, schema) as writer,
+    ):
+        for columns in _parts(signals):
+            whole = {name: np.ascontiguousarray(x) for name, x in columns.items()}
+            writer.write_table(pyarrow.table(whole, schema=schema))
+    return [path]
+
+
+def _parts(signals: Signals) -> Iterator[dict[str, Array]]:
+    """The columns of all signals, some ticks at a time; one part at least."""
+    for start in range(0, max(signals.count, 1), PART_TICKS):
+        yield signals.columns(start, start + PART_TICKS)
+
+
+def _fields(column: Array) -> list[Any]:
+    """Numbers as texts that read back to the same; empty for what is missing."""
+    if column.dtype.kind == "f":
+        return [repr(x) if x == x else "" for x in column.tolist()]
+    return [x if x >= 0 else "" for x in column.tolist()]
+
+
+def _pyarrow() -> Any:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise EnvironmentFailedError(
+            "parquet needs pyarrow, which is not installed: "
+            f"{install_command('parquet')}; csv and npz need nothing"
+        ) from error
+    return pyarrow
+
+
+def _write_arrays(path: Path, arrays: dict[str, Array]) -> None:
+    """Write named arrays as a compressed .npz, whole or not at all."""
+    with atomic_file(path) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        raise UsageError(f"--out {folder}: expected a folder or a new name") from error
+
+
 def _export_tables(
     record: Record,
     folder: Path,
@@ -94,10 +195,7 @@ def _export_tables(
     suffix: str,
     write: Callable[[IO[bytes], Columns], None],
 ) -> list[Path]:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except (FileExistsError, NotADirectoryError) as error:
-        raise UsageError(f"--out {folder}: expected a folder or a new name") from error
+    _make_folder(folder)
     written = []
     safe = safe_names(record.channels)
     for channel in record.channels:

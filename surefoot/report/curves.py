@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from surefoot.report.run_data import BusColumns, RunData
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import StabilizerState
+from surefoot.schemas.signals import MISSING
 from surefoot.sim_robot.metrics import CONTACT_LOST_N
-from surefoot.view.robot_shape import RobotShape
 
 AXES = ("x", "y", "z")
 TURNS = ("roll", "pitch", "yaw")
@@ -21,10 +21,12 @@ MODES = ("off", "hold", "active", "fault")
 STATES = tuple(reversed(StabilizerState))
 CONTACT = ("no", "yes")
 MM_PER_M = 1e3
+NORMALS = {"left": 2, "right": 8}
+"""Where the normal force of each sole is among the wrenches of both."""
 STILL = 1e-6
 """A platform that moves less is not drawn [m, rad]."""
 TRUE, ESTIMATED, MEASURED, DESIRED = "true", "estimated", "measured", "desired"
-MEDIAN, P99, EACH = "median", "99th percentile", "each tick"
+EACH = "each tick"
 REPORTED = "as reported"
 BUCKETS = 800
 """Stretches of time per curve, about one per pixel of a wide plot."""
@@ -73,7 +75,7 @@ def changes(times: Array, values: Array) -> tuple[Array, Array]:
     return times[is_new], values[is_new]
 
 
-class Signal(NamedTuple):
+class Curve(NamedTuple):
     """One curve.
 
     Attributes:
@@ -89,53 +91,69 @@ class Signal(NamedTuple):
     values: Array
 
 
-def signals(run: RunData, shape: RobotShape) -> Iterator[Signal]:
-    """All curves of a run, in few enough points.
-
-    Args:
-        run: what it left behind.
-        shape: tells how the IMU sits on the base.
-    """
-    yield from _truth(run)
-    yield from _platforms(run)
+def curves(run: RunData) -> Iterator[Curve]:
+    """All curves of a run, in few enough points, without those that nobody told."""
+    for curve in (*_truth(run), *_platforms(run), *_controller(run), *_sensors(run)):
+        if len(curve.times):
+            yield curve
     if run.heard is not None:
-        yield from _stabilizer(run, run.heard)
-        yield from _sensors(run, run.heard, shape)
         yield from _words(run, run.heard)
 
 
 def com_error(run: RunData) -> Array:
     """(n, 3) true centre of mass less reference, as in the result [m]."""
-    ticks = run.ticks
-    error: Array = ticks["com"] - run.com_reference
-    error[:, :2] -= 0.5 * (ticks["sole_left"] + ticks["sole_right"])[:, :2]
+    signals = run.signals
+    error: Array = signals["true_com"] - run.com_reference
+    middle = 0.5 * (signals["true_sole_left"] + signals["true_sole_right"])
+    error[:, :2] -= middle[:, :2]
     return error
 
 
-def _truth(run: RunData) -> Iterator[Signal]:
-    times, ticks = run.ticks["time_s"], run.ticks
-    for axis, error in zip(AXES, com_error(run).T, strict=True):
-        yield Signal(f"com_{axis}", TRUE, *thin(times, MM_PER_M * error))
-    angles = Rotation.from_quat(ticks["base_quat_xyzw"]).as_euler("xyz", degrees=True)
+def _thinned(panel: str, kind: str, run: RunData, values: Array) -> Curve:
+    """A curve of what is known of a signal."""
+    known = np.isfinite(values)
+    return Curve(panel, kind, *thin(run.signals.time_s[known], values[known]))
+
+
+def _contact(side: str, kind: str, run: RunData, stands: Array) -> Curve:
+    """Whether a foot stands: 0 or 1, less where it is not known."""
+    known = stands >= 0
+    values = stands[known].astype(np.float64)
+    return Curve(f"contact_{side}", kind, *changes(run.signals.time_s[known], values))
+
+
+def _attitude(panel: str, kind: str, run: RunData, quat_xyzw: Array) -> Iterator[Curve]:
+    """Roll, pitch and yaw where they are known."""
+    known = np.isfinite(quat_xyzw).all(axis=1)
+    angles = Rotation.from_quat(quat_xyzw[known]).as_euler("xyz", degrees=True)
     for turn, angle in zip(TURNS, angles.T, strict=True):
-        yield Signal(f"base_{turn}", TRUE, *thin(times, angle))
-    for axis, place in zip(AXES, ticks["base_position"].T, strict=True):
-        moved = MM_PER_M * (place - place[0])
-        yield Signal(f"base_{axis}", TRUE, *thin(times, moved))
-    for side in ("left", "right"):
-        normal = ticks[f"F_{side}"][:, 2]
-        yield Signal(f"force_{side}", TRUE, *thin(times, normal))
-        stands = (normal >= CONTACT_LOST_N).astype(np.float64)
-        yield Signal(f"contact_{side}", TRUE, *changes(times, stands))
+        yield Curve(f"{panel}_{turn}", kind, *thin(run.signals.time_s[known], angle))
 
 
-def _platforms(run: RunData) -> Iterator[Signal]:
-    times = run.ticks["time_s"]
-    places = run.ticks["platform_position"]
-    attitudes = run.ticks["platform_quat_xyzw"]
-    for index in range(places.shape[1]):
-        moved = places[:, index] - places[0, index]
-        turned = Rotation.from_quat(attitudes[:, index]).as_euler("xyz")
+def _truth(run: RunData) -> Iterator[Curve]:
+    signals = run.signals
+    for axis, error in zip(AXES, com_error(run).T, strict=True):
+        yield _thinned(f"com_{axis}", TRUE, run, MM_PER_M * error)
+    pose = signals["true_base_pose"]
+    yield from _attitude("base", TRUE, run, pose[:, 3:])
+    for axis, place in zip(AXES, pose[:, :3].T, strict=True):
+        yield _thinned(f"base_{axis}", TRUE, run, MM_PER_M * (place - place[0]))
+    for side, index in NORMALS.items():
+        normal = signals["true_F"][:, index]
+        yield _thinned(f"force_{side}", TRUE, run, normal)
+        stands = np.where(np.isnan(normal), MISSING, normal >= CONTACT_LOST_N)
+        yield _contact(side, TRUE, run, stands)
+
+
+def _platforms(run: RunData) -> Iterator[Curve]:
+    poses = run.signals.get("true_platform_pose")
+    if poses is None:
+        return
+    for index in range(poses.shape[1]):
+        known = np.isfinite(poses[:, index]).all(axis=1)
+        times, pose = run.signals.time_s[known], poses[known, index]
+        moved = pose[:, :3] - pose[0, :3]
+        turned = Rotation.from_quat(pose[:, 3:]).as_euler("xyz")
         for names, columns, scale in (
             (AXES, moved, MM_PER_M),
             (TURNS, turned, np.degrees(1.0)),
@@ -143,57 +161,42 @@ def _platforms(run: RunData) -> Iterator[Signal]:
             for name, values in zip(names, columns.T, strict=True):
                 if np.ptp(values) > STILL:
                     drawn = thin(times, scale * values)
-                    yield Signal(f"platform_{index}_{name}", TRUE, *drawn)
+                    yield Curve(f"platform_{index}_{name}", TRUE, *drawn)
 
 
-def _stabilizer(run: RunData, heard: BusColumns) -> Iterator[Signal]:
-    times = heard.told_tick * run.robot.period_s
-    error = MM_PER_M * (heard.com - heard.com_reference)
-    for axis, values in zip(AXES, error.T, strict=True):
-        yield Signal(f"com_{axis}", ESTIMATED, *thin(times, values))
-    for foot, side in enumerate(("left", "right")):
-        normal = 6 * foot + 2
-        for kind, wrenches in ((MEASURED, heard.F_meas), (DESIRED, heard.F_id)):
-            yield Signal(f"force_{side}", kind, *thin(times, wrenches[:, normal]))
-        stands = heard.in_contact[:, foot]
-        yield Signal(f"contact_{side}", ESTIMATED, *changes(times, stands))
-    for kind, values in zip((MEDIAN, P99), heard.tick_ms.T, strict=True):
-        yield Signal("tick", kind, *thin(times, values))
-    answered = heard.answer_tick * run.robot.period_s
-    yield Signal("answer", EACH, *thin(answered, heard.answer_ms))
+def _controller(run: RunData) -> Iterator[Curve]:
+    """What the controller tells, as far as it does."""
+    signals = run.signals
+    if "com" in signals and "com_reference" in signals:
+        error = MM_PER_M * (signals["com"] - signals["com_reference"])
+        for axis, values in zip(AXES, error.T, strict=True):
+            yield _thinned(f"com_{axis}", ESTIMATED, run, values)
+    if "base_pose" in signals:
+        # Its yaw is against the feet, not against the world.
+        yield from list(_attitude("base", ESTIMATED, run, signals["base_pose"][:, 3:]))[
+            :2
+        ]
+    for foot, (side, index) in enumerate(NORMALS.items()):
+        for kind, name in ((MEASURED, "F_meas"), (DESIRED, "F_id")):
+            if name in signals:
+                yield _thinned(f"force_{side}", kind, run, signals[name][:, index])
+        if "in_contact" in signals:
+            yield _contact(side, ESTIMATED, run, signals["in_contact"][:, foot])
+    if "controller_ms" in signals:
+        yield _thinned("tick", EACH, run, signals["controller_ms"])
+    if run.heard is not None:
+        answered = run.heard.answer_tick * run.robot.period_s
+        yield Curve("answer", EACH, *thin(answered, run.heard.answer_ms))
 
 
-def _sensors(run: RunData, heard: BusColumns, shape: RobotShape) -> Iterator[Signal]:
-    times = heard.ankle_tick * run.robot.period_s
-    for axis, force in zip(AXES, heard.ankle[:, :3].T, strict=True):
-        yield Signal(f"ankle_force_{axis}", REPORTED, *thin(times, force))
-    for axis, moment in zip(AXES, heard.ankle[:, 3:].T, strict=True):
-        yield Signal(f"ankle_moment_{axis}", REPORTED, *thin(times, moment))
-    yield from _imu(run, heard, shape)
+def _sensors(run: RunData) -> Iterator[Curve]:
+    wrench = run.signals["ft_left"]
+    for axis, force, moment in zip(AXES, wrench.T[:3], wrench.T[3:], strict=True):
+        yield _thinned(f"ankle_force_{axis}", REPORTED, run, force)
+        yield _thinned(f"ankle_moment_{axis}", REPORTED, run, moment)
 
 
-def _imu(run: RunData, heard: BusColumns, shape: RobotShape) -> Iterator[Signal]:
-    """Attitude of the base as the IMU has it; its yaw is free."""
-    rows = heard.imu_tick.astype(int)
-    is_attitude = np.linalg.norm(heard.imu_quat_xyzw, axis=1) > 0.0
-    known = (rows < len(run.ticks["q"])) & is_attitude
-    if not known.any():
-        return
-    rows = rows[known]
-    # Thinned first: the pose of the unit on the base takes a walk along the links.
-    step = max(1, len(rows) // 2000)
-    rows = rows[::step]
-    frame = run.robot.file.imu.frame
-    on_base = np.array([shape.poses(q)[frame][:3, :3] for q in run.ticks["q"][rows]])
-    unit = Rotation.from_quat(heard.imu_quat_xyzw[known][::step])
-    base = unit * Rotation.from_matrix(on_base).inv()
-    angles = base.as_euler("xyz", degrees=True)
-    times = rows * run.robot.period_s
-    for turn, angle in zip(TURNS[:2], angles.T[:2], strict=True):
-        yield Signal(f"base_{turn}", ESTIMATED, *thin(times, angle))
-
-
-def _words(run: RunData, heard: BusColumns) -> Iterator[Signal]:
+def _words(run: RunData, heard: BusColumns) -> Iterator[Curve]:
     """States as numbers, the row of their word in the panel."""
     period_s = run.robot.period_s
     for panel, words, said, ticks in (
@@ -202,4 +205,4 @@ def _words(run: RunData, heard: BusColumns) -> Iterator[Signal]:
     ):
         known = [row for row, word in enumerate(said) if word in words]
         values = np.array([words.index(said[row]) for row in known], dtype=np.float64)
-        yield Signal(panel, REPORTED, *changes(ticks[known] * period_s, values))
+        yield Curve(panel, REPORTED, *changes(ticks[known] * period_s, values))

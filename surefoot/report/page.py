@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from surefoot.progress import CountBar, no_bar
-from surefoot.report.curves import BUCKETS, signals
+from surefoot.report.curves import BUCKETS, curves
 from surefoot.report.panels import RUN_COLOURS, marks_of, panel_groups
 from surefoot.report.run_data import RunData
 from surefoot.report.scene_page import frame_rows, scene_page
@@ -47,28 +47,25 @@ class Media(NamedTuple):
     animation: str = ""
 
 
-def write_page(
-    folder: Path, runs: list[RunData], media: list[Media], *, shape: RobotShape
-) -> None:
+def write_page(folder: Path, runs: list[RunData], media: list[Media]) -> None:
     """Write the page and its scripts.
 
     Args:
         folder: gets the files.
         runs: shown on the page.
         media: of each run, already in the folder.
-        shape: of the robot.
     """
     from plotly.offline import get_plotlyjs
 
-    curves = [(run.label, list(signals(run, shape))) for run in runs]
-    groups = panel_groups(curves)
+    drawn = [(run.label, list(curves(run))) for run in runs]
+    groups = panel_groups(drawn)
     data = {
         "groups": groups,
         "runs": [
             {"label": run.label, "colour": RUN_COLOURS[index]}
             for index, run in enumerate(runs)
         ],
-        "span": [0.0, max(float(run.ticks["time_s"][-1]) for run in runs)],
+        "span": [0.0, max(float(run.signals.time_s[-1]) for run in runs)],
         "marks": [mark._asdict() for mark in marks_of(runs)],
     }
     script = b"window.surefootReport = " + msgspec.json.encode(data) + b";\n"
@@ -198,7 +195,7 @@ def write_report(
             )
             for index, run in enumerate(runs, start=1)
         ]
-        write_page(folder.path, runs, media, shape=shape)
+        write_page(folder.path, runs, media)
         folder.keep()
 
 

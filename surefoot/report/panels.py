@@ -19,12 +19,12 @@ RUN_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PINK, SKY)
 GREY = "#8a929c"
 
 KIND_COLOURS = {
-    **{s.TRUE: BLUE, s.REPORTED: BLUE, s.EACH: BLUE, s.MEDIAN: BLUE},
-    **{s.MEASURED: VERMILION, s.ESTIMATED: VERMILION, s.P99: VERMILION},
+    **{s.TRUE: BLUE, s.REPORTED: BLUE, s.EACH: BLUE},
+    **{s.MEASURED: VERMILION, s.ESTIMATED: VERMILION},
     s.DESIRED: GREEN,
 }
 """Of a page about one run."""
-DASHES = {s.MEASURED: "dot", s.ESTIMATED: "dot", s.DESIRED: "dash", s.P99: "dash"}
+DASHES = {s.MEASURED: "dot", s.ESTIMATED: "dot", s.DESIRED: "dash"}
 """What tells kinds apart where colours tell runs; others are solid."""
 COM, BASE, FORCE = "Centre of mass", "Base", "Normal force"
 ANKLE, GROUND = "Left ankle", "Ground"
@@ -33,8 +33,7 @@ GROUPS = {
     COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
     "in the world, from the simulator. Estimated: the stabilizer's own, from the "
     "robot's sensors, in its frame between the feet.",
-    BASE: "True: the simulator's. Estimated: the IMU's own attitude, carried "
-    "over to the base link; the stabilizer does not tell its estimate of the base. "
+    BASE: "True: the simulator's. Estimated: the controller's, whose yaw is free. "
     "Places are counted from the start of the run.",
     FORCE: "Of the ground on each sole, along the sole's normal. True: the "
     "simulator's. Measured: the ankle's sensor, compensated to the sole. Desired: "
@@ -44,7 +43,7 @@ GROUPS = {
     "do not move are left out.",
     MODE: "Mode of the robot's command gate, the stabilizer's own state, and whether "
     "each foot stands: truly, and as the stabilizer believes.",
-    TIME: "Wall clock. Controller tick: over the stabilizer's last ticks. Answer: from "
+    TIME: "Wall clock. Controller tick: from snapshot to command. Answer: from "
     "the stamp of the sensors to the stamp of the command that answers them.",
 }
 """Groups of plots in the order of the page, with what they show."""
@@ -85,7 +84,7 @@ PANELS = {
 }
 
 
-def panel_groups(runs: list[tuple[str, list[s.Signal]]]) -> list[dict[str, Any]]:
+def panel_groups(runs: list[tuple[str, list[s.Curve]]]) -> list[dict[str, Any]]:
     """Groups of plots for the page's script.
 
     Args:
@@ -120,7 +119,7 @@ def panel_groups(runs: list[tuple[str, list[s.Signal]]]) -> list[dict[str, Any]]
     ]
 
 
-def _curve(signal: s.Signal, *, index: int, label: str, alone: bool) -> dict[str, Any]:
+def _curve(signal: s.Curve, *, index: int, label: str, alone: bool) -> dict[str, Any]:
     kind = signal.kind
     return {
         "run": index,

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
-from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from surefoot.errors import UsageError
 from surefoot.recording.read import Record, read_record, with_nan
@@ -22,7 +22,6 @@ from surefoot.run_folder import (
     RESULT,
     SCENARIO,
     SETTINGS,
-    TICKS,
     read_struct,
 )
 from surefoot.schemas.arrays import Array, Vec3
@@ -37,14 +36,10 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario, load_scenario
 from surefoot.schemas.toml_file import read_toml
+from surefoot.signals import Signals, read_signals
 
 MOST_RUNS = 6
 """So many colours can be told apart."""
-_NEEDED = (
-    *("time_s", "com", "base_position", "base_quat_xyzw", "sole_left", "sole_right"),
-    *("F_left", "F_right", "q", "q_command"),
-    *("platform_position", "platform_quat_xyzw"),
-)
 NS_PER_MS = 1e6
 M = TypeVar("M", Head, ForceTorque, ImuState, RobotStatus, StabilizerStatus)
 
@@ -56,17 +51,7 @@ class BusColumns:
     Attributes:
         gap: what the record lacks, in words; empty for a whole one.
         told_tick: (n,) of the stabilizer's messages.
-        com: (n, 3) estimated centre of mass, stance frame [m].
-        com_reference: (n, 3) where it should be, same frame [m].
-        F_meas: (n, 12) measured wrenches at left and right sole, sole frames.
-        F_id: (n, 12) desired wrenches.
-        in_contact: (n, 2) whether left and right foot stand, as the stabilizer sees it.
         state: (n,) the stabilizer's state, one word.
-        tick_ms: (n, 2) median and 99th percentile of its compute time [ms].
-        ankle_tick: (m,) of the left ankle's sensor.
-        ankle: (m, 6) what it reports: force and moment, sensor frame [N, N m].
-        imu_tick: (m,) of the IMU.
-        imu_quat_xyzw: (m, 4) its own attitude estimate, world from unit.
         answer_tick: (m,) ticks that got a command.
         answer_ms: (m,) from the stamp of the sensors to that of the command [ms].
         mode_tick: (k,) of the robot's status.
@@ -75,17 +60,7 @@ class BusColumns:
 
     gap: str
     told_tick: Array
-    com: Array
-    com_reference: Array
-    F_meas: Array
-    F_id: Array
-    in_contact: Array
     state: list[str]
-    tick_ms: Array
-    ankle_tick: Array
-    ankle: Array
-    imu_tick: Array
-    imu_quat_xyzw: Array
     answer_tick: Array
     answer_ms: Array
     mode_tick: Array
@@ -101,27 +76,13 @@ def read_heard(path: Path) -> BusColumns:
     record = read_record(path)
     lost: Counter[str] = Counter()
     told = _messages(record, "stabilizer", StabilizerStatus, lost)
-    ankle = _messages(record, "left_ankle_ft", ForceTorque, lost)
-    imu = _messages(record, "imu", ImuState, lost)
     status = _messages(record, "status", RobotStatus, lost)
     status.sort(key=lambda message: message.tick)
     answer_tick, answer_ms = _answers(record, lost)
     return BusColumns(
         gap=_gap(record, lost),
         told_tick=_column(told, "tick"),
-        com=_rows(told, "com", width=3),
-        com_reference=_rows(told, "com_reference", width=3),
-        F_meas=_rows(told, "F_meas_left", "F_meas_right", width=12),
-        F_id=_rows(told, "F_id_left", "F_id_right", width=12),
-        in_contact=_rows(told, "in_contact", width=2),
         state=[message.state for message in told],
-        tick_ms=np.column_stack(
-            (_column(told, "tick_median_ms"), _column(told, "tick_p99_ms"))
-        ),
-        ankle_tick=_column(ankle, "tick"),
-        ankle=_rows(ankle, "force", "moment", width=6),
-        imu_tick=_column(imu, "tick"),
-        imu_quat_xyzw=_rows(imu, "quat_xyzw", width=4),
         answer_tick=answer_tick,
         answer_ms=answer_ms,
         mode_tick=_column(status, "tick"),
@@ -178,15 +139,6 @@ def _column(messages: Sequence[Head | Message], field: str) -> Array:
     return np.array([getattr(one, field) for one in messages], dtype=np.float64)
 
 
-def _rows(messages: Sequence[Message], *fields: str, width: int) -> Array:
-    """(n, width) the fields of each message, one behind the other."""
-    rows = [
-        [number for field in fields for number in getattr(message, field)]
-        for message in messages
-    ]
-    return np.array(rows, dtype=np.float64).reshape(-1, width)
-
-
 @dataclass(frozen=True)
 class RunData:
     """One run.
@@ -199,7 +151,7 @@ class RunData:
         scenario: what was done to it.
         scenario_text: the same as written.
         settings: ``section.name`` to value, as resolved for the run.
-        ticks: columns of every tick; see :meth:`RunRecord.arrays`.
+        signals: of every tick.
         com_reference: (3,) x and y from the midpoint of the soles, z in the world [m].
         heard: what was said on the bus; None for a run without a record.
         logs: name of a process to what it said.
@@ -212,10 +164,21 @@ class RunData:
     scenario: Scenario
     scenario_text: str
     settings: dict[str, Any]
-    ticks: dict[str, Array]
+    signals: Signals
     com_reference: Vec3
     heard: BusColumns | None
     logs: dict[str, str]
+
+    def drawable(self, rows: Array) -> NDArray[np.int64]:
+        """The next rows whose truth was recorded; a slow disk may have lost some.
+
+        Args:
+            rows: (n,) wanted, in order.
+        """
+        known = np.flatnonzero(np.isfinite(self.signals["true_base_pose"][:, 0]))
+        at = np.searchsorted(known, rows.astype(np.int64))
+        found: NDArray[np.int64] = known[np.minimum(at, len(known) - 1)]
+        return found
 
 
 def load_runs(folders: list[Path]) -> list[RunData]:
@@ -254,9 +217,9 @@ def load_run(folder: Path, *, label: str) -> RunData:
     from surefoot.sim_robot.plant import Plant
 
     result, about = _read_ends(folder)
-    ticks = _read_ticks(folder / TICKS)
+    signals = read_signals(folder)
     robot = load_robot(about["robot"], servo_profile=about["servo_profile"])
-    recorded = ticks["q"].shape[1]
+    recorded = len(signals.layout("q").labels)
     if recorded != robot.n_a:
         raise UsageError(
             f"{folder}: a run with {recorded} joints, but {robot.path} now has "
@@ -275,7 +238,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
             for section, table in read_toml(folder / SETTINGS).items()
             for name, value in table.items()
         },
-        ticks=ticks,
+        signals=signals,
         com_reference=Plant(robot, scenario, seed=result.seed).com_reference,
         heard=_find_record(folder),
         logs={
@@ -322,22 +285,6 @@ def _read_ends(folder: Path) -> tuple[RunResult, dict[str, Any]]:
             f"surefoot ({error}); make the run again"
         ) from error
     return result, about
-
-
-def _read_ticks(path: Path) -> dict[str, Array]:
-    if not path.is_file():
-        raise UsageError(
-            f"{path}: missing; the run kept no ticks, so there is nothing to draw. "
-            "Make it again with --out"
-        )
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            ticks = {name: arrays[name] for name in _NEEDED}
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise UsageError(f"{path}: damaged ({error}); make the run again") from error
-    if len(ticks["time_s"]) == 0:
-        raise UsageError(f"{path}: holds no tick; the run ended before its first")
-    return ticks
 
 
 def _find_record(folder: Path) -> BusColumns | None:

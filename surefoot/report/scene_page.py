@@ -10,7 +10,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from surefoot.report.curves import NORMALS
 from surefoot.report.run_data import RunData
+from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.metrics import CONTACT_LOST_N
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import Scene
@@ -24,10 +26,10 @@ CAMERA, LOOK_AT = (1.23, -1.05, 0.75), (0.0, -0.05, 0.42)
 
 def frame_rows(run: RunData) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     """Rows of the ticks that are shown, evenly spaced; the first is 0."""
-    count = len(run.ticks["time_s"])
+    count = run.signals.count
     period_s = run.robot.period_s
     frames = min(MOST_FRAMES, int(count * period_s * FRAMES_PER_S))
-    return np.linspace(0, count - 1, max(frames, 2)).astype(np.int64)
+    return run.drawable(np.linspace(0, count - 1, max(frames, 2)))
 
 
 def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None]) -> str:
@@ -67,38 +69,34 @@ def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None])
 def state_at(run: RunData, row: int) -> SceneState:
     """Return one tick of a run as a scene.
 
-    Forces are those the stabilizer measured and wanted last. Runs without a record
-    show the true ones instead, and none that were wanted.
+    Forces are those the controller measured and wanted. Where it tells none they are
+    the true ones, and none that were wanted.
     """
-    ticks = run.ticks
-    middle = 0.5 * (ticks["sole_left"][row] + ticks["sole_right"][row])
-    F_meas = np.concatenate((ticks["F_left"][row], ticks["F_right"][row]))
-    F_id = None
-    contact = (
-        bool(ticks["F_left"][row, 2] >= CONTACT_LOST_N),
-        bool(ticks["F_right"][row, 2] >= CONTACT_LOST_N),
-    )
-    heard = run.heard
-    if heard is not None:
-        told = int(np.searchsorted(heard.told_tick, row, side="right")) - 1
-        if told >= 0:
-            F_meas, F_id = heard.F_meas[told], heard.F_id[told]
-            contact = (bool(heard.in_contact[told, 0]), bool(heard.in_contact[told, 1]))
+    signals = run.signals
+
+    def told(name: str) -> Array | None:
+        """A signal of the controller; None where it tells none."""
+        values = signals[name][row] if name in signals else None
+        return None if values is None or np.isnan(values).any() else values
+
+    middle = 0.5 * (signals["true_sole_left"][row] + signals["true_sole_right"][row])
+    F_true = signals["true_F"][row]
+    F_meas = told("F_meas")
+    contact = told("in_contact")
+    if contact is None or contact.min() < 0:
+        contact = F_true[list(NORMALS.values())] >= CONTACT_LOST_N
+    base = signals["true_base_pose"][row]
+    platforms = signals.get("true_platform_pose")
     return SceneState(
-        base=pose(ticks["base_position"][row], ticks["base_quat_xyzw"][row]),
-        q=ticks["q"][row],
-        q_command=ticks["q_command"][row],
-        platforms=[
-            pose(position, quat_xyzw)
-            for position, quat_xyzw in zip(
-                ticks["platform_position"][row],
-                ticks["platform_quat_xyzw"][row],
-                strict=True,
-            )
-        ],
-        F_meas=F_meas,
-        F_id=F_id,
-        in_contact=contact,
-        com=ticks["com"][row],
+        base=pose(base[:3], base[3:]),
+        q=signals["q"][row],
+        q_command=signals["q_command"][row],
+        platforms=[]
+        if platforms is None
+        else [pose(each[:3], each[3:]) for each in platforms[row]],
+        F_meas=F_true if F_meas is None else F_meas,
+        F_id=told("F_id"),
+        in_contact=(bool(contact[0]), bool(contact[1])),
+        com=signals["true_com"][row],
         com_reference=run.com_reference + middle * (1.0, 1.0, 0.0),
     )

@@ -127,7 +127,7 @@ def draw_video(
 
     from surefoot.sim_robot.png import write_png
 
-    rows = _rows(run, 0, len(run.ticks["time_s"]) - 1, rate_hz=VIDEO_HZ)
+    rows = _rows(run, 0, run.signals.count - 1, rate_hz=VIDEO_HZ)
     with (
         closing(write_frames(str(path), VIDEO_SIZE, fps=VIDEO_HZ, quality=7)) as film,
         bar(f"{run.label}: video", total=len(rows), done=0, of="frames") as on_frame,
@@ -171,22 +171,17 @@ def _pose(run: RunData) -> Array:
 
     Where the ground moves, the ground alone: its jerk is what would be seen.
     """
-    ticks = run.ticks
-    count = len(ticks["time_s"])
-    ground = np.hstack(
-        (
-            ticks["platform_position"].reshape(count, -1),
-            ticks["platform_quat_xyzw"].reshape(count, -1),
-        )
-    )
-    if ground.size and np.ptp(ground, axis=0).max() > STILL:
-        return ground
-    return np.hstack((ticks["base_position"], ticks["base_quat_xyzw"], ticks["q"]))
+    signals = run.signals
+    if "true_platform_pose" in signals:
+        ground: Array = signals["true_platform_pose"].reshape(signals.count, -1)
+        if np.ptp(ground, axis=0).max() > STILL:
+            return ground
+    return np.hstack((signals["true_base_pose"], signals["q"]))
 
 
 def _rows(run: RunData, start: int, end: int, *, rate_hz: float) -> NDArray[np.int64]:
     frames = int((end - start) * run.robot.period_s * rate_hz) + 1
-    return np.linspace(start, end, max(frames, 2)).astype(np.int64)
+    return run.drawable(np.linspace(start, end, max(frames, 2)))
 
 
 def _pictures(
@@ -199,4 +194,4 @@ def _pictures(
         run.robot, run.scenario, width=width, height=height, quick=True
     ) as renderer:
         for row in rows:
-            yield renderer.draw_recorded(run.ticks, row=int(row))
+            yield renderer.draw_recorded(run.signals, row=int(row))

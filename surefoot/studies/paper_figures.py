@@ -22,15 +22,16 @@ EVERY_TICKS = 10
 
 
 def record(scenario: str, variant: str) -> dict[str, Array]:
-    """Record every tick of one run with seed 0 and the ideal servo; see RunRecord."""
+    """Signals of every tick of one run with seed 0 and the ideal servo."""
+    from surefoot.signals import memory_sinks
     from surefoot.simulation import Simulation
     from surefoot.stabilizer.factory import make_controller
 
     cell = Cell(Group(scenario, (), variant, d.IDEAL), seed=0)
     plan = plan_of(cell, robot="walker", overrides=())
-    sim = Simulation.of_plan(plan, record=True)
+    sim = Simulation.of_plan(plan, sinks=memory_sinks())
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
-    return sim.simulated.recording()
+    return dict(sim.signals)
 
 
 def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
@@ -50,11 +51,12 @@ def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
     grid: Any = figure.subplots(4, len(runs), sharex=True, sharey="row", squeeze=False)
     for column, (variant, arrays) in enumerate(runs.items()):
         time_s = arrays["time_s"][::EVERY_TICKS]
+        base = arrays["true_base_pose"]
         panels = (
-            (1e3 * (arrays["base_position"] - arrays["base_position"][0]), "xyz"),
-            (np.degrees(_roll_pitch_yaw(arrays["base_quat_xyzw"])), "rpy"),
-            (arrays["F_left"][:, :3], "xyz"),
-            (arrays["F_left"][:, 3:], "xyz"),
+            (1e3 * (base[:, :3] - base[0, :3]), "xyz"),
+            (np.degrees(_roll_pitch_yaw(base[:, 3:])), "rpy"),
+            (arrays["true_F"][:, :3], "xyz"),
+            (arrays["true_F"][:, 3:6], "xyz"),
         )
         for row, (values, names) in enumerate(panels):
             axes = grid[row, column]

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 import pytest
 
 from surefoot.run_folder import MARKER
 from surefoot.schemas.result import RunResult
+from surefoot.signals import read_signals
 from tests.cli.conftest import Surefoot
 from tests.support import free_port
 
@@ -22,7 +22,8 @@ FILES = {
     "result.json",
     "settings.toml",
     "scenario.toml",
-    "ticks.npz",
+    "ticks.mcap",
+    "controller-ticks.mcap",
 }
 LOGS = {"robot.log", "stabilizer.log", "recorder.log"}
 BY_RECORDER = {"run.mcap"}
@@ -85,9 +86,10 @@ def test_out_keeps_the_whole_run(
     assert "base_kp = 123.5" in (out / "settings.toml").read_text()
     about = json.loads((out / MARKER).read_text())
     assert (about["seed"], about["mode"], about["controller"]) == (5, mode, "hold")
-    with np.load(out / "ticks.npz") as ticks:
-        assert ticks["q_command"].shape == (TICKS, 28)
-        assert ticks["time_s"][-1] == pytest.approx((TICKS - 1) * 1e-3)
+    signals = read_signals(out)
+    assert signals["q_command"].shape == (TICKS, 28)
+    assert signals.time_s[-1] == pytest.approx((TICKS - 1) * 1e-3)
+    assert not signals.is_cut_off
 
 
 def test_a_run_can_be_done_again_from_its_folder(

@@ -105,9 +105,9 @@ def test_each_command_does_what_it_should(folder: Path, words: list[str]) -> Non
 
 def test_files_the_tutorial_names_are_there(folder: Path) -> None:
     there = {path.name for path in (folder / "out/mine").iterdir()}
-    named = {"result.json", "ticks.npz", "run.mcap", "settings.toml", "scenario.toml"}
+    named = {"result.json", "ticks.mcap", "run.mcap", "settings.toml", "scenario.toml"}
     assert named <= there
-    for name in ("result.json", "ticks.npz", "run.mcap"):
+    for name in ("result.json", "ticks.mcap", "run.mcap"):
         assert f"`{name}`" in PAGE
 
 

@@ -40,10 +40,10 @@ def output(*, left_n: float = 0.0, right_n: float = 0.0) -> ControllerOutput:
 
 def test_force_errors_count_once_settled(telemetry: ControllerTelemetry) -> None:
     for _ in range(SETTLED_TICKS):
-        telemetry.add(output(left_n=1e6), duration_ns=1, is_stale=False)
+        telemetry.add(output(left_n=1e6), tick=0, duration_ns=1, is_stale=False)
     for left_n in (3.0, -4.0):
         each = output(left_n=left_n, right_n=2.0)
-        telemetry.add(each, duration_ns=1, is_stale=False)
+        telemetry.add(each, tick=0, duration_ns=1, is_stale=False)
     result = telemetry.result(EndReason.RUN_OVER, "")
     assert result.force_error_rms_n == pytest.approx([math.sqrt(12.5), 2.0])
     assert result.ticks == SETTLED_TICKS + 2
@@ -52,7 +52,7 @@ def test_force_errors_count_once_settled(telemetry: ControllerTelemetry) -> None
 def test_a_run_too_short_to_settle_has_no_force_error(
     telemetry: ControllerTelemetry,
 ) -> None:
-    telemetry.add(output(left_n=5.0), duration_ns=1, is_stale=False)
+    telemetry.add(output(left_n=5.0), tick=0, duration_ns=1, is_stale=False)
     assert telemetry.result(EndReason.RUN_OVER, "").force_error_rms_n == [0.0, 0.0]
 
 
@@ -62,7 +62,7 @@ def test_failures_and_stale_snapshots_are_counted(
     good = output()
     bad = replace(good, wrench_qp="infeasible")
     for each, is_stale in ((good, False), (bad, True), (bad, False)):
-        telemetry.add(each, duration_ns=2_000_000, is_stale=is_stale)
+        telemetry.add(each, tick=0, duration_ns=2_000_000, is_stale=is_stale)
     result = telemetry.result(EndReason.STOPPED, "why")
     assert (result.qp_failures, result.stale_snapshots) == (2, 1)
     assert result.tick_ms.max == pytest.approx(2.0)
@@ -73,7 +73,7 @@ def test_status_tells_both_feet_and_what_is_missing(
     telemetry: ControllerTelemetry,
 ) -> None:
     each = output(right_n=1.0)
-    telemetry.add(each, duration_ns=1_000_000, is_stale=True)
+    telemetry.add(each, tick=0, duration_ns=1_000_000, is_stale=True)
     status = telemetry.status(each, tick=5, stamp_ns=6, stale=("imu",), lost={})
     assert status.F_id_left + status.F_id_right == list(range(12))
     assert status.F_meas_right[2] == 9.0

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.ticks.memory import MemoryTicks
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import RenderError
 from surefoot.sim_robot.plant import Plant
@@ -115,20 +116,18 @@ def test_moving_the_ground_changes_the_picture(
     assert not np.array_equal(level, tilted)
 
 
-def test_recorded_run_can_be_drawn_from_its_file(
-    walker: Robot, make_scenario: Callable[..., Scenario], tmp_path: Path
+def test_recorded_run_can_be_drawn_from_its_signals(
+    walker: Robot, make_scenario: Callable[..., Scenario]
 ) -> None:
     scenario = make_scenario(
         duration_s=0.2, platform=[{"foot": "both", "motion": [TILT]}]
     )
-    simulated = SimulatedRobot(walker, scenario, seed=0, record=True)
+    ticks = MemoryTicks()
+    simulated = SimulatedRobot(walker, scenario, seed=0, ticks=ticks)
     while not simulated.finished:
         simulated.step()
-    np.savez(tmp_path / "run.npz", **simulated.recording())
-    with (
-        open_renderer(walker, scenario) as renderer,
-        np.load(tmp_path / "run.npz") as arrays,
-    ):
+    arrays = {name: ticks.read(name) for name in ticks.layouts}
+    with open_renderer(walker, scenario) as renderer:
         first = renderer.draw_recorded(arrays, row=0)
         last = renderer.draw_recorded(arrays, row=-1)
     assert not np.array_equal(first, last)

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.snapshot import FIELDS, Snapshot
+from surefoot.robot_io.ticks.memory import MemoryTicks
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.result import Distribution, PlantResult
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.errors import CommandError, ScenarioError, SimulationError
+from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 
 PERIOD_S = 0.001
@@ -26,10 +27,10 @@ Make = Callable[..., SimulatedRobot]
 @pytest.fixture
 def make(walker: Robot, make_scenario: Callable[..., Scenario]) -> Make:
     def build(
-        *, seed: int = 0, record: bool = False, **table: object
+        *, seed: int = 0, ticks: MemoryTicks | None = None, **table: object
     ) -> SimulatedRobot:
         scenario = make_scenario(**table)
-        return SimulatedRobot(walker, scenario, seed=seed, record=record)
+        return SimulatedRobot(walker, scenario, seed=seed, ticks=ticks)
 
     return build
 
@@ -65,9 +66,10 @@ def result(simulated: SimulatedRobot) -> PlantResult:
 
 @pytest.mark.parametrize("delay", [0, 1, 4])
 def test_answer_acts_after_the_delay(make: Make, delay: int) -> None:
-    simulated = make(delay={"command_ms": float(delay)}, record=True)
+    ticks = MemoryTicks()
+    simulated = make(delay={"command_ms": float(delay)}, ticks=ticks)
     answers = run(simulated, ticks=20)
-    acted = simulated.recording()["q_command"]
+    acted = ticks.read("q_command")
     assert simulated.command_delay_ticks == delay
     for tick, posture in enumerate(acted):
         if tick < delay:
@@ -94,23 +96,25 @@ def test_needed_answer_is_the_delay_ago(make: Make) -> None:
 
 def test_answer_may_be_overwritten_by_its_sender(make: Make) -> None:
     """A controller may hand over the same array every tick."""
-    simulated = make(delay={"command_ms": 2.0}, record=True)
+    ticks = MemoryTicks()
+    simulated = make(delay={"command_ms": 2.0}, ticks=ticks)
     reused = simulated.held_posture.copy()
     for tick in range(6):
         reused += 1e-4
         simulated.apply(reused, tick=tick)
         simulated.step()
-    acted = simulated.recording()["q_command"][2:, 0]
+    acted = ticks.read("q_command")[2:, 0]
     np.testing.assert_allclose(np.diff(acted), 1e-4)
 
 
 def test_last_posture_goes_on_when_an_answer_is_missing(make: Make) -> None:
-    simulated = make(delay={"command_ms": 0.0}, record=True)
+    ticks = MemoryTicks()
+    simulated = make(delay={"command_ms": 0.0}, ticks=ticks)
     first = simulated.held_posture + 0.001
     simulated.apply(first, tick=0)
     for _ in range(3):
         simulated.step()
-    np.testing.assert_array_equal(simulated.recording()["q_command"], [first] * 3)
+    np.testing.assert_array_equal(ticks.read("q_command"), [first] * 3)
 
 
 @pytest.mark.parametrize(("tick", "answers"), [(5, 3), (5, 6)])
@@ -138,7 +142,7 @@ def test_same_seed_same_digest_other_seed_another(make: Make) -> None:
 
 
 def test_digest_is_that_of_sensors_and_commands_in_order(make: Make) -> None:
-    simulated = make(**MOVING, record=True)
+    simulated = make(**MOVING, ticks=MemoryTicks())
     sha = hashlib.sha256()
     for tick in range(10):
         s = simulated.sense()
@@ -152,30 +156,43 @@ def test_digest_is_that_of_sensors_and_commands_in_order(make: Make) -> None:
 
 
 def test_recording_changes_nothing(make: Make) -> None:
-    kept, plain = make(**MOVING, record=True), make(**MOVING)
+    kept, plain = make(**MOVING, ticks=MemoryTicks()), make(**MOVING)
     run(kept, ticks=100)
     run(plain, ticks=100)
     assert result(kept).log_sha256 == result(plain).log_sha256
 
 
-def test_record_holds_every_tick_of_the_run(make: Make, walker: Robot) -> None:
-    simulated = make(duration_s=0.2, record=True, **MOVING)
+def test_signals_of_every_tick_are_those_sensed_and_true(
+    make: Make, walker: Robot
+) -> None:
+    ticks = MemoryTicks()
+    simulated = make(duration_s=0.2, ticks=ticks, **MOVING)
+    sensed, true = [], []
     while not simulated.finished:
+        sensed.append(simulated.sense())
+        true.append(simulated.truth())
         simulated.step()
-    arrays = simulated.recording()
-    np.testing.assert_allclose(arrays["time_s"], PERIOD_S * np.arange(200))
-    assert {len(rows) for rows in arrays.values()} == {200}
-    assert arrays["q"].shape == (200, walker.n_a)
-    assert arrays["platform_position"].shape == (200, 1, 3)
-    carried = arrays["sole_left"] - arrays["platform_position"][:, 0]
-    np.testing.assert_allclose(carried, carried[[0] * 200], atol=1e-3)
-    total = arrays["F_left"][:, 2] + arrays["F_right"][:, 2]
-    assert total[0] == pytest.approx(simulated.plant.world.weight, rel=1e-3)
-
-
-def test_recording_must_be_asked_for(make: Make) -> None:
-    with pytest.raises(SimulationError, match="record=True"):
-        make().recording()
+    signals = {name: ticks.read(name) for name in ticks.layouts}
+    np.testing.assert_array_equal(signals["time_s"], PERIOD_S * np.arange(200))
+    np.testing.assert_array_equal(signals["tick"], np.arange(200))
+    assert {len(rows) for rows in signals.values()} == {200}
+    assert signals["q"].shape == (200, walker.n_a)
+    for name in (*FIELDS["joints"], *FIELDS["imu"], "ft_left", "ft_right"):
+        expected = [getattr(snapshot, name) for snapshot in sensed]
+        np.testing.assert_array_equal(signals[name], expected)
+    for name in ("com", "com_velocity", "sole_left", "sole_right"):
+        expected = [getattr(truth, name) for truth in true]
+        np.testing.assert_array_equal(signals[f"true_{name}"], expected)
+    for name, parts in (
+        ("true_base_pose", ("base_position", "base_quat_xyzw")),
+        ("true_F", ("F_left", "F_right")),
+    ):
+        pairs = [[getattr(truth, part) for part in parts] for truth in true]
+        expected = [np.concatenate(pair) for pair in pairs]
+        np.testing.assert_array_equal(signals[name], expected)
+    poses = [(t.platforms[0].position, t.platforms[0].quat_xyzw) for t in true]
+    expected = [[np.concatenate(pose)] for pose in poses]
+    np.testing.assert_array_equal(signals["true_platform_pose"], expected)
 
 
 def test_run_ends_with_the_scenario(make: Make) -> None:

@@ -1,0 +1,1 @@
+"""Signals of every tick: taken in while a run goes, written, and read back."""

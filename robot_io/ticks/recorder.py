@@ -1,0 +1,136 @@
+"""Takes in the signals of each tick, and hands them on in blocks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.signals import SignalLayout
+
+BLOCK_TICKS = 512
+"""Ticks in a block: what a crash can cost, and what a reader takes at a time."""
+SignalArray = NDArray[Any]
+"""Any signal: float64, int64 or int8."""
+
+
+class Block:
+    """Numbers of up to ``BLOCK_TICKS`` ticks, a row each.
+
+    Attributes:
+        ticks: (BLOCK_TICKS,) the robot's counter.
+        rows: (BLOCK_TICKS, width) the signals side by side; whole numbers, too.
+        count: rows that are filled.
+    """
+
+    def __init__(self, width: int) -> None:
+        """Take the memory for a full block."""
+        self.ticks = np.zeros(BLOCK_TICKS, dtype=np.int64)
+        self.rows: Array = np.zeros((BLOCK_TICKS, width))
+        self.count = 0
+
+
+class BlockFormat:
+    """Which columns of a block's rows belong to which signal.
+
+    Attributes:
+        layouts: by name, in the order of the columns; ``tick`` comes first and has
+            no columns.
+        width: how many columns there are.
+    """
+
+    def __init__(self, layouts: Sequence[SignalLayout]) -> None:
+        """Lay the signals side by side.
+
+        Args:
+            layouts: ``tick``, then the others.
+        """
+        self.layouts = {layout.name: layout for layout in layouts}
+        self._columns: dict[str, slice] = {}
+        self.width = 0
+        for layout in layouts[1:]:
+            end = self.width + len(layout.labels)
+            self._columns[layout.name] = slice(self.width, end)
+            self.width = end
+
+    def signals(self, block: Block) -> dict[str, SignalArray]:
+        """Copy all signals out of a block.
+
+        Returns:
+            (count, *shape) in the signal's dtype, by name. A signal that nobody told
+            in any of the block's ticks is left out.
+        """
+        count = block.count
+        found: dict[str, SignalArray] = {"tick": block.ticks[:count].copy()}
+        for name, columns in self._columns.items():
+            layout = self.layouts[name]
+            values = block.rows[:count, columns].astype(layout.dtype)
+            if not is_missing(values):
+                found[name] = values.reshape(count, *layout.shape)
+        return found
+
+
+def is_missing(values: SignalArray) -> bool:
+    """Whether an array of a signal holds nothing but what stands for missing."""
+    missing = np.isnan(values) if values.dtype.kind == "f" else values < 0
+    return bool(missing.all())
+
+
+class TickSink(Protocol):
+    """Where blocks go.
+
+    The block that is being filled is the sink's all the time, so that a run's end needs
+    no word from who fills it.
+    """
+
+    def open(self, form: BlockFormat) -> Block:
+        """Begin; called once, before the first tick.
+
+        Args:
+            form: how the blocks are laid out.
+
+        Returns:
+            A block to fill.
+        """
+
+    def put(self, block: Block) -> Block:
+        """Take a full block.
+
+        Returns:
+            An empty block to fill next.
+        """
+
+
+class TickRecorder:
+    """Rows of numbers, tick by tick; in the loop it only copies."""
+
+    def __init__(self, layouts: Sequence[SignalLayout], sink: TickSink) -> None:
+        """Begin.
+
+        Args:
+            layouts: ``tick``, then the others in the order that :meth:`add` is given.
+            sink: gets the blocks.
+        """
+        self._sink = sink
+        self._block = sink.open(BlockFormat(layouts))
+
+    def add(self, tick: int, parts: Sequence[Array]) -> None:
+        """Take in a tick.
+
+        Args:
+            tick: the robot's counter.
+            parts: flat; one behind the other they are the signals after ``tick``.
+
+        Raises:
+            ValueError: they are more or fewer numbers than that.
+        """
+        block = self._block
+        row = block.count
+        block.ticks[row] = tick
+        np.concatenate(parts, out=block.rows[row])
+        block.count = row + 1
+        if block.count == BLOCK_TICKS:
+            self._block = self._sink.put(block)

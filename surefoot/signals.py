@@ -1,0 +1,326 @@
+"""Signals of a run by name: named arrays at every tick, from memory or from files.
+
+>>> signals = read_signals(Path("out/fast"))
+>>> signals["F_meas"][:, 2]  # normal force on the left sole, at every tick [N]
+>>> print(signals.describe())
+"""
+
+from __future__ import annotations
+
+import difflib
+import logging
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from surefoot.errors import UnknownSignalError, UsageError
+from surefoot.robot_io.errors import TickFileError
+from surefoot.robot_io.ticks.memory import MemoryTicks
+from surefoot.robot_io.ticks.read import TickFileTable, is_tick_file
+from surefoot.robot_io.ticks.recorder import SignalArray, TickSink
+from surefoot.robot_io.ticks.table import TickTable, missing_rows
+from surefoot.robot_io.ticks.write import TickFile
+from surefoot.run_folder import CONTROLLER_TICKS, TICKS
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.signals import BY_NAME, SignalLayout
+
+_LOG = logging.getLogger(__name__)
+
+_SHOWN_LABELS = 12
+_HEADINGS = ("name", "shape", "unit", "frame", "columns", "meaning")
+
+
+class Signals(Mapping[str, SignalArray]):
+    """What is known of a run at every tick, by name.
+
+    ``signals["q"]`` is (n, n_a): the first axis are the ticks, those of the robot and
+    those of the controller joined. Arrays are read when they are first asked for, then
+    kept; they are not to be written. Where nobody told a signal, it is NaN, or -1 for
+    whole numbers.
+
+    Attributes:
+        lost_ticks: ticks that could not be recorded, since the disk was too slow or
+            full.
+        is_cut_off: whether a file has no end; what is whole of it is here.
+    """
+
+    def __init__(self, tables: Sequence[TickTable]) -> None:
+        """Join what the recorders of a run took in.
+
+        Args:
+            tables: of each recorder; the robot's first.
+        """
+        self._tables = list(tables)
+        self._ticks = _join([table.read("tick") for table in tables if len(table)])
+        self._rows = [
+            _rows_at(self._ticks, table.read("tick")) if len(table) else None
+            for table in tables
+        ]
+        self._cache: dict[str, SignalArray] = {}
+        self.lost_ticks = sum(table.lost_ticks for table in tables)
+        self.is_cut_off = any(table.is_cut_off for table in tables)
+        found: dict[str, SignalLayout] = {}
+        for table in reversed(self._tables):
+            found.update(table.layouts)
+        known = [name for name in BY_NAME if name in found]
+        others = [name for name in found if name not in BY_NAME]
+        self._layouts = {name: found[name] for name in (*known, *others)}
+
+    @property
+    def ticks(self) -> SignalArray:
+        """(n,) the robot's counter; the same as ``signals["tick"]``."""
+        return self["tick"]
+
+    @property
+    def count(self) -> int:
+        """How many ticks there are."""
+        return len(self._ticks)
+
+    @property
+    def time_s(self) -> Array:
+        """(n,) the robot's time [s]; the same as ``signals["time_s"]``."""
+        return self["time_s"]
+
+    def layout(self, name: str) -> SignalLayout:
+        """Unit, frame, shape, labels and meaning of a signal.
+
+        Raises:
+            UnknownSignalError: the run has no such signal.
+        """
+        try:
+            return self._layouts[name]
+        except KeyError:
+            raise UnknownSignalError(self._unknown(name)) from None
+
+    def read(self, name: str, start: int, stop: int) -> SignalArray:
+        """Some rows of a signal, without keeping it; for runs that fill the memory.
+
+        Args:
+            name: of the signal.
+            start: first row.
+            stop: row after the last.
+
+        Returns:
+            (stop - start, *shape).
+
+        Raises:
+            UnknownSignalError: the run has no such signal.
+        """
+        layout = self.layout(name)
+        ticks = self._ticks[start:stop]
+        if name == "tick":
+            return ticks
+        values = missing_rows(layout, len(ticks))
+        for table, rows in reversed(list(zip(self._tables, self._rows, strict=True))):
+            if name not in table.layouts or rows is None:
+                continue
+            here = np.flatnonzero(rows[start:stop] >= 0)
+            wanted = rows[start:stop][here]
+            if len(here):
+                first, last = int(wanted.min()), int(wanted.max())
+                found = table.read(name, first, last + 1)
+                # Mostly every tick is there, in order: nothing to sort out then.
+                is_plain = len(found) == len(here) == len(values)
+                values[here] = found if is_plain else found[wanted - first]
+        return values
+
+    def columns(self, start: int, stop: int) -> dict[str, SignalArray]:
+        """Some rows of all signals as plain columns, as tables have them.
+
+        Args:
+            start: first row.
+            stop: row after the last.
+
+        Returns:
+            (stop - start,) each, by name of the column, such as ``F_id.f_z_left``.
+        """
+        found: dict[str, SignalArray] = {}
+        for name, layout in self._layouts.items():
+            values = self.read(name, start, stop)
+            flat = values.reshape(len(values), -1)
+            found.update(zip(layout.columns, flat.T, strict=True))
+        return found
+
+    def describe(self) -> str:
+        """All signals as a text table: name, shape, unit, frame, columns, meaning."""
+        rows = [_HEADINGS, *map(self._described, self._layouts.values())]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = (
+            "  ".join(
+                cell.ljust(width) for cell, width in zip(row, widths, strict=True)
+            )
+            for row in rows
+        )
+        return "\n".join(line.rstrip() for line in lines)
+
+    def __getitem__(self, name: str) -> SignalArray:
+        """(n, *shape) a signal at every tick.
+
+        Raises:
+            UnknownSignalError: the run has no such signal.
+        """
+        if name not in self._cache:
+            values = self.read(name, 0, self.count)
+            values.flags.writeable = False
+            self._cache[name] = values
+        return self._cache[name]
+
+    def __contains__(self, name: object) -> bool:
+        """Whether the run has such a signal."""
+        return name in self._layouts
+
+    def __iter__(self) -> Iterator[str]:
+        """Names, in the order of the table of signals."""
+        return iter(self._layouts)
+
+    def __len__(self) -> int:
+        """How many signals there are."""
+        return len(self._layouts)
+
+    def __repr__(self) -> str:
+        """Say how much there is."""
+        return f"<Signals: {len(self)} signals at {self.count} ticks>"
+
+    def _described(self, layout: SignalLayout) -> tuple[str, ...]:
+        labels = [label for label in layout.labels if label]
+        if len(labels) > _SHOWN_LABELS:
+            labels = [*labels[:2], "...", *labels[-2:]]
+        words = ", ".join(f"{n} {word}" for n, word in enumerate(layout.words))
+        return (
+            layout.name,
+            str((self.count, *layout.shape)),
+            layout.unit,
+            layout.frame or "-",
+            " ".join(labels) or "-",
+            layout.meaning + (f" {words}." if words else ""),
+        )
+
+    def _unknown(self, name: str) -> str:
+        if name in BY_NAME:
+            who = BY_NAME[name].known_by
+            return f"signal {name!r}: this run has none; its {who} told nothing of it"
+        near = difflib.get_close_matches(name, self._layouts, n=3)
+        hint = (
+            f"did you mean {' or '.join(map(repr, near))}?"
+            if near
+            else f"there are {', '.join(self._layouts)}"
+        )
+        return f"signal {name!r}: there is no such signal; {hint}"
+
+
+class TickSinks(NamedTuple):
+    """Where the two sides of a run in one process put the signals of each tick."""
+
+    robot: TickSink
+    controller: TickSink
+
+
+def memory_sinks() -> TickSinks:
+    """Keep the signals of a run in memory, which grows with it."""
+    return TickSinks(MemoryTicks(), MemoryTicks())
+
+
+@contextmanager
+def file_sinks(folder: Path) -> Iterator[TickSinks]:
+    """Write the signals of a run while it goes; the files end whole, however it ends.
+
+    Args:
+        folder: gets the two ticks files.
+
+    Raises:
+        OSError: the disk failed.
+    """
+    with (
+        TickFile(folder / TICKS, may_wait=True) as robot,
+        TickFile(folder / CONTROLLER_TICKS, may_wait=True) as controller,
+    ):
+        yield TickSinks(robot, controller)
+
+
+def read_signals(place: Path) -> Signals:
+    """Read the signals of a run that was recorded.
+
+    Args:
+        place: folder of the run, or one ticks file.
+
+    Raises:
+        UsageError: there is none, or nothing of it can be read.
+    """
+    if not place.is_dir():
+        return Signals([_read_table(place)])
+    tables = []
+    for path in (place / TICKS, place / CONTROLLER_TICKS):
+        if path.exists():
+            try:
+                tables.append(_read_table(path))
+            except UsageError as error:
+                if path.name == TICKS:
+                    raise
+                _LOG.warning("%s", error)
+    if not tables:
+        raise UsageError(
+            f"{place / TICKS}: missing; the run kept no ticks. Make it again with --out"
+        )
+    return Signals(tables)
+
+
+class SignalsInfo(msgspec.Struct, kw_only=True):
+    """The signals of a run in figures."""
+
+    is_cut_off: bool
+    ticks: int
+    first_tick: int | None
+    last_tick: int | None
+    lost_ticks: int
+    """Ticks that a ticks file lacks, since the disk was too slow, or full."""
+    signals: dict[str, list[int]]
+    """Shape of each."""
+
+
+def signals_info(signals: Signals) -> SignalsInfo:
+    """Tell how much there is."""
+    count = signals.count
+    return SignalsInfo(
+        is_cut_off=signals.is_cut_off,
+        ticks=count,
+        first_tick=int(signals.ticks[0]) if count else None,
+        last_tick=int(signals.ticks[-1]) if count else None,
+        lost_ticks=signals.lost_ticks,
+        signals={n: [count, *signals.layout(n).shape] for n in signals},
+    )
+
+
+def holds_signals(place: Path) -> bool:
+    """Whether a place is for :func:`read_signals`: a folder, or a ticks file."""
+    return place.is_dir() or is_tick_file(place)
+
+
+def _read_table(path: Path) -> TickTable:
+    try:
+        return TickFileTable(path)
+    except TickFileError as error:
+        raise UsageError(str(error)) from error
+    except OSError as error:
+        raise UsageError(f"{path}: {error.strerror or error}") from error
+
+
+def _join(ticks: list[SignalArray]) -> SignalArray:
+    """All ticks of all recorders, each once and in order."""
+    if not ticks:
+        return np.zeros(0, dtype=np.int64)
+    joined: SignalArray = np.unique(np.concatenate(ticks))
+    joined.flags.writeable = False
+    return joined
+
+
+def _rows_at(ticks: SignalArray, own: SignalArray) -> SignalArray:
+    """Where a recorder has each tick, -1 where it has not; the last one if twice."""
+    order = np.argsort(own, kind="stable")
+    at = np.searchsorted(own[order], ticks, side="right") - 1
+    rows = order[np.maximum(at, 0)]
+    found: SignalArray = np.where((at >= 0) & (own[rows] == ticks), rows, -1)
+    return found

@@ -1,0 +1,291 @@
+"""Signals by name: the same in memory, files, exports and documentation."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import piqp
+import pyarrow.parquet
+import pytest
+
+import surefoot as sf
+from docs.site_build.signals_page import signals_page
+from surefoot.recording.export import (
+    export_signals_csv,
+    export_signals_npz,
+    export_signals_parquet,
+)
+from surefoot.robot_io.ticks.memory import MemoryTicks
+from surefoot.robot_io.ticks.recorder import TickRecorder
+from surefoot.run_folder import CONTROLLER_TICKS, TICKS
+from surefoot.run_plan import make_plan
+from surefoot.runs import execute
+from surefoot.schemas.signals import QP_WORDS, SIGNALS, lay_out
+from surefoot.signals import file_sinks
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.tick_recorder import ControllerRecorder
+from tests.support import wait_until
+
+SHORT = sf.Scenario(
+    name="short roll",
+    duration_s=0.6,
+    platform=[
+        sf.Platform(
+            foot="both",
+            motion=[sf.SineMotion(axis="roll", amplitude_deg=3.0, frequency_hz=2.0)],
+        )
+    ],
+    sensors=sf.Sensors(force_noise_n=2.0, gyro_noise_rad_s=0.002),
+)
+TICK_COUNT = 600
+SEED = 3
+TIMING = "controller_ms"
+ALL = [signal.name for signal in SIGNALS]
+
+
+@pytest.fixture(scope="module")
+def memory() -> sf.Signals:
+    return sf.simulate("walker", SHORT, seed=SEED).signals
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The same run, inline and over the bus."""
+    made = {}
+    for mode in ("inline", "lockstep"):
+        made[mode] = tmp_path_factory.mktemp(mode) / "run"
+        plan = make_plan(SHORT, robot="walker", seed=SEED, mode=mode)
+        execute(plan, out=made[mode])
+    return made
+
+
+def equal_but_timing(first: sf.Signals, second: sf.Signals) -> None:
+    assert list(first) == list(second)
+    for name in first:
+        assert first.layout(name) == second.layout(name)
+        assert first[name].dtype == second[name].dtype
+        if name != TIMING:
+            assert first[name].tobytes() == second[name].tobytes(), name
+
+
+def test_a_run_has_all_signals_there_are(memory: sf.Signals) -> None:
+    assert list(memory) == ALL
+    for name in memory:
+        assert memory[name].shape == (TICK_COUNT, *memory.layout(name).shape)
+        assert not np.isnan(memory[name].astype(float)).any(), name
+    np.testing.assert_array_equal(memory.ticks, np.arange(TICK_COUNT))
+    np.testing.assert_array_equal(memory.time_s, 1e-3 * np.arange(TICK_COUNT))
+
+
+@pytest.mark.parametrize("mode", ["inline", "lockstep"])
+def test_files_of_one_process_or_two_hold_what_memory_holds(
+    memory: sf.Signals, folders: dict[str, Path], mode: str
+) -> None:
+    equal_but_timing(memory, sf.load_run(folders[mode]).signals)
+    equal_but_timing(memory, sf.read_signals(folders[mode]))
+
+
+def test_one_file_alone_has_its_own_sides_signals(folders: dict[str, Path]) -> None:
+    robot = sf.read_signals(folders["inline"] / TICKS)
+    controller = sf.read_signals(folders["inline"] / CONTROLLER_TICKS)
+    assert set(robot) & set(controller) == {"tick", "time_s"}
+    assert set(robot) | set(controller) == set(ALL)
+
+
+def test_signals_are_what_controller_and_robot_said(memory: sf.Signals) -> None:
+    """Step by step, against the answers themselves."""
+    sim = sf.Simulation("walker", SHORT, seed=SEED, record=True)
+    controller = sf.make_controller("whole-body", sim.robot)
+    for tick in range(50):
+        snapshot = sim.snapshot
+        output = sim.step(controller)
+        assert output is not None
+        np.testing.assert_array_equal(memory["q"][tick], snapshot.q)
+        for name in ("F_id", "F_meas", "com", "com_reference", "base_pose", "r"):
+            np.testing.assert_array_equal(memory[name][tick], getattr(output, name))
+        np.testing.assert_array_equal(memory["v_joint"][tick], output.v_joint)
+        np.testing.assert_array_equal(memory["base_twist"][tick], output.base_twist)
+        assert memory["in_contact"][tick].tolist() == list(output.in_contact or ())
+        assert QP_WORDS[memory["motion_qp"][tick]] == output.motion_qp
+    assert sim.signals.count == 50  # also while it goes on
+
+
+def test_joint_velocities_are_in_the_order_of_the_robot_file(
+    memory: sf.Signals,
+) -> None:
+    """Once faded in, the command moves by them; the order is the command's."""
+    step = np.diff(memory["q_command"][-100:], axis=0) / 1e-3
+    delay = sf.load_scenario("standing").delay.command_ms
+    assert delay == 1.0
+    v_joint = memory["v_joint"][-101:-1]
+    moved = np.abs(v_joint).max(axis=0) > 1e-4
+    assert moved.sum() > 10
+    fade = step[:, moved].sum() / v_joint[: len(step), moved].sum()
+    assert 0.0 < fade <= 1.0 + 1e-9
+    close = np.isclose(step, fade * v_joint[: len(step)], rtol=0.2, atol=1e-4)
+    assert close[:, moved].mean() > 0.9
+
+
+def test_names_and_numbers_are_the_same_in_every_export(
+    memory: sf.Signals, folders: dict[str, Path], tmp_path: Path
+) -> None:
+    signals = sf.read_signals(folders["inline"])
+    columns = [column for name in ALL for column in memory.layout(name).columns]
+    expected = signals.columns(0, TICK_COUNT)
+    assert list(expected) == columns
+    (path,) = export_signals_csv(signals, tmp_path)
+    with path.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == columns
+    (path,) = export_signals_parquet(signals, tmp_path)
+    table = pyarrow.parquet.read_table(path)
+    assert table.column_names == columns
+    for column, values in expected.items():
+        texts = [row[column] for row in rows]
+        np.testing.assert_array_equal([float(text) for text in texts], values)
+        np.testing.assert_array_equal(table[column].to_numpy(), values)
+    assert table.schema.field("F_id.m_x_left").metadata[b"unit"] == b"N m"
+    (path,) = export_signals_npz(signals, tmp_path / "a.npz")
+    with np.load(path) as arrays:
+        assert arrays.files == ALL
+        for name in ALL:
+            np.testing.assert_array_equal(arrays[name], signals[name])
+
+
+def test_the_docs_page_and_describe_tell_every_signal(memory: sf.Signals) -> None:
+    told, page = memory.describe(), signals_page()
+    assert [line.split()[0] for line in told.splitlines()] == ["name", *ALL]
+    for entry in SIGNALS:
+        layout = memory.layout(entry.name)
+        line = next(x for x in told.splitlines() if x.startswith(f"{entry.name} "))
+        for part in (str(memory[entry.name].shape), layout.unit, entry.meaning):
+            assert part in line
+        row = next(x for x in page.splitlines() if x.startswith(f"| `{entry.name}` |"))
+        assert f"| {layout.unit} | {entry.frame} |" in row
+        assert entry.meaning in row
+
+
+def test_an_unknown_name_is_told_with_the_nearest(memory: sf.Signals) -> None:
+    with pytest.raises(KeyError) as told:
+        memory["F_measured"]
+    assert str(told.value) == (
+        "signal 'F_measured': there is no such signal; did you mean 'F_meas'?"
+    )
+    assert "F_measured" not in memory
+    assert memory.get("F_measured") is None
+
+
+def test_what_the_controller_does_not_tell_is_not_there() -> None:
+    signals = sf.simulate("walker", SHORT, controller="hold").signals
+    assert {"q", "true_com", TIMING, "wrench_qp"} <= set(signals)
+    assert not {"F_id", "com", "r", "v_joint", "in_contact"} & set(signals)
+    with pytest.raises(sf.UnknownSignalError, match="its controller told nothing"):
+        signals["F_id"]
+
+
+def test_a_run_without_a_record_says_how_to_get_one() -> None:
+    run = sf.simulate("walker", SHORT, controller="hold", record=False)
+    with pytest.raises(sf.UsageError, match="record=True"):
+        _ = run.signals
+
+
+def test_arrays_cannot_be_written_to(memory: sf.Signals) -> None:
+    with pytest.raises(ValueError, match="read-only"):
+        memory["q"][0] = 0.0
+
+
+def test_ticks_that_one_side_lacks_are_missing_there_alone() -> None:
+    robot, controller = MemoryTicks(), MemoryTicks()
+    clock = [lay_out(name, joints=["a", "b"]) for name in ("tick", "time_s", "q")]
+    recorder = TickRecorder(clock, robot)
+    for tick in (0, 1, 2, 3, 4):
+        recorder.add(tick, (np.array([0.1 * tick]), np.array([tick, -tick])))
+    other = ControllerRecorder(controller, joints=["a", "b"], period_s=0.1)
+    for tick, word in ((1, "ok"), (3, "numerics"), (4, "of another kind"), (6, "ok")):
+        output = ControllerOutput(np.zeros(2), com=np.full(3, tick), wrench_qp=word)
+        other.add(tick, output, duration_ns=tick * 1_000_000)
+    signals = sf.Signals([robot, controller])
+    assert signals.ticks.tolist() == [0, 1, 2, 3, 4, 6]
+    np.testing.assert_allclose(signals.time_s, [0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
+    np.testing.assert_array_equal(signals["q"][:, 0], [0, 1, 2, 3, 4, np.nan])
+    np.testing.assert_array_equal(signals["com"][:, 0], [np.nan, 1, np.nan, 3, 4, 6])
+    words = [QP_WORDS[n] if n >= 0 else "-" for n in signals["wrench_qp"]]
+    assert words == ["-", "ok", "-", "numerics", "other", "ok"]
+    assert "F_id" not in signals
+    np.testing.assert_array_equal(signals.read("com", 2, 4)[:, 1], [np.nan, 3])
+
+
+def test_every_status_of_the_solver_has_its_word() -> None:
+    names = [name for name in vars(piqp.Status) if name.startswith("PIQP_")]
+    assert len(names) > 3
+    words = {name.removeprefix("PIQP_").lower() for name in names} - {"solved"}
+    assert words <= set(QP_WORDS)
+
+
+def test_every_part_of_an_answer_is_a_signal() -> None:
+    parts = {field.name for field in dataclasses.fields(ControllerOutput)}
+    assert parts <= set(ALL)
+
+
+def test_files_end_whole_however_a_run_ends(tmp_path: Path) -> None:
+    sim = None
+
+    def interrupted() -> None:
+        with file_sinks(tmp_path) as sinks:
+            nonlocal sim
+            plan = make_plan(SHORT, robot="walker", controller="hold")
+            sim = sf.Simulation.of_plan(plan, sinks=sinks)
+            controller = sf.make_controller("hold", sim.robot)
+            for _ in range(30):
+                sim.step(controller)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    signals = sf.read_signals(tmp_path)
+    assert (signals.count, signals.is_cut_off) == (30, False)
+
+
+def test_a_killed_run_leaves_readable_ticks(tmp_path: Path) -> None:
+    code = (
+        "import sys, pathlib, surefoot as sf\n"
+        "from surefoot.signals import file_sinks\n"
+        "from surefoot.run_plan import make_plan\n"
+        "plan = make_plan('standing', robot='walker', controller='hold')\n"
+        "with file_sinks(pathlib.Path(sys.argv[1])) as sinks:\n"
+        "    sim = sf.Simulation.of_plan(plan, sinks=sinks)\n"
+        "    sim.run(sf.make_controller('hold', sim.robot))\n"
+    )
+    root = Path(__file__).parents[2]
+    child = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": str(root)},
+    )
+
+    def has_ticks() -> bool:
+        assert child.poll() is None, "ended before it was killed"
+        try:
+            return sf.read_signals(tmp_path).count >= 1024
+        except sf.UsageError:
+            return False
+
+    try:
+        wait_until(has_ticks, what="two blocks of ticks", deadline_s=60.0)
+    finally:
+        child.send_signal(signal.SIGKILL)
+        child.wait()
+    signals = sf.read_signals(tmp_path)
+    assert signals.is_cut_off
+    assert signals.count >= 1024
+    reference = sf.simulate("walker", "standing", controller="hold").signals
+    robot = sf.read_signals(tmp_path / TICKS)
+    for name in robot:
+        expected = reference.read(name, 0, robot.count)
+        np.testing.assert_array_equal(robot[name], expected)
