@@ -164,6 +164,13 @@ PriorityOption = Annotated[
         rich_help_panel=_TIMING,
     ),
 ]
+OverwriteOption = Annotated[
+    bool,
+    typer.Option(
+        "--overwrite",
+        help="Replace files that this command wrote there before; others stay.",
+    ),
+]
 JsonOption = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on stdout and nothing else."),

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from surefoot.cli import options
+
 NEEDED = ("viser", "yourdfpy", "plotly")
 
 
@@ -22,11 +24,11 @@ def report(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Folder of the page; a former report there is replaced, any other "
-            "folder refused. By default `report` in the run's folder, or beside the "
-            "first of several.",
+            help="Folder of the page, new or empty. By default `report` in the run's "
+            "folder, or beside the first of several.",
         ),
     ] = None,
+    overwrite: options.OverwriteOption = False,
     video: Annotated[
         bool,
         typer.Option(
@@ -75,7 +77,14 @@ def report(
         check_drawing(loaded[0], video=video)
     from surefoot.report.page import write_report  # heavy: errors come first
 
-    write_report(loaded, folder, video=video, animation=animation, bar=count_bar)
+    write_report(
+        loaded,
+        folder,
+        overwrite=overwrite,
+        video=video,
+        animation=animation,
+        bar=count_bar,
+    )
     page = folder / "index.html"
     print_text(str(page))
     if open_browser:

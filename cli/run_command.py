@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.errors import UsageError
+from surefoot.errors import ChildFailedError, RunInterrupted, UsageError
 from surefoot.exit_codes import exit_code_for
 
 if TYPE_CHECKING:
@@ -31,10 +31,11 @@ def run(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Keep result, every tick, settings, scenario and logs here. A former "
-            "run there is replaced, any other folder refused.",
+            help="Keep result, every tick, settings, scenario and logs here: a new or "
+            "empty folder.",
         ),
     ] = None,
+    overwrite: options.OverwriteOption = False,
     view: Annotated[
         bool,
         typer.Option("--view", help="Show the run on a live page on this machine."),
@@ -94,25 +95,33 @@ def run(
     if inline and view:
         raise UsageError("--inline uses no bus, so a page would see nothing")
     check_priority(realtime_priority, lockstep=lockstep)
-    with progress_bar(
-        plan.scenario_name, ticks=plan.total_ticks, period_s=plan.robot.period_s
-    ) as on_tick:
-        result = execute(
-            plan,
-            out=out,
-            endpoints=meeting,
-            view_port=view_port if view else None,
-            histogram=histogram,
-            priority=realtime_priority,
-            on_tick=on_tick,
-        ).result
-    if as_json:
-        print_json(result)
-    else:
-        print_table(run_table(result))
-        for name, times in result.histograms.items():
-            print_table(histogram_table(name, times))
-    raise typer.Exit(exit_code_for(result.outcome))
+    error: ChildFailedError | RunInterrupted | None = None
+    try:
+        with progress_bar(
+            plan.scenario_name, ticks=plan.total_ticks, period_s=plan.robot.period_s
+        ) as on_tick:
+            done = execute(
+                plan,
+                out=out,
+                overwrite=overwrite,
+                endpoints=meeting,
+                view_port=view_port if view else None,
+                histogram=histogram,
+                priority=realtime_priority,
+                on_tick=on_tick,
+            )
+    except (ChildFailedError, RunInterrupted) as cut:
+        error, done = cut, cut.run
+    if done is not None:
+        if as_json:
+            print_json(done.result)
+        else:
+            print_table(run_table(done.result))
+            for name, times in done.result.histograms.items():
+                print_table(histogram_table(name, times))
+    if error is not None:
+        raise error
+    raise typer.Exit(exit_code_for(done.result.outcome))
 
 
 def _mode(*, lockstep: bool, inline: bool) -> Mode:

@@ -40,7 +40,7 @@ _HOMES = {
     "stabilizer.errors": ("ControllerError",),
     "errors": (
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
-        *("ChildFailedError", "UnknownSignalError"),
+        *("ChildFailedError", "RunInterrupted", "UnknownSignalError"),
     ),
     "controllers": ("make_controller", "list_controllers"),
     "signals": ("Signals", "read_signals"),
@@ -74,6 +74,7 @@ if TYPE_CHECKING:
     from surefoot.controllers import make_controller as make_controller
     from surefoot.errors import ChildFailedError as ChildFailedError
     from surefoot.errors import EnvironmentFailedError as EnvironmentFailedError
+    from surefoot.errors import RunInterrupted as RunInterrupted
     from surefoot.errors import SurefootError as SurefootError
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 ERROR_PREFIX = "surefoot:"
 """What every error of a command begins with; a parent finds its children's by it."""
 
@@ -31,9 +33,26 @@ class ChildFailedError(SurefootError):
 
     Attributes:
         exit_code: what this process should exit with.
+        run: what there is of the run, a :class:`surefoot.Run`; None for nothing.
     """
+
+    run: Any = None
 
     def __init__(self, message: str, *, exit_code: int) -> None:
         """Keep the exit code beside the message."""
         super().__init__(message)
         self.exit_code = exit_code
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """A run was ended by Ctrl-C or SIGTERM.
+
+    Attributes:
+        run: what there is of it, a :class:`surefoot.Run` with the outcome
+            ``interrupted``; None for nothing.
+    """
+
+    def __init__(self, run: Any) -> None:
+        """Keep what there is of the run."""
+        super().__init__("the run was interrupted")
+        self.run = run

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import shutil
 import sys
-import tempfile
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from types import TracebackType
 from typing import Any, TypeVar
 
 import msgspec
 
-from surefoot.errors import EnvironmentFailedError, UsageError
+from surefoot.errors import UsageError
+from surefoot.out_folder import OutFolder
 from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.run_plan import RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
@@ -30,106 +30,30 @@ QP_FAILURE = "qp-failure.npz"
 _PACKAGES = ("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy", "msgspec")
 _T = TypeVar("_T", bound=msgspec.Struct)
 MARKER = "run.json"
-"""Every folder of a run holds this file; a folder without it is not overwritten."""
+"""Every folder of a run holds this file; a folder without it is no run."""
+_ENDS = ("", ".partial")
 
 
-def make_out_folder(folder: Path, *, out: Path) -> None:
-    """Make a folder, with those above it.
+RUN_FILES = (
+    *(MARKER, RESULT, SETTINGS, SCENARIO, RELAY, QP_FAILURE),
+    *(f"{name}{end}" for name in (TICKS, CONTROLLER_TICKS, RECORD) for end in _ENDS),
+    *("robot.log", "stabilizer.log", "recorder.log", "relay.log", "view.log"),
+    *("plant.json", "controller.json", "relay.json"),
+    *("endpoints.toml", "beyond-endpoints.toml"),
+)
+"""Everything a run writes; nothing else in its folder is ever touched."""
+
+
+def run_folder(out: Path | None, *, overwrite: bool = False) -> OutFolder:
+    """The folder of a run that is about to begin.
 
     Args:
-        folder: to be made; may be there already.
-        out: what the user gave, for the message.
-
-    Raises:
-        UsageError: something on the way is a file.
-        EnvironmentFailedError: it cannot be made or written to.
+        out: where it goes; None for a run that keeps nothing.
+        overwrite: replace the files of a former run there.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".{out.name}.probe"
-        probe.touch()
-        probe.unlink()
-    except (FileExistsError, NotADirectoryError) as error:
-        raise UsageError(f"--out {out}: {folder} is not a folder") from error
-    except OSError as error:
-        raise EnvironmentFailedError(
-            f"--out {out}: cannot write in {folder} ({error.strerror or error}); name "
-            "a folder that can be written to, on a disk with room"
-        ) from error
-
-
-class RunDirectory:
-    """Collects the files of a run and gives the folder its name at the end.
-
-    ``with RunDirectory(out) as run: ... run.path / "result.json"``. Whatever stood
-    under the name before stays whole until :meth:`keep` has put the new folder in
-    its place; without :meth:`keep` (a failure before anything was worth keeping,
-    Ctrl-C) nothing is left behind.
-
-    Attributes:
-        out: where the folder goes; None for a run that keeps nothing.
-        path: where files are written meanwhile.
-    """
-
-    def __init__(
-        self, out: Path | None, *, marker: str = MARKER, content: str = "a run"
-    ) -> None:
-        """Check the name before any work is done.
-
-        Args:
-            out: where the folder goes; None for a run that keeps nothing.
-            marker: file that every folder of its kind holds.
-            content: what such a folder is, for errors.
-
-        Raises:
-            UsageError: something of another kind stands under this name.
-            EnvironmentFailedError: nothing can be written there.
-        """
-        self.out, self._marker, self._content = out, marker, content
-        if out is None:
-            self.path = Path(tempfile.mkdtemp(prefix="surefoot-"))
-            return
-        self._check_free(out)
-        make_out_folder(out.parent, out=out)
-        self.path = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-        self.path.chmod(0o755)
-
-    def __enter__(self) -> RunDirectory:
-        """Give itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Remove what was not kept."""
-        shutil.rmtree(self.path, ignore_errors=True)
-
-    def keep(self) -> None:
-        """Put the folder in its place; a former run there is replaced."""
-        if self.out is None:
-            return
-        self._check_free(self.out)
-        former = None
-        if self.out.exists():
-            former = Path(tempfile.mkdtemp(prefix=".former-", dir=self.out.parent))
-            self.out.rename(former / "run")
-        self.path.rename(self.out)
-        if former is not None:
-            shutil.rmtree(former, ignore_errors=True)
-
-    def _check_free(self, out: Path) -> None:
-        if not out.exists():
-            return
-        if not out.is_dir():
-            raise UsageError(f"--out {out}: is a file, expected a folder or a new name")
-        if any(out.iterdir()) and not (out / self._marker).is_file():
-            raise UsageError(
-                f"--out {out}: holds other files than {self._content} of surefoot; "
-                "name an empty or new folder"
-            )
+    return OutFolder(
+        out, marker=MARKER, content="a run", ours=RUN_FILES, overwrite=overwrite
+    )
 
 
 def write_inputs(folder: Path, plan: RunPlan) -> None:
@@ -159,16 +83,16 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
     (folder / MARKER).write_bytes(msgspec.json.format(msgspec.json.encode(about)))
 
 
-def write_result(folder: RunDirectory, result: RunResult) -> RunResult:
-    """Write the figures of a run and put its folder in place.
+def write_result(folder: OutFolder, result: RunResult) -> RunResult:
+    """Write the figures of a run, the last of its files.
 
     Returns:
         The figures, with the folder's name in them.
     """
-    out = None if folder.out is None else str(folder.out)
-    result = msgspec.structs.replace(result, out=out)
+    out = None if folder.out is None else os.fsencode(folder.out)
+    name = None if out is None else out.decode("utf-8", "replace")
+    result = msgspec.structs.replace(result, out=name)
     write_struct(folder.path / RESULT, result)
-    folder.keep()
     return result
 
 
@@ -183,12 +107,17 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
             f"{folder}: no such folder; `surefoot run SCENARIO --out {folder}` makes "
             "one"
         )
-    for name, why in (
-        (MARKER, "not the folder of a run; name what `surefoot run --out` was given"),
-        (RESULT, "the run did not finish; its logs (*.log) say why"),
-    ):
-        if not (folder / name).is_file():
-            raise UsageError(f"{folder}: {name} is missing: {why}")
+    if not (folder / MARKER).is_file():
+        raise UsageError(
+            f"{folder}: not the folder of a run, {MARKER} is missing; name what "
+            "`surefoot run --out` was given"
+        )
+    if not (folder / RESULT).is_file():
+        raise UsageError(
+            f"{folder}: the run was cut off, {RESULT} is missing. Its logs (*.log) say "
+            f"why; `surefoot log info {folder}` shows what was recorded, `surefoot log "
+            f"export {folder}` takes it"
+        )
     try:
         result = read_struct(folder / RESULT, RunResult)
         about: dict[str, Any] = msgspec.json.decode((folder / MARKER).read_bytes())

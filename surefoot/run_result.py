@@ -7,8 +7,10 @@ from typing import NamedTuple
 
 from surefoot.outcome import judge
 from surefoot.run_plan import RunPlan
+from surefoot.schemas.reasons import EndReason
 from surefoot.schemas.result import (
     ControllerResult,
+    Distribution,
     PlantResult,
     RelayResult,
     RunResult,
@@ -16,11 +18,33 @@ from surefoot.schemas.result import (
 
 
 class Sides(NamedTuple):
-    """What the two sides of a run measured."""
+    """What the two sides of a run measured.
+
+    Attributes:
+        plant: the robot's side.
+        controller: the stabilizer's; None when its process left nothing.
+        relay: of the relay between them, if there was one.
+    """
 
     plant: PlantResult
-    controller: ControllerResult
+    controller: ControllerResult | None
     relay: RelayResult | None = None
+
+
+_NOTHING = ControllerResult(
+    ticks=0,
+    tick_ms=Distribution(median=0.0, p99=0.0, max=0.0),
+    force_error_rms_n=[0.0, 0.0],
+    qp_failures=0,
+    stale_snapshots=0,
+    degraded_ticks=0,
+    lost_sensors={},
+    balancing_ticks=0,
+    balancing_failures=0,
+    end=EndReason.NONE,
+    end_detail="its process left nothing",
+)
+"""Figures of a stabilizer whose process died."""
 
 
 def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunResult:
@@ -31,13 +55,14 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         sides: what was measured.
         out: folder of the run, if it is kept.
     """
-    plant, controller, relay = sides
+    plant, answered, relay = sides
     outcome, detail = judge(
         plant,
-        controller,
+        answered,
         is_realtime=plan.mode == "realtime",
         period_s=plan.robot.period_s,
     )
+    controller = answered or _NOTHING
     return RunResult(
         scenario=plan.scenario_name,
         controller=plan.controller,

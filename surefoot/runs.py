@@ -9,11 +9,19 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from surefoot.errors import ChildFailedError, UsageError
+from surefoot.errors import ChildFailedError, RunInterrupted, UsageError
+from surefoot.out_folder import OutFolder
+from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.robot import Robot
-from surefoot.run_folder import RunDirectory, read_run, write_inputs, write_result
+from surefoot.run_folder import (
+    read_run,
+    run_folder,
+    write_inputs,
+    write_result,
+)
 from surefoot.run_plan import Mode, RunPlan, Settings, make_plan
 from surefoot.run_result import join_result
+from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
@@ -53,6 +61,33 @@ class Run:
                 "this run kept no signals; make it with record=True, or with a folder"
             )
         return read_signals(self.folder)
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it went: ``stood``, ``fell``, ``held``, ...; see :class:`Outcome`."""
+        return self.result.outcome
+
+    def save(self, folder: str | Path, *, overwrite: bool = False) -> Run:
+        """Keep it in a folder, as ``surefoot run --out`` would.
+
+        Args:
+            folder: a new or empty one.
+            overwrite: replace the files of a former run there.
+
+        Returns:
+            The run as it is kept there.
+
+        Raises:
+            UsageError: the folder cannot be used, or the run was made without
+                ``record=True``.
+        """
+        signals = self.signals
+        with run_folder(Path(folder), overwrite=overwrite) as place:
+            write_inputs(place.path, self.plan)
+            with file_sinks(place.path) as sinks:
+                signals.copy_to(sinks)
+            result = write_result(place, self.result)
+        return Run(result, self.plan, Path(folder))
 
     @property
     def robot(self) -> Robot:
@@ -133,6 +168,9 @@ def run_inline(
             memory.
         histogram: whether the result holds one of the controller's times.
         on_tick: told each tick.
+
+    Raises:
+        RunInterrupted: Ctrl-C or SIGTERM; holds what there is of the run.
     """
     if plan.relay is None:
         from surefoot.simulation import Simulation as Kind
@@ -142,14 +180,19 @@ def run_inline(
     with _sinks(folder) if record else nullcontext() as sinks:
         sim = Kind.of_plan(plan, sinks=sinks)
         law = _made(controller, plan)
-        sim.run(law, on_tick=on_tick)
+        stop = StopRequest()
+        with stop.on_signals():
+            sim.run(law, on_tick=on_tick, stop=stop)
     if folder is not None:
         sim.write(folder)
-    return Run(
+    done = Run(
         result=sim.result(histogram=histogram),
         plan=plan,
         recorded=sim.signals if record and folder is None else None,
     )
+    if stop.is_set and not sim.finished:
+        raise RunInterrupted(done)
+    return done
 
 
 def run(
@@ -215,6 +258,7 @@ def execute(
     plan: RunPlan,
     *,
     out: Path | None = None,
+    overwrite: bool = False,
     endpoints: Endpoints | None = None,
     view_port: int | None = None,
     histogram: bool = False,
@@ -226,6 +270,7 @@ def execute(
     Args:
         plan: what to run.
         out: a new folder that keeps everything; None keeps nothing.
+        overwrite: replace the files of a former run there.
         endpoints: where two processes meet; on a private bus when None.
         view_port: serve a live page of two processes at this port; None for no page.
         histogram: whether the result holds those of all times.
@@ -233,44 +278,74 @@ def execute(
         on_tick: called with the present tick now and then.
 
     Raises:
-        ChildFailedError: one of the processes failed; the folder then keeps the logs.
+        ChildFailedError: one of the processes failed; the folder keeps the logs, and
+            the error holds what there is of the run.
+        RunInterrupted: Ctrl-C or SIGTERM; the folder keeps what was recorded, and the
+            error holds what there is of the run.
         UsageError: the folder cannot be used.
     """
     check_controller(plan.controller)
     on_tick = on_tick or _unheard
-    with RunDirectory(out) as folder:
+    with run_folder(out, overwrite=overwrite) as folder:
         write_inputs(folder.path, plan)
+        result: RunResult | None
+        error: ChildFailedError | KeyboardInterrupt | None = None
         if plan.mode == "inline":
-            result = run_inline(
-                plan,
-                record=out is not None,
-                folder=folder.path,
-                histogram=histogram,
-                on_tick=on_tick,
-            ).result
+            result, error = _inline(plan, folder, histogram=histogram, on_tick=on_tick)
         else:
+            folder.keeps = True  # the logs of a failed run are what is needed next
             from surefoot.endpoints import private_bus
             from surefoot.processes.bus_run import run_processes
 
             bus = private_bus() if endpoints is None else nullcontext(endpoints)
-            try:
-                with bus as meeting:
-                    sides = run_processes(
-                        plan,
-                        folder.path,
-                        endpoints=meeting,
-                        record=out is not None,
-                        on_tick=on_tick,
-                        view_port=view_port,
-                        histogram=histogram,
-                        priority=priority,
-                    )
-            except ChildFailedError:
-                # The logs of a failed run are what its user needs next.
-                folder.keep()
-                raise
-            result = join_result(plan, sides)
-        return Run(write_result(folder, result), plan, out)
+            with bus as meeting:
+                sides, error = run_processes(
+                    plan,
+                    folder.path,
+                    endpoints=meeting,
+                    record=out is not None,
+                    on_tick=on_tick,
+                    view_port=view_port,
+                    histogram=histogram,
+                    priority=priority,
+                )
+            result = None if sides is None else join_result(plan, sides)
+        run = None
+        if result is not None:
+            run = Run(write_result(folder, result), plan, out)
+        if isinstance(error, KeyboardInterrupt):
+            raise RunInterrupted(run) from error
+        if error is not None:
+            error.run = run
+            raise error
+        assert run is not None
+        return run
+
+
+def _inline(
+    plan: RunPlan,
+    folder: OutFolder,
+    *,
+    histogram: bool,
+    on_tick: Callable[[int], None],
+) -> tuple[RunResult, KeyboardInterrupt | None]:
+    """Run in this process, in a folder; figures, and what cut the run short."""
+
+    def begun(tick: int) -> None:
+        folder.keeps = True
+        on_tick(tick)
+
+    try:
+        run = run_inline(
+            plan,
+            record=folder.out is not None,
+            folder=folder.path,
+            histogram=histogram,
+            on_tick=begun,
+        )
+    except RunInterrupted as interrupt:
+        return interrupt.run.result, interrupt
+    return run.result, None
 
 
 def _sinks(folder: Path | None) -> AbstractContextManager[TickSinks]:

@@ -21,7 +21,12 @@ from surefoot.errors import UnknownSignalError, UsageError
 from surefoot.robot_io.errors import TickFileError
 from surefoot.robot_io.ticks.memory import MemoryTicks
 from surefoot.robot_io.ticks.read import TickFileTable, is_tick_file
-from surefoot.robot_io.ticks.recorder import SignalArray, TickSink
+from surefoot.robot_io.ticks.recorder import (
+    BLOCK_TICKS,
+    BlockFormat,
+    SignalArray,
+    TickSink,
+)
 from surefoot.robot_io.ticks.table import TickTable, missing_rows
 from surefoot.robot_io.ticks.write import TickFile
 from surefoot.run_folder import CONTROLLER_TICKS, TICKS
@@ -144,6 +149,28 @@ class Signals(Mapping[str, SignalArray]):
             flat = values.reshape(len(values), -1)
             found.update(zip(layout.columns, flat.T, strict=True))
         return found
+
+    def copy_to(self, sinks: TickSinks) -> None:
+        """Hand everything on, as the recorders of the run did.
+
+        Args:
+            sinks: one for each recorder: the robot's, then the controller's.
+        """
+        for table, sink in zip(self._tables, sinks, strict=False):
+            layouts = list(table.layouts.values())
+            block = sink.open(BlockFormat(layouts))
+            count = len(table)
+            for start in range(0, count, BLOCK_TICKS):
+                stop = min(start + BLOCK_TICKS, count)
+                block.ticks[: stop - start] = table.read("tick", start, stop)
+                columns = [
+                    table.read(layout.name, start, stop).reshape(stop - start, -1)
+                    for layout in layouts[1:]
+                ]
+                block.rows[: stop - start] = np.hstack(columns)
+                block.count = stop - start
+                if stop - start == BLOCK_TICKS:
+                    block = sink.put(block)
 
     def describe(self) -> str:
         """All signals as a text table: name, shape, unit, frame, columns, meaning."""

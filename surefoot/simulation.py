@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from surefoot.errors import UsageError
+from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
@@ -233,16 +234,22 @@ class Simulation:
         return output
 
     def run(
-        self, controller: Any, *, on_tick: Callable[[int], None] | None = None
+        self,
+        controller: Any,
+        *,
+        on_tick: Callable[[int], None] | None = None,
+        stop: StopRequest | None = None,
     ) -> None:
         """Advance to the end of the scenario, or to the fall.
 
         Args:
             controller: as for :meth:`step`.
             on_tick: told each tick.
+            stop: ends the run after a tick.
         """
+        stop = stop or StopRequest()
         with quiet_interpreter():
-            while not self.finished:
+            while not self.finished and not stop.is_set:
                 self.step(controller)
                 if on_tick is not None:
                     on_tick(self.tick)

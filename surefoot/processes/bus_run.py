@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from queue import Empty, SimpleQueue
+from typing import NamedTuple
 
 from surefoot.endpoints import ENDPOINTS, loopback_endpoints, write_endpoints
 from surefoot.errors import ChildFailedError
@@ -158,6 +159,18 @@ def start_live_page(
         raise
 
 
+class BusRun(NamedTuple):
+    """How two processes ended.
+
+    Attributes:
+        sides: what they measured; None when the robot's process left nothing.
+        error: what cut the run short; None for a run that went to its end.
+    """
+
+    sides: Sides | None
+    error: ChildFailedError | KeyboardInterrupt | None
+
+
 def run_processes(
     plan: RunPlan,
     folder: Path,
@@ -168,8 +181,8 @@ def run_processes(
     view_port: int | None = None,
     histogram: bool = False,
     priority: int | None = None,
-) -> Sides:
-    """Start robot, recorder and stabilizer, waits for the end, stops all.
+) -> BusRun:
+    """Start robot, recorder and stabilizer, wait for the end, stop all.
 
     Neither waits a fixed time for the other: the stabilizer dials until the robot's
     liveliness token is there, and the robot's clock starts with its commander.
@@ -185,8 +198,8 @@ def run_processes(
         histogram: whether the results hold those of all times.
         priority: of SCHED_FIFO for the two; None for ordinary processes.
 
-    Raises:
-        ChildFailedError: one of the two failed, or the relay between them.
+    Returns:
+        What was measured, also of a run that was cut short, and what did that.
     """
     plant_file, controller_file = folder / "plant.json", folder / "controller.json"
     relay_file = folder / "relay.json"
@@ -217,6 +230,8 @@ def run_processes(
         stabilizer_argv += ["--record-file", str(folder / CONTROLLER_TICKS)]
     events: SimpleQueue[Event] = SimpleQueue()
     children: list[Child] = []
+    error: ChildFailedError | KeyboardInterrupt | None = None
+    relay: Child | None = None
 
     def start(name: str, words: list[str]) -> Child:
         child = Child(name, words, log=folder / f"{name}.log", events=events)
@@ -235,7 +250,6 @@ def run_processes(
         if record:
             recorder = start("recorder", recorder_argv(plan, folder, meeting))
             await_recorder(recorder, events=events)
-        relay = None
         if plan.relay_path is not None:
             words = _relay_argv(plan, plan.relay_path, endpoints, beyond)
             relay = start("relay", [*words, "--result-file", str(relay_file)])
@@ -243,31 +257,43 @@ def run_processes(
         supervise(robot, stabilizer, events=events, on_tick=on_tick, between=relay)
         if recorder is not None:
             see_recorder_off(recorder)
+    except (ChildFailedError, KeyboardInterrupt) as cut:
+        error = cut
     finally:
         for child in children:
             child.ask_to_end()
         for child in children:
             child.stop()
-    sides = Sides(
-        plant=read_struct(plant_file, PlantResult),
-        controller=read_struct(controller_file, ControllerResult),
-        relay=None if relay is None else _relay_result(relay, relay_file),
-    )
-    relay_file.unlink(missing_ok=True)
-    for file in (plant_file, controller_file, meeting, beyond_file):
-        file.unlink()
-    return sides
+    sides = None
+    if plant_file.is_file():
+        has_answered = controller_file.is_file()
+        sides = Sides(
+            plant=read_struct(plant_file, PlantResult),
+            controller=(
+                read_struct(controller_file, ControllerResult) if has_answered else None
+            ),
+            relay=_relay_result(relay, relay_file, error),
+        )
+    for file in (plant_file, controller_file, relay_file, meeting, beyond_file):
+        file.unlink(missing_ok=True)
+    return BusRun(sides, error)
 
 
-def _relay_result(relay: Child, file: Path) -> RelayResult:
-    """Return what a relay counted, once it has ended.
+def _relay_result(
+    relay: Child | None, file: Path, error: BaseException | None
+) -> RelayResult | None:
+    """Return what a relay counted; None without one, or when it was cut short.
 
     Raises:
-        ChildFailedError: it ended without a word of it.
+        ChildFailedError: it ended by itself and left nothing.
     """
-    if not file.is_file():
+    if relay is None:
+        return None
+    if file.is_file():
+        return read_struct(file, RelayResult)
+    if error is None:
         raise failure(relay, relay.wait(0.0) or ExitCode.FAILED)
-    return read_struct(file, RelayResult)
+    return None
 
 
 def _robot_argv(plan: RunPlan, folder: Path) -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from surefoot.out_folder import OutFolder
 from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves
 from surefoot.report.panels import RUN_COLOURS, marks_of, panel_groups
@@ -17,12 +18,16 @@ from surefoot.report.run_data import RunData
 from surefoot.report.scene_page import frame_rows, scene_page
 from surefoot.report.tables import figure_rows, sentence, setting_rows
 from surefoot.report.video import draw_animation, draw_video
-from surefoot.run_folder import RunDirectory
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP
 
 HERE = Path(__file__).parent
 REPORT_MARKER = "report.json"
+REPORT_FILES = (
+    *(REPORT_MARKER, "index.html", "scene-*.html"),
+    *("video-*.mp4", "thumbnail-*.png", "animation-*.webp"),
+)
+"""Everything a report writes."""
 """Every folder of a report holds this file; a folder without it is not overwritten."""
 LEGEND = (
     (MEASURED, "measured force of the ground, 1 m per kN"),
@@ -165,6 +170,7 @@ def write_report(
     runs: list[RunData],
     out: Path,
     *,
+    overwrite: bool = False,
     video: bool = False,
     animation: bool = False,
     bar: CountBar = no_bar,
@@ -173,16 +179,23 @@ def write_report(
 
     Args:
         runs: shown on the page.
-        out: its folder; a former report there is replaced.
+        out: its folder.
+        overwrite: replace the files of a former report there.
         video: also a video and a still of each run.
         animation: also a short loop of each run.
         bar: shows how many frames are drawn.
 
     Raises:
-        UsageError: something else than a report stands there.
+        UsageError: something stands there.
     """
     shape = RobotShape(runs[0].robot)
-    with RunDirectory(out, marker=REPORT_MARKER, content="a report") as folder:
+    with OutFolder(
+        out,
+        marker=REPORT_MARKER,
+        content="a report",
+        ours=REPORT_FILES,
+        overwrite=overwrite,
+    ) as folder:
         media = [
             _media(
                 folder.path,
@@ -196,7 +209,6 @@ def write_report(
             for index, run in enumerate(runs, start=1)
         ]
         write_page(folder.path, runs, media)
-        folder.keep()
 
 
 def _media(

@@ -11,8 +11,8 @@ from typing import Any, BinaryIO, Self
 import msgspec
 
 from surefoot.errors import UsageError
+from surefoot.out_folder import make_out_folder
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.run_folder import make_out_folder
 from surefoot.studies.cell import Row
 
 STUDY, RUNS = "study.json", "runs.jsonl"

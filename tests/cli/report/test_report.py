@@ -15,12 +15,11 @@ pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view
 
 from surefoot.errors import UsageError
 from surefoot.report.curves import com_error, curves
-from surefoot.report.page import REPORT_MARKER
+from surefoot.report.page import write_report
 from surefoot.report.panels import panel_groups
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.scene_page import frame_rows, state_at
 from surefoot.report.tables import figure_rows, setting_rows
-from surefoot.run_folder import RunDirectory
 from surefoot.schemas.result import RunResult
 from surefoot.sim_robot.metrics import COM_FROM_S
 from tests.cli.report.runs import make_report, make_run
@@ -210,7 +209,7 @@ def test_other_mistakes_are_told(folder: Path, tmp_path: Path) -> None:
     taken.mkdir()
     (taken / "mine.txt").write_text("mine")
     with pytest.raises(UsageError, match="other files than a report"):
-        RunDirectory(taken, marker=REPORT_MARKER, content="a report")
+        write_report(load_runs([run]), taken)
     assert [path.name for path in taken.iterdir()] == ["mine.txt"]
 
 

@@ -1,0 +1,168 @@
+"""A folder that a command fills: claimed at the start, others' files left alone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Collection
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from surefoot.errors import EnvironmentFailedError, UsageError
+
+try:
+    import fcntl
+except ImportError:  # no POSIX: two runs into one folder are then not told apart
+    fcntl = None  # type: ignore[assignment]
+
+
+def make_out_folder(folder: Path, *, out: Path) -> None:
+    """Make a folder, with those above it, and see that files can be written there.
+
+    Args:
+        folder: to be made; may be there already.
+        out: what the user gave, for the message.
+
+    Raises:
+        UsageError: something on the way is a file, or a link to nothing.
+        EnvironmentFailedError: it cannot be made or written to.
+    """
+    if folder.is_symlink() and not folder.exists():
+        raise UsageError(f"--out {out}: is a link to nothing; name a folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (FileExistsError, NotADirectoryError) as error:
+        raise UsageError(
+            f"--out {out}: {folder} is a file, expected a folder or a new name"
+        ) from error
+    except OSError as error:
+        raise EnvironmentFailedError(
+            f"--out {out}: cannot write in {folder} ({error.strerror or error}); name "
+            "a folder that can be written to, on a disk with room"
+        ) from error
+
+
+class OutFolder:
+    """Claims a folder for the files of one command. A context manager.
+
+    Everything that can be wrong with it is found when it is entered, before any work is
+    done. Files are written in place, so what a killed process leaves is there to be
+    read. Files of ours that stand there from before are removed only on request,
+    anybody else's never. An error takes away what was written, unless it is worth
+    keeping (:attr:`keeps`).
+
+    Attributes:
+        out: as the user gave it; None for files that nobody keeps.
+        path: where to write.
+        keeps: whether an error leaves the files where they are.
+    """
+
+    def __init__(
+        self,
+        out: Path | None,
+        *,
+        marker: str,
+        content: str,
+        ours: Collection[str],
+        overwrite: bool = False,
+    ) -> None:
+        """Say what is to be claimed.
+
+        Args:
+            out: the folder; None for a temporary one.
+            marker: file that every folder of its kind holds.
+            content: what such a folder is, for errors, such as "a run".
+            ours: patterns of the names of all files that the command writes.
+            overwrite: remove our own files of before.
+        """
+        self.out = out
+        self.keeps = False
+        self._marker, self._content, self._ours = marker, content, tuple(ours)
+        self._overwrite = overwrite
+        self._is_new = False
+        self._lock: int | None = None
+        self.path = Path() if out is None else out
+
+    def __enter__(self) -> Self:
+        """Claim the folder.
+
+        Raises:
+            UsageError: it is in use, or holds something.
+            EnvironmentFailedError: nothing can be written there.
+        """
+        if self.out is None:
+            self.path = Path(tempfile.mkdtemp(prefix="surefoot-"))
+            return self
+        self._is_new = not self.out.exists()
+        make_out_folder(self.out, out=self.out)
+        self._take_lock()
+        try:
+            self._check_content()
+        except BaseException:
+            self._release()
+            raise
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Release the folder; without anything worth keeping it is as before."""
+        if self.out is None:
+            shutil.rmtree(self.path, ignore_errors=True)
+            return
+        if error is not None and not self.keeps:
+            self._remove_ours()
+            if self._is_new:
+                with suppress(OSError):  # somebody else put something there
+                    self.path.rmdir()
+        self._release()
+
+    def _take_lock(self) -> None:
+        """Lock the folder itself: the system forgets that when this process ends."""
+        if fcntl is None:
+            return
+        self._lock = os.open(self.path, os.O_RDONLY)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self._release()
+            raise UsageError(
+                f"--out {self.out}: another command is writing there now; name "
+                "another folder, or wait for it"
+            ) from error
+        except OSError:  # a file system without locks
+            self._release()
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+    def _check_content(self) -> None:
+        if not any(self.path.iterdir()):
+            return
+        if not (self.path / self._marker).is_file():
+            raise UsageError(
+                f"--out {self.out}: holds other files than {self._content} of "
+                "surefoot; name an empty or new folder"
+            )
+        if not self._overwrite:
+            raise UsageError(
+                f"--out {self.out}: holds {self._content} already; name another "
+                "folder, or give --overwrite to replace its files"
+            )
+        self._remove_ours()
+
+    def _remove_ours(self) -> None:
+        for pattern in self._ours:
+            for file in self.path.glob(pattern):
+                if file.is_file() or file.is_symlink():
+                    file.unlink()

@@ -1,0 +1,222 @@
+"""Folders that commands fill: nothing of anybody else is touched, nothing is lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import msgspec
+import pytest
+
+import surefoot as sf
+from surefoot.out_folder import OutFolder
+from surefoot.run_folder import MARKER, RUN_FILES, run_folder
+from surefoot.run_plan import make_plan
+from surefoot.runs import execute
+from surefoot.schemas.reasons import Outcome
+from tests.support import wait_until
+
+LONG = 'name = "long"\nduration_s = 600.0\n'
+
+
+def former_run(out: Path) -> None:
+    with run_folder(out) as folder:
+        for name in (MARKER, "result.json", "robot.log", "ticks.mcap"):
+            (folder.path / name).write_text("former")
+
+
+def names(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+def test_a_former_run_is_replaced_only_on_request_and_nothing_else(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "run"
+    former_run(out)
+    (out / "notes.md").write_text("mine")
+    (out / "report").mkdir()
+    (out / "report" / "index.html").write_text("page")
+    with pytest.raises(sf.UsageError, match="give --overwrite"), run_folder(out):
+        pass
+    assert (out / "result.json").read_text() == "former"
+    with run_folder(out, overwrite=True) as folder:
+        (folder.path / MARKER).write_text("new")
+    assert names(out) == {MARKER, "notes.md", "report"}
+    assert (out / "notes.md").read_text() == "mine"
+    assert (out / "report" / "index.html").read_text() == "page"
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_folder_that_is_no_run_is_refused(tmp_path: Path, overwrite: bool) -> None:
+    (tmp_path / "settings.toml").write_text("mine")
+    with (
+        pytest.raises(sf.UsageError, match="holds other files"),
+        run_folder(tmp_path, overwrite=overwrite),
+    ):
+        pass
+    assert (tmp_path / "settings.toml").read_text() == "mine"
+
+
+def test_a_folder_in_use_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with run_folder(out) as first:
+        with pytest.raises(sf.UsageError, match="is writing there now"):
+            run_folder(out).__enter__()
+        (first.path / MARKER).write_text("first")
+    with run_folder(out, overwrite=True):
+        pass
+
+
+def test_names_that_are_no_plain_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, link, real = tmp_path / "file", tmp_path / "link", tmp_path / "real"
+    file.write_text("mine")
+    real.mkdir()
+    link.symlink_to(real)
+    (tmp_path / "broken").symlink_to(tmp_path / "nothing")
+    for bad in (file, file / "run", tmp_path / "broken"):
+        with pytest.raises(sf.UsageError, match="--out"), run_folder(bad):
+            pass
+    former_run(link)
+    assert MARKER in names(real)
+    assert link.is_symlink()
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    monkeypatch.chdir(empty)
+    former_run(Path())
+    assert MARKER in names(empty)
+    assert file.read_text() == "mine"
+
+
+def test_an_error_before_anything_is_worth_keeping_leaves_no_trace(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "deep" / "run"
+    scenario = sf.Scenario(
+        name="x",
+        duration_s=1.0,
+        push=[sf.Push(body="tail", force_n=(1.0, 0.0, 0.0), start_s=0, duration_s=1)],
+    )
+    plan = make_plan(scenario)
+    with pytest.raises(sf.ScenarioError, match="tail"):
+        execute(plan, out=out)
+    assert not out.exists()
+
+
+def test_without_a_name_nothing_stays() -> None:
+    with OutFolder(None, marker=MARKER, content="a run", ours=RUN_FILES) as folder:
+        (folder.path / "robot.log").touch()
+    assert not folder.path.exists()
+
+
+def start(folder: Path, *words: str) -> subprocess.Popen[str]:
+    scenario = folder / "long.toml"
+    scenario.write_text(LONG)
+    return subprocess.Popen(
+        [
+            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
+            *("--out", str(folder / "run"), *words),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def recorded_ticks(out: Path) -> int:
+    try:
+        return sf.read_signals(out).count
+    except sf.UsageError:
+        return 0
+
+
+@pytest.mark.parametrize("words", [["--inline"], []], ids=["inline", "bus"])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_is_kept_and_says_so(
+    tmp_path: Path, words: list[str], number: int
+) -> None:
+    out = tmp_path / "run"
+    run = start(tmp_path, *words)
+    wait_until(lambda: recorded_ticks(out) > 1000, what="ticks on the disk")
+    run.send_signal(number)
+    told, errors = run.communicate(timeout=120.0)
+    assert run.returncode == 130, errors
+    assert "interrupted" in told.splitlines()[2]
+    loaded = sf.load_run(out)
+    assert loaded.outcome is Outcome.INTERRUPTED
+    assert loaded.signals.count == loaded.result.ticks > 1000
+    assert not loaded.signals.is_cut_off
+    if not words:
+        assert sf.read_record(out / "run.mcap").is_cut_off is False
+    assert {name for name in names(out) if name.endswith(".partial")} == set()
+
+
+def test_a_killed_run_can_be_read_and_the_next_command_says_how(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "run"
+    run = start(tmp_path, "--inline")
+    wait_until(lambda: recorded_ticks(out) > 1000, what="ticks on the disk")
+    run.kill()
+    run.communicate(timeout=60.0)
+    with pytest.raises(sf.UsageError, match="surefoot log export"):
+        sf.load_run(out)
+    signals = sf.read_signals(out)
+    assert signals.count > 1000
+    assert signals.is_cut_off
+
+
+def test_a_killed_stabilizer_leaves_the_robots_run(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    run = start(tmp_path)
+    wait_until(lambda: recorded_ticks(out) > 1000, what="ticks on the disk")
+    found = subprocess.run(
+        ["pgrep", "-P", str(run.pid), "-f", "surefoot.cli stabilizer"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    os.kill(int(found.stdout.split()[0]), signal.SIGKILL)
+    told, errors = run.communicate(timeout=120.0)
+    assert run.returncode == 1
+    assert "stabilizer: was ended by signal 9" in errors
+    result = sf.load_run(out).result
+    assert result.outcome in (Outcome.HELD, Outcome.FAULT, Outcome.INTERRUPTED)
+    assert result.outcome in told
+    assert sf.read_signals(out).count == result.ticks
+
+
+def test_a_name_that_is_not_unicode(tmp_path: Path) -> None:
+    out = Path(os.fsdecode(os.fsencode(tmp_path) + b"/l\xe4ufe"))
+    scenario = tmp_path / "s.toml"
+    scenario.write_text('name = "s"\nduration_s = 0.05\n')
+    done = subprocess.run(
+        [
+            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
+            *("--inline", "--out", os.fsencode(out)),
+        ],
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    result = msgspec.json.decode((out / "result.json").read_bytes())
+    assert "ufe" in result["out"]
+
+
+def test_a_run_in_memory_is_saved_as_the_command_would(tmp_path: Path) -> None:
+    run = sf.simulate("walker", sf.Scenario(name="s", duration_s=0.6), seed=2)
+    kept = run.save(tmp_path / "run")
+    loaded = sf.load_run(tmp_path / "run")
+    assert loaded.result == kept.result
+    assert loaded.scenario == run.scenario
+    assert list(loaded.signals) == list(run.signals)
+    for name in run.signals:
+        assert loaded.signals[name].tobytes() == run.signals[name].tobytes()
+    with pytest.raises(sf.UsageError, match="--overwrite"):
+        run.save(tmp_path / "run")
+    run.save(tmp_path / "run", overwrite=True)
