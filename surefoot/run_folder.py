@@ -67,11 +67,11 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
     if plan.relay_path is not None:
         shutil.copyfile(plan.relay_path, folder / RELAY)
     about = {
-        "command": sys.argv[1:],
+        "command": [_printable(word) for word in sys.argv[1:]],
         "scenario": plan.scenario_name,
-        "robot": plan.robot_name,
+        "robot": _printable(plan.robot_name),
         "servo_profile": plan.robot.file.servo.profile,
-        "controller": plan.controller,
+        "controller": _printable(plan.controller),
         "seed": plan.seed,
         "mode": plan.mode,
         "relay": None if plan.relay_path is None else plan.relay_path.stem,
@@ -89,8 +89,7 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     Returns:
         The figures, with the folder's name in them.
     """
-    out = None if folder.out is None else os.fsencode(folder.out)
-    name = None if out is None else out.decode("utf-8", "replace")
+    name = None if folder.out is None else _printable(str(folder.out))
     result = msgspec.structs.replace(result, out=name)
     write_struct(folder.path / RESULT, result)
     return result
@@ -147,6 +146,11 @@ def write_struct(path: Path, value: msgspec.Struct) -> None:
 def read_struct(path: Path, kind: type[_T]) -> _T:
     """Read what :func:`write_struct` wrote."""
     return msgspec.json.decode(path.read_bytes(), type=kind)
+
+
+def _printable(name: str) -> str:
+    """A name of the file system as text that JSON can hold."""
+    return os.fsencode(name).decode("utf-8", "replace")
 
 
 def _version(package: str) -> str | None:
