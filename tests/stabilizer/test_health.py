@@ -65,7 +65,7 @@ def changed(
 
 def lost_after(
     walker: Robot, entry: Sensor, quantity: Quantity | None, values: Array | float
-) -> str:
+) -> SensorTrouble | None:
     """Why a sensor is lost when one of its quantities stays wrong; others stay."""
     health = SensorHealth(walker, SETTINGS)
     stream = trembling(walker)
@@ -91,7 +91,7 @@ def test_a_robot_that_stands_is_believed(walker: Robot) -> None:
 
 @every_sensor
 def test_one_whose_message_stays_away_is_lost(walker: Robot, entry: Sensor) -> None:
-    assert lost_after(walker, entry, None, 0.0) == f"{entry.name} missing"
+    assert lost_after(walker, entry, None, 0.0) is SensorTrouble.MISSING
 
 
 @each(ALL)
@@ -101,14 +101,14 @@ def test_one_that_reports_no_numbers_is_lost(
 ) -> None:
     with np.errstate(invalid="ignore"):
         lost = lost_after(walker, entry, quantity, value)
-    assert lost == f"{entry.name} not a number"
+    assert lost is SensorTrouble.NOT_A_NUMBER
 
 
 @each([pair for pair in ALL if pair[1].reach is not Reach.UNLIMITED])
 def test_one_beyond_its_range_is_lost(
     walker: Robot, entry: Sensor, quantity: Quantity
 ) -> None:
-    assert lost_after(walker, entry, quantity, 1e6) == f"{entry.name} beyond its range"
+    assert lost_after(walker, entry, quantity, 1e6) is SensorTrouble.OUT_OF_RANGE
 
 
 @each([pair for pair in ALL if pair[1].jump])
