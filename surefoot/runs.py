@@ -14,6 +14,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import RunDirectory, read_run, write_inputs, write_result
 from surefoot.run_plan import Mode, RunPlan, Settings, make_plan
 from surefoot.run_result import join_result
+from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
@@ -38,6 +39,11 @@ class Run:
     plan: RunPlan
     folder: Path | None = None
     recorded: Signals | None = None
+
+    @property
+    def outcome(self) -> Outcome:
+        """How it ended; ``result.outcome_detail`` says more."""
+        return self.result.outcome
 
     @cached_property
     def signals(self) -> Signals:
