@@ -101,7 +101,7 @@ class QpSolution:
 
 
 def _largest(*violations: Array) -> float:
-    """Largest number of all, zero at least; a NaN stays a NaN."""
+    """Return the largest number of all, zero at least; a NaN stays a NaN."""
     return float(np.max(np.concatenate(violations), initial=0.0))
 
 

@@ -101,7 +101,7 @@ class BalanceController(ABC):
         return output
 
     def _fade(self, state: ObservedState) -> float:
-        """Part of the motion carried out: it begins slowly after the calibration."""
+        """Return the part of the motion carried out: little after the calibration."""
         return min(max(state.active_s / self._settings.dik.ramp_in_s, 0.0), 1.0)
 
     def _keep_failure(self, solution: QpSolution) -> None:

@@ -145,7 +145,7 @@ class Dik:
         return qp.solve()
 
     def _set_limits(self, q_command: Array) -> None:
-        """Velocity limits, and a damper before each end of the joint range."""
+        """Set velocity limits, with a damper before each end of the joint range."""
         limits = self._limits
         np.subtract(self._range, q_command, out=limits)
         limits *= self._per_second

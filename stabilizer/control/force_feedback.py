@@ -134,7 +134,7 @@ class ForceFeedback:
         return self.r
 
     def _feed_forward(self, side: int, F: list[float]) -> None:
-        """A foot that stands firmly moves with its ground.
+        """Have a foot that stands firmly move with its ground.
 
         A foot that bounces does not show the ground's motion but its own, so its
         share drops at once and returns slowly. The same holds for the rotation of a
@@ -162,7 +162,7 @@ class ForceFeedback:
             self.r[start + i] += share * gain[i] * rate
 
     def _turning(self, side: int, axis: int, outward: float) -> float:
-        """Part of a rotation that is the ground's, falling at once, rising slowly.
+        """Return the part of a rotation that is the ground's: it drops at once.
 
         Args:
             side: left or right.
@@ -176,7 +176,7 @@ class ForceFeedback:
         return share
 
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
-        """A lifted foot goes down, along the world's vertical."""
+        """Have a lifted foot go down, along the world's vertical."""
         self._share[side] = 0.0
         rows = SOLE_ROWS[side]
         index = 6 * side + NORMAL

@@ -99,7 +99,7 @@ class Stance:
 
 
 def standing(model: RobotModel) -> Stance:
-    """Nominal posture on level ground, base upright."""
+    """Return the nominal posture on level ground, base upright."""
     q = model.nominal_configuration()
     data = model.pin_model.createData()
     com = pin.centerOfMass(model.pin_model, data, q).copy()

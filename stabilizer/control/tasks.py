@@ -302,7 +302,7 @@ def standing_tasks(model: RobotModel, settings: ControllerSettings) -> list[Task
 
 
 def weight_roots(task: Task, weights: Array) -> Array:
-    """(size,) square roots of a task's weights, which scale its rows.
+    """Return the square roots of a task's weights, which scale its rows, (size,).
 
     Args:
         task: gives the size.
@@ -321,5 +321,5 @@ def weight_roots(task: Task, weights: Array) -> Array:
 
 
 def _posture_weights(model: RobotModel, settings: TsidSettings | DikSettings) -> Array:
-    """(n_a,) small for the legs."""
+    """Return the weights of the joints, (n_a,), small for the legs."""
     return np.where(model.is_leg, settings.leg_posture_weight, settings.posture_weight)

@@ -42,7 +42,7 @@ ROWS_PER_FOOT = 12
 
 
 def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> Mat:
-    """(12, 6) rows C of the sole's limits, C F <= d, in the sole frame.
+    """Return rows C of the sole's limits, C F <= d, in the sole frame, (12, 6).
 
     Only the last two rows have a non-zero bound d: the largest and the least normal
     force.
@@ -253,7 +253,7 @@ class Tsid:
         return solution
 
     def problem(self, in_contact: list[bool]) -> DenseQp:
-        """The QP of a set of standing feet, as last solved."""
+        """Return the QP of a set of standing feet, as last solved."""
         return self._problems[(in_contact[0], in_contact[1])].qp
 
     def condense(self, dynamics: Dynamics, problem: _FeetProblem) -> bool:

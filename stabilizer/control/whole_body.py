@@ -122,7 +122,7 @@ class WholeBodyController(BalanceController):
         self._q_command[:] = q_command
 
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
-        """Both QPs and the integration."""
+        """Solve both QPs and integrate."""
         dynamics, stance = self.dynamics, self.stance
         stance.limit_height(state.ground_height, travel=self.model.com_travel)
         stance.compare_base(state.R_world_base)
@@ -149,7 +149,7 @@ class WholeBodyController(BalanceController):
         return QpStatus.OK, QpStatus.OK
 
     def _integrate(self, v_joint: Array, *, fade: float) -> None:
-        """q_command += v_J dt, faded in at the start, never far from the robot."""
+        """Add v_J dt to the command: faded in at first, never far from the robot."""
         self._q_command += (fade * self._dt) * v_joint
         if self._return_ticks:
             self._return_ticks -= 1

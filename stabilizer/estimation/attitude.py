@@ -109,7 +109,7 @@ class AttitudeFilter:
         self._v_x, self._v_y = float(leg_velocity[0]), float(leg_velocity[1])
 
     def _ground_turns(self) -> bool:
-        """Whether the rates so far are too large or change too much for a bias."""
+        """Tell whether the rates so far are too large or change too much for a bias."""
         count = self._count
         if count < FEWEST_READINGS:
             return False
@@ -162,7 +162,7 @@ class AttitudeFilter:
         self.R_world_imu[:] = self._rows
 
     def _rotate(self, step: list[float]) -> None:
-        """R <- R exp(skew(step)) by Rodrigues' formula, rows kept at length one."""
+        """Turn R to R exp(skew(step)) by Rodrigues' formula, rows of length one."""
         x, y, z = step
         square = x * x + y * y + z * z
         # Series: the angle of one tick is a few milliradians at most.

@@ -46,7 +46,7 @@ class Estimator:
     def __init__(
         self, model: RobotModel, settings: EstimatorSettings, *, period_s: float
     ) -> None:
-        """Allocates; begin with :meth:`calibrate`."""
+        """Allocate everything; begin with :meth:`calibrate`."""
         self._model = model
         self._settings = settings
         self._dt = period_s
@@ -124,7 +124,7 @@ class Estimator:
         self._pull_yaw()
 
     def _read(self, snapshot: Snapshot) -> None:
-        """Joints and attitude into q and v, then what the legs say of the base."""
+        """Fill q and v from joints and attitude, then ask the legs about the base."""
         model, data, attitude = self._model, self._data, self._attitude
         pin_model = model.pin_model
         q, v = self.q, self.v
@@ -159,7 +159,7 @@ class Estimator:
         )
 
     def _leg_rate(self) -> Vec3:
-        """(3,) angular velocity that the legs see, IMU frame [rad/s]."""
+        """Return the angular velocity that the legs see, IMU frame, (3,) [rad/s]."""
         model, data = self._model, self._data
         rate = np.zeros(3)
         for frame in model.sole_ids:
@@ -171,7 +171,7 @@ class Estimator:
         return seen
 
     def _unit_velocity(self) -> Vec3:
-        """(3,) velocity of the IMU that the legs see, world [m/s]."""
+        """Return the velocity of the IMU that the legs see, world, (3,) [m/s]."""
         w_x, w_y, w_z = self.v[3:6].tolist()
         p_x, p_y, p_z = self._p_base_imu
         lever = (w_y * p_z - w_z * p_y, w_z * p_x - w_x * p_z, w_x * p_y - w_y * p_x)
@@ -180,7 +180,7 @@ class Estimator:
         return velocity
 
     def _place(self) -> None:
-        """Base position and velocity from the anchor and the height."""
+        """Set base position and velocity from the anchor and the height."""
         q, v = self.q, self.v
         share = self._left_share
         left, right = self._p_nominal
@@ -199,7 +199,7 @@ class Estimator:
             self._left_share += self._share_blend * (share - self._left_share)
 
     def _update_height(self, snapshot: Snapshot) -> None:
-        """Second-order filter: accelerometer above its bandwidth, legs below."""
+        """Filter the height: accelerometer above the bandwidth, legs below."""
         force = float(self._attitude.R_world_imu[2] @ snapshot.linear_acceleration)
         acceleration = force - GRAVITY
         height, rate = self._unit_height, self._unit_rate
@@ -216,7 +216,7 @@ class Estimator:
         self.ground_height = self.height + float(self._anchor[2])
 
     def _unit_lift(self) -> tuple[float, float]:
-        """Height of the IMU over the base's origin [m], and its rate."""
+        """Return the height of the IMU over the base's origin [m], and its rate."""
         up = self.R_world_base[2].tolist()
         w_x, w_y, w_z = self.v[3:6].tolist()
         p_x, p_y, p_z = self._p_base_imu
@@ -229,7 +229,7 @@ class Estimator:
         return lift, rate
 
     def _height_pull(self) -> tuple[float, float]:
-        """Bandwidth [rad/s] and damping ratio of the pull to the legs' kinematics.
+        """Return bandwidth [rad/s] and damping ratio of the pull to the legs.
 
         Legs are trusted while the ground stands still, little while it moves.
         """

@@ -231,7 +231,7 @@ class Observer:
 
 
 def _is_finite(snapshot: Snapshot) -> bool:
-    """Whether every reading used is a number: sums of squares cannot cancel out."""
+    """Tell whether all readings used are numbers; sums of squares cannot cancel."""
     q, dq = snapshot.q, snapshot.dq
     gyro, accel = snapshot.angular_velocity, snapshot.linear_acceleration
     left, right = snapshot.ft_left, snapshot.ft_right

@@ -9,7 +9,7 @@ from surefoot.stabilizer.model import GRAVITY, RobotModel, skew
 
 
 def wrench_shift(R_sensor_sole: Mat, p_sensor_sole: Vec3) -> Mat:
-    """(6, 6) map of a wrench from the sensor frame to the sole frame.
+    """Return the (6, 6) map of a wrench from the sensor frame to the sole frame.
 
     Args:
         R_sensor_sole: rotation of the sole in the sensor frame.

@@ -96,7 +96,7 @@ class ZmpController(BalanceController):
         self.commanded.start(q_command)
 
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
-        """All laws and the integration; nothing moves while calibrating."""
+        """Apply all laws and integrate; nothing moves while calibrating."""
         self._velocity += self._velocity_blend * (self.measured.v_com - self._velocity)
         self._follow_height(state.ground_height)
         if state.is_calibrating:
@@ -132,7 +132,7 @@ class ZmpController(BalanceController):
         return QpStatus.OK, QpStatus.OK
 
     def _follow_height(self, ground: float) -> None:
-        """How far the CoM should be from its height over the feet, and how fast."""
+        """Follow the ground: how far the CoM is to be from its height over the feet."""
         stance, travel = self.stance, self.model.com_travel
         # Over the feet first, then where it is in the world, each within reach.
         stance.limit_height(0.0, travel=travel)
@@ -145,7 +145,7 @@ class ZmpController(BalanceController):
         self._lift = lift
 
     def _distribute(self, state: ObservedState) -> QpStatus:
-        """DCM feedback, distribution, and the CoM admittance between them."""
+        """Run DCM feedback, distribution, and the CoM admittance between them."""
         measured, in_contact = self.measured, state.in_contact
         R, p, com = measured.R_world_sole, measured.p_sole, measured.p_com
         plane = contact_plane(R, p, in_contact)
@@ -178,7 +178,7 @@ class ZmpController(BalanceController):
         return QpStatus.OK
 
     def _com_target(self) -> ComTarget:
-        """Pendulum, CoM admittance and height in one."""
+        """Join pendulum, CoM admittance and height."""
         admittance, pendulum = self.com_admittance, self.pendulum
         position = pendulum.com + admittance.offset
         velocity = pendulum.velocity + admittance.velocity
@@ -189,7 +189,7 @@ class ZmpController(BalanceController):
         )
 
     def _base_target(self) -> Mat:
-        """Between the commanded feet's orientation and the reference's."""
+        """Return a rotation between the commanded feet's and the reference's."""
         left, right = self.commanded.kinematics.R_world_sole
         anchor = right @ pin.exp3(0.5 * pin.log3(right.T @ left))
         share = self._settings.zmp.level_base
@@ -206,6 +206,6 @@ class ZmpController(BalanceController):
 
 
 def _heading(q: Array) -> float:
-    """Twist of the base about the vertical [rad]."""
+    """Return the twist of the base about the vertical [rad]."""
     _, _, z, w = q[N_BASE_V - 3 : N_BASE_V + 1]
     return 2.0 * math.atan2(z, w)

@@ -77,7 +77,7 @@ class Plane(NamedTuple):
 def contact_plane(
     R_world_sole: list[Mat], p_sole: list[Vec3], in_contact: list[bool]
 ) -> Plane:
-    """Return between two standing feet, or of the one that stands.
+    """Return the plane between two standing feet, or of the one that stands.
 
     Args:
         R_world_sole: rotations of left and right sole.
@@ -131,7 +131,7 @@ def net_wrench(
 
 
 def zero_moment_point(wrench: Array, plane: Plane, *, otherwise: Vec3) -> Vec3:
-    """(3,) the point of the plane about which the wrench has no tangential moment.
+    """Return the point of the plane about which the wrench has no tangential moment.
 
     Args:
         wrench: (6,) world axes, about the plane's origin.
@@ -238,7 +238,7 @@ class WrenchDistribution:
 
 
 def centre_of_pressure(F: Array) -> tuple[float, float]:
-    """Of one foot's wrench (6,), in the sole frame [m]; the middle without a force."""
+    """Return where one foot's wrench (6,) acts, sole frame [m]; middle if nowhere."""
     normal = F.item(NORMAL)
     if normal <= 0.0:
         return 0.0, 0.0

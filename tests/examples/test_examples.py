@@ -90,6 +90,16 @@ def test_own_controller_is_the_same_in_a_process_of_its_own(scenario: Path) -> N
     assert json.loads(done.stdout)["log_sha256"] == here.result.log_sha256
 
 
+def test_hand_task_brings_the_hand_near_its_target(
+    scenario: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    load("hand_task").main(str(scenario))
+    stood, distance = capsys.readouterr().out.splitlines()
+    assert stood == "short: stood"
+    before, after = (float(word) for word in distance.split() if word[0].isdigit())
+    assert after < 0.2 * before
+
+
 def test_own_scenario(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plot = tmp_path / "tilt.png"
     module = load("own_scenario")
