@@ -12,7 +12,6 @@ from surefoot.cli import options
 
 if TYPE_CHECKING:
     from surefoot.recording.read import Record
-    from surefoot.signals import Signals
 
 log = typer.Typer(no_args_is_help=True, help="Look into records, and export them.")
 FileArgument = Annotated[
@@ -90,33 +89,44 @@ def export(
     from surefoot.recording.read import read_record
     from surefoot.signals import holds_signals, read_signals
 
-    source: Record | Signals
     if holds_signals(file):
-        source = signals = read_signals(file)
+        signals = read_signals(file)
         written = {
             ExportFormat.CSV: export.export_signals_csv,
             ExportFormat.NPZ: export.export_signals_npz,
             ExportFormat.PARQUET: export.export_signals_parquet,
         }[to](signals, out)
+        left_out = [_CUT_OFF.format(file)] if signals.is_cut_off else []
     else:
-        source = record = read_record(file)
+        record = read_record(file)
         written = {
             ExportFormat.CSV: export.export_csv,
             ExportFormat.NPZ: export.export_npz,
             ExportFormat.PARQUET: export.export_parquet,
         }[to](record, out)
+        left_out = _left_out(record)
     for path in written:
         print_note(f"wrote {path}")
-    if isinstance(source, Signals):
-        if source.is_cut_off:
-            print_note(f"{file} is cut off; what is whole of it was written")
-        return
-    for name in source.channels:
-        lost = source.size(name) - len(source.messages(name))
+    for note in left_out:
+        print_note(note)
+
+
+_CUT_OFF = "{} is cut off; what is whole of it was written"
+
+
+def _left_out(record: Record) -> list[str]:
+    """What of a record is not in its export, in words."""
+    notes = []
+    for name in record.channels:
+        size = record.size(name)
+        lost = size - len(record.messages(name))
         if lost:
-            words = f"{name}: {lost} of {source.size(name)} messages left out"
-            print_note(
-                f"{words}; they are not {source.encoding(name)} that can be read"
+            notes.append(
+                f"{name}: {lost} of {size} messages left out; they are not "
+                f"{record.encoding(name)} that can be read"
             )
-    if source.is_cut_off or source.damage:
-        print_note(f"{file} is {source.condition}; what could be read was written")
+    if record.is_cut_off or record.damage:
+        notes.append(
+            f"{record.path} is {record.condition}; what could be read was written"
+        )
+    return notes

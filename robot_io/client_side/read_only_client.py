@@ -19,6 +19,7 @@ from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_OBSERVER
 
 RETURN_S = 10.0
@@ -151,8 +152,14 @@ class ReadOnlyClient(ABC):
     def _said_farewell(self) -> bool:
         status = None if self._farewell is None else self._farewell.poll()
         if status is not None:
-            is_free = not status.commander
-            self._is_over = is_free and status.mode in (RobotMode.OFF, RobotMode.FAULT)
+            # Whoever ends gives the lease back; a fault stays what it is.
+            self._is_over = not status.commander and (
+                status.mode is RobotMode.FAULT
+                or (
+                    status.mode is RobotMode.OFF
+                    and status.cause is not ModeCause.REQUESTED
+                )
+            )
         return self._is_over
 
     def _watch_robot(self, bus: Bus, status_key: str, alive_key: str) -> None:

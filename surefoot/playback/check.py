@@ -133,15 +133,21 @@ def check(
         if whole is None:
             continue
         name = law or said.law_of(whole)
-        outcomes.append(
-            recompute(
-                whole,
-                sensors,
-                _of_session(inputs, whole),
-                controller=name,
-                on_tick=on_tick,
-            )
+        outcome_of_one = recompute(
+            whole,
+            sensors,
+            _of_session(inputs, whole),
+            controller=name,
+            on_tick=on_tick,
         )
+        left_out = len(whole.commands) - outcome_of_one.compared
+        if left_out:
+            notes.append(
+                f"{left_out} commands of {whole.commander} are not compared: sensors "
+                "that its controller began with are not in the record"
+            )
+        if outcome_of_one.compared:
+            outcomes.append(outcome_of_one)
     if not outcomes:
         told = "; ".join(notes) or "it holds no command"
         raise UsageError(f"{file}: nothing to compute again: {told}")

@@ -119,10 +119,11 @@ def recompute(
     safety: Safety | None = None
     references = _References(inputs.references)
     for index, command in enumerate(commands):
-        reading = sensors.at(command.tick)
+        reading, start = sensors.at(command.tick), session.starts.get(index)
         if reading is None:
+            if start is not None:
+                safety = None  # what the controller began with is not in the record
             continue
-        start = session.starts.get(index)
         if start is not None and index > 0:
             gains.resume(command.tick)
         gains.advance(command.tick)
@@ -131,7 +132,8 @@ def recompute(
             gains.serve_controller(law)
             safety = Safety(law, inputs.robot, inputs.settings.safety)
             safety.start(reading.snapshot, np.array(start.q_held))
-        assert safety is not None  # index 0 starts one
+        if safety is None:
+            continue
         output = safety.step(
             reading.snapshot, reading.ages, references.at(reading.snapshot.stamp_ns)
         )

@@ -305,8 +305,8 @@ class McapRecords:
 
 
 def _folder_advice(path: Path) -> str:
-    inside = sorted(p.name for p in path.glob("*.mcap*"))
-    where = f"name the file in it: {path / inside[0]}" if inside else "it holds none"
+    inside = ", ".join(sorted(found.name for found in path.glob("*.mcap*")))
+    where = f"name a file in it ({inside})" if inside else "it holds none"
     return f"{path}: a folder, expected a record (.mcap); {where}"
 
 

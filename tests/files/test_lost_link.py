@@ -15,6 +15,7 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode, RobotStatus
+from surefoot.schemas.reasons import ModeCause
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
 from tests.cli.conftest import TIMEOUT_S, environment
 from tests.files.cut_link import Cable
@@ -44,8 +45,9 @@ class Robot:
                 tick=tick,
                 stamp_ns=time.monotonic_ns(),
                 mode=RobotMode.OFF if is_over else RobotMode.ACTIVE,
-                fault="",
-                reason="",
+                cause=ModeCause.RUN_OVER if is_over else ModeCause.REQUESTED,
+                detail="",
+                notice="",
                 commander="" if is_over else "ann",
                 command_age_s=0.0,
                 q_command=WALKER.nominal.tolist(),

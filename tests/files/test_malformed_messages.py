@@ -31,10 +31,13 @@ from surefoot.robot_io.client_side.observer import (
     Sample,
 )
 from surefoot.robot_io.errors import RobotIoError
+from surefoot.robot_io.relay.catalogue import find_plan, list_plans
+from surefoot.robot_io.relay.lane import Lane
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import Head, decode, decode_head, decode_map
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError
+from surefoot.schemas.relay_plan import load_relay_plan
 from surefoot.schemas.topics import TICK_SENSORS, TOPICS, topic
 from tests.cli.bus.talking_robot import Say, talking_robot
 from tests.files.commands import run_here
@@ -155,10 +158,19 @@ def test_tools_of_the_bus_take_everything(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_everyone_who_listens_goes_on(
-    count: int, endpoints: Endpoints, tmp_path: Path
-) -> None:
-    """Recorder, viewer, relay and a stabilizer's client, on one bus."""
+@pytest.mark.parametrize("plan", list_plans())
+def test_the_relay_passes_everything_on(plan: str, count: int) -> None:
+    """Or loses it as its plan says; never its own thread."""
+    loaded = load_relay_plan(find_plan(plan))
+    for number, (name, data) in enumerate(many(count, joint_count=WALKER.n_a)):
+        lane = Lane(loaded, name, seed=number)
+        left = lane.pass_on(data, now_s=1.0, elapsed_s=1.0)
+        assert lane.is_clear is False or [parcel.data for parcel in left] == [data]
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_everyone_who_listens_goes_on(count: int, endpoints: Endpoints) -> None:
+    """A viewer, an observer, a tool of the bus and a stabilizer's client."""
     pytest.importorskip("viser", reason="needs viser: pip install -e .[view]")
     from surefoot.view.page import LivePage
 
