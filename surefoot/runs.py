@@ -47,11 +47,6 @@ class Run:
     folder: Path | None = None
     recorded: Signals | None = None
 
-    @property
-    def outcome(self) -> Outcome:
-        """How it ended; ``result.outcome_detail`` says more."""
-        return self.result.outcome
-
     @cached_property
     def signals(self) -> Signals:
         """What is known of it at every tick, by name; ``signals.describe()`` lists it.
