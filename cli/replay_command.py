@@ -182,7 +182,7 @@ def _check(
         print_text,
         progress_bar,
     )
-    from surefoot.cli.replay_tables import outcome_table, verdict
+    from surefoot.cli.summary import outcome_table, verdict
     from surefoot.playback.check import check, recorded_settings
     from surefoot.run_plan import resolve_settings
 

@@ -6,9 +6,12 @@ schema stands alone: no ``$ref``, which some tools refuse.
 
 from __future__ import annotations
 
+import ast
 import inspect
+import itertools
 import json
 import re
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +21,6 @@ import msgspec.inspect
 from surefoot.schemas import messages
 from surefoot.schemas.arrays import JsonObject
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.field_docs import field_docs
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.relay_plan import RelayPlan
 from surefoot.schemas.result import RunResult
@@ -28,6 +30,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.topics import TOPICS
 
 JSON_DIR = Path(__file__).parent / "json"
+
 FILE_FORMATS: tuple[type[msgspec.Struct], ...] = (
     RobotFile,
     Scenario,
@@ -36,8 +39,42 @@ FILE_FORMATS: tuple[type[msgspec.Struct], ...] = (
     ControllerSettings,
     RunResult,
 )
+
 _REF = "#/$defs/"
+
 _DROPPED = ("$ref", "discriminator")
+
+
+def field_docs(kind: type[msgspec.Struct]) -> dict[str, str]:
+    """Collect what is written under each field of a struct and its bases.
+
+    Args:
+        kind: a struct class whose source is at hand.
+
+    Returns:
+        Field name to its text on one line; fields without one are left out.
+    """
+    docs: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        if issubclass(base, msgspec.Struct) and base is not msgspec.Struct:
+            docs.update(_own_docs(base))
+    return docs
+
+
+def _own_docs(kind: type[msgspec.Struct]) -> dict[str, str]:
+    tree = ast.parse(textwrap.dedent(inspect.getsource(kind)))
+    body = tree.body[0].body if isinstance(tree.body[0], ast.ClassDef) else []
+    docs: dict[str, str] = {}
+    for statement, after in itertools.pairwise(body):
+        if (
+            isinstance(statement, ast.AnnAssign)
+            and isinstance(statement.target, ast.Name)
+            and isinstance(after, ast.Expr)
+            and isinstance(after.value, ast.Constant)
+            and isinstance(after.value.value, str)
+        ):
+            docs[statement.target.id] = " ".join(after.value.value.split())
+    return docs
 
 
 def json_schema(kind: type[msgspec.Struct]) -> JsonObject:

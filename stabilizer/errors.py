@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
+
 
 class StabilizerError(RuntimeError):
     """The stabilizer cannot do what it was asked for."""
@@ -9,3 +11,30 @@ class StabilizerError(RuntimeError):
 
 class ControllerError(StabilizerError, ValueError):
     """A controller cannot be found or made, or breaks the controller protocol."""
+
+
+class QpStatus(StrEnum):
+    """What became of a QP."""
+
+    OK = "ok"
+    """Solved."""
+    NOT_TRIED = "not tried"
+    """A step before it failed."""
+    SENSORS_NOT_FINITE = "sensors not finite"
+    """A sensor reported something that is no number: there was nothing to solve."""
+    NO_CONTACT = "no contact"
+    """No foot stands, so there are no wrenches to ask for."""
+    SINGULAR_CONTACT = "singular contact"
+    """The standing feet cannot move independently of each other."""
+    NOT_FINITE = "not finite"
+    """The problem holds something that is no number."""
+    PRIMAL_INFEASIBLE = "primal infeasible"
+    """Its limits contradict each other."""
+    DUAL_INFEASIBLE = "dual infeasible"
+    """Its cost has no lower bound."""
+    ITERATION_LIMIT = "iteration limit reached"
+    """The solver gave up before it converged."""
+    NUMERICS = "numerical trouble"
+    """The solver's own factorisation failed."""
+    UNSOLVED = "unsolved"
+    """The solver did not say why."""

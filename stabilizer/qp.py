@@ -22,7 +22,7 @@ import piqp
 from scipy.linalg import lapack
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.stabilizer.qp_status import QpStatus
+from surefoot.stabilizer.errors import QpStatus
 
 _NOTHING: Array = np.zeros(0)
 FEASIBILITY_TOLERANCE = 1e-9

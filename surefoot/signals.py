@@ -19,7 +19,6 @@ import numpy as np
 
 from surefoot.errors import UnknownSignalError, UsageError
 from surefoot.robot_io.errors import TickFileError
-from surefoot.robot_io.ticks.memory import MemoryTicks
 from surefoot.robot_io.ticks.read import TickFileTable, is_tick_file
 from surefoot.robot_io.ticks.recorder import (
     BLOCK_TICKS,
@@ -27,7 +26,7 @@ from surefoot.robot_io.ticks.recorder import (
     SignalArray,
     TickSink,
 )
-from surefoot.robot_io.ticks.table import TickTable, missing_rows
+from surefoot.robot_io.ticks.table import MemoryTicks, TickTable, missing_rows
 from surefoot.robot_io.ticks.write import TickFile
 from surefoot.run_folder import CONTROLLER_TICKS, TICKS
 from surefoot.schemas.arrays import Array

@@ -55,9 +55,8 @@ def echo(
     when there is no robot, or it leaves before --count messages, with 1 when the link
     to it was lost meanwhile.
     """
-    from surefoot.cli.bus.absence import tell_absences
     from surefoot.cli.bus.echo import Echo, check_fields
-    from surefoot.cli.bus.topics import find_channel
+    from surefoot.cli.bus.topics import find_channel, tell_absences
     from surefoot.endpoints import choose_endpoints
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.robot import load_robot

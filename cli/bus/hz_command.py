@@ -60,9 +60,13 @@ def hz(
     the robot leaves. Exits with 4 when there is no robot, with 1 when the link to it
     was lost meanwhile, with 130 after Ctrl-C, which leaves the last table.
     """
-    from surefoot.cli.bus.absence import tell_absences
     from surefoot.cli.bus.timing import TimingMeter, hz_table
-    from surefoot.cli.bus.topics import PUBLISHED, find_channel, same_clock
+    from surefoot.cli.bus.topics import (
+        PUBLISHED,
+        find_channel,
+        same_clock,
+        tell_absences,
+    )
     from surefoot.cli.console import live_table, print_json, print_note, print_table
     from surefoot.endpoints import choose_endpoints
     from surefoot.robot_io.bus.session import dialed

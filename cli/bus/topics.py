@@ -5,12 +5,15 @@ from __future__ import annotations
 import difflib
 from collections import defaultdict
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import msgspec
+import typer
 from rich.markup import escape
 from rich.table import Table
 
 from surefoot.errors import UsageError
+from surefoot.exit_codes import ExitCode
 from surefoot.robot_io.client_side.bus_graph import BusGraph, processes_of
 from surefoot.robot_io.client_side.listener import RawMessage
 from surefoot.robot_io.robot import Robot
@@ -18,8 +21,13 @@ from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.topics import TOPICS, Direction, Topic
 
+if TYPE_CHECKING:
+    from surefoot.robot_io.client_side.read_only_client import Absences
+
 _SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
+
 NONE = "-"
+
 PUBLISHED = tuple(entry for entry in TOPICS if entry.direction not in _SERVICES)
 """Channels that carry messages; services are asked instead."""
 
@@ -265,3 +273,19 @@ def same_clock(locators: list[str]) -> bool:
 
 def _channel_names() -> str:
     return ", ".join(entry.name for entry in PUBLISHED)
+
+
+def tell_absences(absences: Absences) -> None:
+    """Say when the robot was away.
+
+    Args:
+        absences: of the client; nothing is said when there are none.
+
+    Raises:
+        Exit: with code 1, when it was away: what was told is not all.
+    """
+    from surefoot.cli.console import print_note
+
+    if absences.times:
+        print_note(f"{absences}; what came meanwhile is missing here")
+        raise typer.Exit(ExitCode.FAILED)

@@ -30,8 +30,12 @@ def topics(
     Keys that are no channel of this robot are listed too. Listens only. Exits with 4
     when there is no robot, with 1 when the link to it was lost meanwhile.
     """
-    from surefoot.cli.bus.absence import tell_absences
-    from surefoot.cli.bus.topics import list_topics, topics_table, unknown_table
+    from surefoot.cli.bus.topics import (
+        list_topics,
+        tell_absences,
+        topics_table,
+        unknown_table,
+    )
     from surefoot.cli.console import print_json, print_note, print_table, print_text
     from surefoot.endpoints import choose_endpoints
     from surefoot.robot_io.client_side.listener import Listener

@@ -7,7 +7,7 @@ import resource
 import time
 from importlib.util import find_spec
 
-from surefoot.cli.doctor.diagnosis import Diagnosis, Severity, finding
+from surefoot.cli.doctor.examine import Diagnosis, Severity, finding
 
 ENOUGH_CPUS = 2
 JITTER_TICKS = 500

@@ -8,7 +8,7 @@ import sys
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
-from surefoot.cli.doctor.diagnosis import Diagnosis, Severity, finding
+from surefoot.cli.doctor.examine import Diagnosis, Severity, finding
 from surefoot.installation import install_command
 
 LEAST_PYTHON = (3, 11)

@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from surefoot.cli.doctor.diagnosis import Diagnosis, Severity, finding
+from surefoot.cli.doctor.examine import Diagnosis, Severity, finding
 from surefoot.endpoints import loopback_endpoints
 from surefoot.processes.child import child_environment
 from surefoot.recording.write import KEPT_FREE_BYTES

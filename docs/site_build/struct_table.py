@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import msgspec.inspect as inspect
 
-from surefoot.schemas.field_docs import field_docs
+from surefoot.schemas.json_schema import field_docs
 
 _UNIT = re.compile(r"\s*\[([^\]]+)\]")
 _SUFFIXES = {

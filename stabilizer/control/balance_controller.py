@@ -11,10 +11,10 @@ from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.control.reference import standing
+from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.estimation.observer import ObservedState, Observer
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.qp import QpData, QpSolution
-from surefoot.stabilizer.qp_status import QpStatus
 
 
 class BalanceController(ABC):

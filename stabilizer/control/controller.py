@@ -12,7 +12,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.qp_status import QpStatus
+from surefoot.stabilizer.errors import QpStatus
 
 if TYPE_CHECKING:
     from surefoot.stabilizer.qp import QpData

@@ -20,6 +20,7 @@ from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.tasks import Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
 from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.estimation.observer import (
     ObservedState,
     Observer,
@@ -27,7 +28,6 @@ from surefoot.stabilizer.estimation.observer import (
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V
 from surefoot.stabilizer.qp import PiqpSolver, QpSolver
-from surefoot.stabilizer.qp_status import QpStatus
 
 
 class WholeBodyController(BalanceController):

@@ -17,13 +17,13 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.balance_controller import BalanceController
 from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.estimation.observer import (
     ObservedState,
     Observer,
     StateEstimator,
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V
-from surefoot.stabilizer.qp_status import QpStatus
 from surefoot.stabilizer.zmp.commanded_robot import CommandedRobot, ComTarget
 from surefoot.stabilizer.zmp.dcm_feedback import (
     GRAVITY_VECTOR,

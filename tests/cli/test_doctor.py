@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.cli.doctor.diagnosis import Severity
+from surefoot.cli.doctor.examine import Severity
 from surefoot.cli.doctor.packages import PINS, read_pins, required_packages
 from surefoot.cli.doctor.surroundings import check_port
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR

@@ -15,7 +15,6 @@ from mcap.reader import make_reader
 
 from surefoot.robot_io.errors import TickFileError
 from surefoot.robot_io.ticks import write
-from surefoot.robot_io.ticks.memory import MemoryTicks
 from surefoot.robot_io.ticks.read import TickFileTable, is_tick_file
 from surefoot.robot_io.ticks.recorder import (
     BLOCK_TICKS,
@@ -24,6 +23,7 @@ from surefoot.robot_io.ticks.recorder import (
     TickRecorder,
     TickSink,
 )
+from surefoot.robot_io.ticks.table import MemoryTicks
 from surefoot.robot_io.ticks.write import BLOCKS_UNDERWAY, FIRST_TICK, TickFile
 from surefoot.schemas.signals import SignalLayout, lay_out, layout_from_metadata
 from tests.support import wait_until

@@ -9,7 +9,7 @@ import pytest
 
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.field_docs import field_docs
+from surefoot.schemas.json_schema import field_docs
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.scenario import Scenario, SensorFault, Sensors
 from surefoot.schemas.sensors import (

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.ticks.memory import MemoryTicks
+from surefoot.robot_io.ticks.table import MemoryTicks
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import RenderError
 from surefoot.sim_robot.plant import Plant

@@ -11,8 +11,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
+from surefoot.stabilizer.errors import QpStatus
 from surefoot.stabilizer.qp import DenseQp, SolverAnswer
-from surefoot.stabilizer.qp_status import QpStatus
 
 CONTRADICTION = 1e-9
 """A residual below it: the limits exclude everything."""
