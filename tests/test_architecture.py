@@ -136,7 +136,9 @@ def test_nothing_is_imported_by_a_second_name() -> None:
     files: dict[str, str] = {}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        if file and Path(file).resolve().is_relative_to(ROOT) and name != "__main__":
+        if not file or name == "__main__" or "site-packages" in Path(file).parts:
+            continue
+        if Path(file).resolve().is_relative_to(ROOT):
             first = files.setdefault(os.path.realpath(file), name)
             assert first == name
 
