@@ -1,12 +1,15 @@
-"""Fixtures of all tests that meet on a bus."""
+"""Fixtures of all tests: a bus of their own, the command, a short scenario."""
 
 from __future__ import annotations
 
 import signal
+from functools import partial
+from pathlib import Path
 
 import pytest
 
 from surefoot.schemas.endpoints import Endpoints
+from tests.command import Surefoot, run_surefoot
 from tests.support import free_port
 
 
@@ -15,6 +18,24 @@ def endpoints() -> Endpoints:
     """Both ends of a bus on this host, apart from every other test's."""
     locator = f"tcp/127.0.0.1:{free_port()}"
     return Endpoints(listen=[locator], connect=[locator])
+
+
+@pytest.fixture
+def surefoot(tmp_path: Path) -> Surefoot:
+    """Run a command of ``surefoot`` in an empty folder."""
+    work = tmp_path / "work"
+    work.mkdir()
+    return partial(run_surefoot, cwd=work)
+
+
+@pytest.fixture
+def short_scenario(tmp_path: Path) -> Path:
+    """Standing on firm ground for a fraction of a second."""
+    path = tmp_path / "short.toml"
+    path.write_text(
+        'name = "short"\nduration_s = 0.3\n[sensors]\nforce_noise_n = 2.0\n'
+    )
+    return path
 
 
 def pytest_configure() -> None:

@@ -25,7 +25,7 @@ from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.result import ControllerResult, PlantResult
 from surefoot.schemas.topics import topic
 from tests.browser.pictures import coloured_pixels, pixels_changed
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import TIMEOUT_S, environment
 from tests.support import free_port, wait_until
 
 LONG_S = 60.0

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from tests.browser.pictures import pixels_changed
-from tests.cli.report.runs import make_report, make_run
 from tests.support import wait_until
+from tests.surefoot.report.runs import make_report, make_run
 
 LONG_S = 240.0
 """The browser takes its time when there is no graphics card."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.command import TIMEOUT_S, Surefoot, environment
 
 
 def offered(folder: Path, line: str) -> list[str]:

@@ -17,7 +17,7 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
-from tests.cli.conftest import environment
+from tests.command import environment
 from tests.support import DEADLINE_S, free_port, wait_until
 
 READY_S = 3 * DEADLINE_S

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, Surefoot
 from tests.cli.test_two_terminals import Start, start
+from tests.command import TIMEOUT_S, Surefoot
 from tests.support import free_port
 
 __all__ = ["start"]

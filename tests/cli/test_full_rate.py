@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import environment
-from tests.cli.mcap_reading import channels, messages
-from tests.cli.replay.conftest import patient_robot, standing
+from tests.command import environment
+from tests.surefoot.playback.conftest import patient_robot, standing
+from tests.surefoot.recording.mcap_reading import channels, messages
 
 MINUTE_TICKS = 60_000
 RUN_S = 600.0

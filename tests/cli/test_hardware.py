@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.robot_io.security.certificates import make_certificates
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import TIMEOUT_S, environment
 from tests.support import free_port
 
 Start = Callable[..., subprocess.Popen[str]]

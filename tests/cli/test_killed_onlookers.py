@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
-from tests.cli.mcap_reading import messages_of_cut_off
-from tests.cli.replay.conftest import fast_platform
+from tests.command import TIMEOUT_S, Surefoot, environment
 from tests.support import free_port, wait_until
+from tests.surefoot.playback.conftest import fast_platform
+from tests.surefoot.recording.mcap_reading import messages_of_cut_off
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
 

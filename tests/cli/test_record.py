@@ -17,15 +17,15 @@ import pytest
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
-from tests.cli.mcap_reading import (
+from tests.command import TIMEOUT_S, Surefoot, environment
+from tests.support import free_port, wait_until
+from tests.surefoot.recording.mcap_reading import (
     attached,
     channels,
     messages,
     messages_of_cut_off,
     metadata,
 )
-from tests.support import free_port, wait_until
 
 TICKS = 20_000
 PROCESS = re.compile(r"recorder, process (\d+)")

@@ -15,7 +15,7 @@ import pytest
 from surefoot.robot_io.security.certificates import make_certificates
 from surefoot.schemas.relay_plan import load_relay_plan
 from surefoot.schemas.result import RunResult
-from tests.cli.conftest import REPOSITORY, Surefoot, environment
+from tests.command import REPOSITORY, Surefoot, environment
 from tests.support import free_port, wait_until
 
 SERVICES_ONLY = """

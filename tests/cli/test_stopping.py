@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import TIMEOUT_S, environment
 from tests.support import wait_until
 
 _PROCESS = re.compile(r"process (\d+)")

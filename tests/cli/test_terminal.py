@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import TIMEOUT_S, environment
 
 COLOUR = re.compile(rb"\x1b\[(?:\d+;)*(?:3[0-8]|9[0-7])m")
 RUN = ["--controller", "hold", "--inline"]

@@ -14,7 +14,7 @@ import pytest
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.result import ControllerResult, PlantResult
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.command import TIMEOUT_S, Surefoot, environment
 from tests.nodes.test_nodes import is_running, observer
 from tests.support import free_port, wait_until
 

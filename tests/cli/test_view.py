@@ -13,7 +13,7 @@ import msgspec
 import pytest
 
 from surefoot.schemas.result import RunResult
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.command import TIMEOUT_S, Surefoot, environment
 from tests.support import free_port, wait_until
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")

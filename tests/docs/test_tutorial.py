@@ -16,7 +16,7 @@ import pytest
 
 from surefoot.cli.app import app
 from surefoot.sim_robot.catalogue import find_scenario
-from tests.cli.conftest import environment
+from tests.command import environment
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")

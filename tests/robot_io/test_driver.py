@@ -7,9 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.cli.conftest import REPOSITORY, TIMEOUT_S, Surefoot, environment
-from tests.cli.conftest import surefoot as surefoot
-from tests.conformance.verdict import check_passes_but_for_time
+from tests.command import REPOSITORY, TIMEOUT_S, Surefoot, environment
+from tests.robot_io.conformance.verdict import check_passes_but_for_time
 from tests.support import free_port
 
 DRIVER = REPOSITORY / "deploy" / "driver" / "acme_driver.py"

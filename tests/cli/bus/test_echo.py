@@ -6,7 +6,7 @@ import pytest
 
 from surefoot.schemas.endpoints import Endpoints
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 MALFORMED_EVERY = 3
 

@@ -4,7 +4,7 @@ import json
 
 from surefoot.schemas.endpoints import Endpoints
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 SPAN = 10
 

@@ -9,7 +9,7 @@ from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import TOPICS
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 KEY = "state/ft/left_ankle"
 

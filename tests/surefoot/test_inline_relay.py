@@ -17,7 +17,7 @@ from surefoot.schemas.relay_plan import (
     relay_plan_from_table,
 )
 from surefoot.simulation import run_inline
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 TICKS = 300
 

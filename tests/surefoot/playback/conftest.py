@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.cli.conftest import REPOSITORY, TIMEOUT_S, Surefoot, environment
+from tests.command import REPOSITORY, TIMEOUT_S, Surefoot, environment
 
 FAST = REPOSITORY / "sim_robot" / "scenarios" / "moving-platform-fast.toml"
 NOISE = """

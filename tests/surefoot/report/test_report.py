@@ -24,7 +24,7 @@ from surefoot.run_folder import RunDirectory
 from surefoot.schemas.result import RunResult
 from surefoot.sim_robot.metrics import COM_FROM_S
 from surefoot.view.robot_shape import RobotShape
-from tests.cli.report.runs import make_report, make_run
+from tests.surefoot.report.runs import make_report, make_run
 
 MM = 1e3
 SAME_MM = 1e-6

@@ -24,11 +24,11 @@ from surefoot.robot_io.robot_side.replay_server import REFUSAL
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.topics import TICK_SENSORS
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
-from tests.cli.mcap_reading import messages
-from tests.cli.replay.conftest import Check
-from tests.cli.replay.records import rewritten
+from tests.command import TIMEOUT_S, Surefoot, environment
 from tests.support import wait_until
+from tests.surefoot.playback.conftest import Check
+from tests.surefoot.playback.records import rewritten
+from tests.surefoot.recording.mcap_reading import messages
 
 DEPTH = 4096
 CHANNELS = (

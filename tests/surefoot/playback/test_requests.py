@@ -26,11 +26,11 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.node import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
-from tests.cli.conftest import TIMEOUT_S, environment
-from tests.cli.mcap_reading import messages
-from tests.cli.replay.conftest import Check, patient_robot
+from tests.command import TIMEOUT_S, environment
 from tests.nodes.processes import running
 from tests.support import DEADLINE_S, wait_until
+from tests.surefoot.playback.conftest import Check, patient_robot
+from tests.surefoot.recording.mcap_reading import messages
 
 LONG = {"duration_s": 600.0, "sensors": {"force_noise_n": 2.0}}
 LATER_TICKS = 150

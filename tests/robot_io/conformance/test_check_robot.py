@@ -9,12 +9,11 @@ from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.schemas.endpoints import Endpoints
-from tests.cli.conftest import Surefoot
-from tests.cli.conftest import surefoot as surefoot
-from tests.conformance import broken
-from tests.conformance.verdict import check_passes_but_for_time
+from tests.command import Surefoot
 from tests.nodes.processes import robot as simulated_robot
 from tests.nodes.processes import running
+from tests.robot_io.conformance import broken
+from tests.robot_io.conformance.verdict import check_passes_but_for_time
 from tests.support import DEADLINE_S
 
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import TIMEOUT_S, environment
 
 SCENARIO = """
 name = "heaving ground"

@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from tests.cli.conftest import Surefoot
-from tests.cli.mcap_reading import messages
-from tests.cli.replay.conftest import (
+from tests.command import Surefoot
+from tests.surefoot.playback.conftest import (
     Check,
     fast_platform,
     patient_robot,
     record_of,
     standing,
 )
-from tests.cli.replay.records import rewritten
+from tests.surefoot.playback.records import rewritten
+from tests.surefoot.recording.mcap_reading import messages
 
 FAULTS = """
 [[fault]]
