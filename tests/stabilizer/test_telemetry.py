@@ -59,7 +59,7 @@ def test_failures_and_stale_snapshots_are_counted(
     telemetry: ControllerTelemetry,
 ) -> None:
     good = output()
-    bad = replace(good, qp_status="tsid: infeasible")
+    bad = replace(good, wrench_qp="infeasible")
     for each, is_stale in ((good, False), (bad, True), (bad, False)):
         telemetry.add(each, duration_ns=2_000_000, is_stale=is_stale)
     result = telemetry.result("why")
