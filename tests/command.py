@@ -8,8 +8,9 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+from tests.support import PATIENCE_S
+
 REPOSITORY = Path(__file__).parents[1]
-TIMEOUT_S = 120.0
 Surefoot = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -38,6 +39,6 @@ def run_surefoot(
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         check=False,
     )

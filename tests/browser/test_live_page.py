@@ -25,8 +25,8 @@ from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.result import ControllerResult, PlantResult
 from surefoot.schemas.topics import topic
 from tests.browser.pictures import coloured_pixels, pixels_changed
-from tests.command import TIMEOUT_S, environment
-from tests.support import free_port, wait_until
+from tests.command import environment
+from tests.support import PATIENCE_S, free_port, wait_until
 
 LONG_S = 60.0
 """The browser takes its time when there is no graphics card."""
@@ -112,19 +112,17 @@ def test_the_robot_moves(open_page: Any) -> None:
     wait_until(
         lambda: pixels_changed(open_page, before, canvas.screenshot()) > MOVED_PIXELS,
         what="the picture to change",
-        deadline_s=LONG_S,
     )
 
 
 def test_the_plots_fill(open_page: Any) -> None:
     plots = open_page.locator(".uplot canvas")
-    wait_until(lambda: plots.count() >= 4, what="four plots", deadline_s=LONG_S)
+    wait_until(lambda: plots.count() >= 4, what="four plots")
     for index in range(4):
         plot = plots.nth(index)
         wait_until(
             partial(_has_curves, plot),
             what=f"curves in plot {index}",
-            deadline_s=LONG_S,
         )
 
 
@@ -145,7 +143,6 @@ def test_a_slider_changes_the_gain_and_the_log_has_it(
             in visit.log("stabilizer")
         ),
         what="the change in the stabilizer's log",
-        deadline_s=LONG_S,
     )
 
 
@@ -154,7 +151,6 @@ def test_a_push_reaches_the_simulator(open_page: Any, visit: Visit) -> None:
     wait_until(
         lambda: "push forward, 120 N for 0.1 s: done" in visit.log("view"),
         what="the push",
-        deadline_s=LONG_S,
     )
 
 
@@ -162,21 +158,19 @@ def test_hold_and_resume(open_page: Any, visit: Visit) -> None:
     open_page.get_by_role("button", name="Hold", exact=True).click()
     open_page.get_by_text("HOLD", exact=True).wait_for()
     open_page.get_by_role("button", name="Resume", exact=True).click()
-    wait_until(
-        lambda: "resume: done" in visit.log("view"), what="to go on", deadline_s=LONG_S
-    )
+    wait_until(lambda: "resume: done" in visit.log("view"), what="to go on")
     open_page.get_by_text("balancing", exact=True).wait_for()
 
 
 def test_the_e_stop_stops_the_robot(open_page: Any, visit: Visit) -> None:
-    with Bus(visit.endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus:
+    with Bus(
+        visit.endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S
+    ) as bus:
         channel = bus.channel(topic("status").key, depth=4096)
         latest = Latest(channel, RobotStatus)
         wait_until(lambda: latest.poll(), what="any status")
         open_page.get_by_role("button", name="E-STOP").click()
-        stopped = wait_until(
-            lambda: _fault(latest.poll()), what="the fault", deadline_s=LONG_S
-        )
+        stopped = wait_until(lambda: _fault(latest.poll()), what="the fault")
     pressed = wait_until(
         lambda: re.search(r"e-stop: done \(asked at (\d+) ns\)", visit.log("view")),
         what="the page to note it",
@@ -190,13 +184,13 @@ def test_the_e_stop_stops_the_robot(open_page: Any, visit: Visit) -> None:
 
 def test_both_sides_have_kept_what_was_asked(visit: Visit) -> None:
     controller = msgspec.json.decode(
-        visit.stabilizer.communicate(timeout=TIMEOUT_S)[0], type=ControllerResult
+        visit.stabilizer.communicate(timeout=PATIENCE_S)[0], type=ControllerResult
     )
     (change,) = controller.settings_changes
     assert change.after == {"tsid.com_kp": [31.0] * 3}
     visit.robot.terminate()
     plant = msgspec.json.decode(
-        visit.robot.communicate(timeout=TIMEOUT_S)[0], type=PlantResult
+        visit.robot.communicate(timeout=PATIENCE_S)[0], type=PlantResult
     )
     (push,) = plant.pushes
     assert (push.source, push.force_n) == ("live-page", [120.0, 0.0, 0.0])

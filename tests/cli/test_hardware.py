@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from surefoot.robot_io.security.certificates import make_certificates
-from tests.command import TIMEOUT_S, environment
-from tests.support import free_port
+from tests.command import environment
+from tests.support import PATIENCE_S, free_port
 
 Start = Callable[..., subprocess.Popen[str]]
 SHORT = """
@@ -85,9 +85,9 @@ def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:
 def run_both(start: Start, robot_argv: list, stabilizer_argv: list) -> dict:
     """Plant result of a run of both; both must end well."""
     robot = start("robot", "--json", *robot_argv)
-    stabilizer = start("stabilizer", "--wait", 60, *stabilizer_argv)
-    out, _ = robot.communicate(timeout=TIMEOUT_S)
-    stabilizer.communicate(timeout=TIMEOUT_S)
+    stabilizer = start("stabilizer", "--wait", PATIENCE_S, *stabilizer_argv)
+    out, _ = robot.communicate(timeout=PATIENCE_S)
+    stabilizer.communicate(timeout=PATIENCE_S)
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
     plant: dict = json.loads(out)
     return plant
@@ -123,7 +123,7 @@ def test_robot_and_stabilizer_meet_at_a_router(
     assert run["ticks"] == 1500
     assert run["deadline_misses"] == 0
     router.terminate()
-    router.communicate(timeout=TIMEOUT_S)
+    router.communicate(timeout=PATIENCE_S)
     assert router.returncode == 130
 
 
@@ -135,16 +135,16 @@ def test_a_relay_over_tls_dials_as_the_stabilizer_and_listens_as_the_robot(
     robot = start("robot", "--json", scenario, "--endpoints", file("robot"))
     between = ["--endpoints", file("stabilizer")]
     between += ["--listen-endpoints", file("robot", beside)]
-    relay = start("relay", "clear", "--wait", 60, "--json", *between)
+    relay = start("relay", "clear", "--wait", PATIENCE_S, "--json", *between)
     stabilizer = start(
-        *("stabilizer", "--controller", "hold", "--wait", 60),
+        *("stabilizer", "--controller", "hold", "--wait", PATIENCE_S),
         *("--endpoints", file("stabilizer", beside)),
     )
-    out, _ = robot.communicate(timeout=TIMEOUT_S)
-    stabilizer.communicate(timeout=TIMEOUT_S)
+    out, _ = robot.communicate(timeout=PATIENCE_S)
+    stabilizer.communicate(timeout=PATIENCE_S)
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
     assert json.loads(out)["ticks"] == 1500
     relay.terminate()
-    told, _ = relay.communicate(timeout=TIMEOUT_S)
+    told, _ = relay.communicate(timeout=PATIENCE_S)
     assert relay.returncode == 130
     assert json.loads(told)["counts"]["joint_command"]["left"] > 0

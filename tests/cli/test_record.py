@@ -17,8 +17,8 @@ import pytest
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
-from tests.command import TIMEOUT_S, Surefoot, environment
-from tests.support import free_port, wait_until
+from tests.command import Surefoot, environment
+from tests.support import PATIENCE_S, free_port, wait_until
 from tests.surefoot.recording.mcap_reading import (
     attached,
     channels,
@@ -55,7 +55,7 @@ def recorder_of(folder: Path) -> int:
                 return int(found.group(1))
         return None
 
-    return wait_until(find, what="the recorder to write", deadline_s=60.0)
+    return wait_until(find, what="the recorder to write")
 
 
 def test_nothing_is_lost_in_twenty_seconds_faster_than_real_time(
@@ -134,11 +134,11 @@ def test_recording_apart_with_the_bytes_of_the_bus(
             command("stabilizer", "--controller", "hold", "--connect", locator),
             env=environment(),
             capture_output=True,
-            timeout=TIMEOUT_S,
+            timeout=PATIENCE_S,
             check=False,
         )
-        stdout, stderr = recorder.communicate(timeout=TIMEOUT_S)
-        robot.communicate(timeout=TIMEOUT_S)
+        stdout, stderr = recorder.communicate(timeout=PATIENCE_S)
+        robot.communicate(timeout=PATIENCE_S)
     finally:
         robot.kill()
         recorder.kill()
@@ -164,7 +164,7 @@ def test_a_killed_recorder_changes_nothing_and_leaves_what_it_wrote(
         stderr=subprocess.PIPE,
     ) as process:
         os.kill(recorder_of(folder), signal.SIGKILL)
-        stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+        stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, stderr
     assert "recorder: was ended by signal 9; the run went on" in stderr
     assert not (folder / "run" / "run.mcap").exists()
@@ -194,7 +194,7 @@ def test_ctrl_c_leaves_a_whole_file(short_scenario: Path, tmp_path: Path) -> Non
         # Said once the first status is there: from then on nothing is missed.
         wait_until(lambda: "ready" in log.read_text(), what="the recorder")
         recorder.send_signal(signal.SIGINT)
-        assert recorder.wait(TIMEOUT_S) == 130
+        assert recorder.wait(PATIENCE_S) == 130
     finally:
         robot.kill()
         robot.wait()
@@ -231,11 +231,11 @@ def test_a_full_disk_ends_the_recording_with_one_message(
             command("stabilizer", "--controller", "hold", "--connect", locator),
             env=environment(),
             capture_output=True,
-            timeout=TIMEOUT_S,
+            timeout=PATIENCE_S,
             check=False,
         )
-        _, stderr = recorder.communicate(timeout=TIMEOUT_S)
-        told, _ = robot.communicate(timeout=TIMEOUT_S)
+        _, stderr = recorder.communicate(timeout=PATIENCE_S)
+        told, _ = robot.communicate(timeout=PATIENCE_S)
     finally:
         robot.kill()
         recorder.kill()

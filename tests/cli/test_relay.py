@@ -16,7 +16,7 @@ from surefoot.robot_io.security.certificates import make_certificates
 from surefoot.schemas.relay_plan import load_relay_plan
 from surefoot.schemas.result import RunResult
 from tests.command import REPOSITORY, Surefoot, environment
-from tests.support import free_port, wait_until
+from tests.support import PATIENCE_S, free_port, wait_until
 
 SERVICES_ONLY = """
 name = "services and commands late"
@@ -130,11 +130,10 @@ def test_a_relay_that_dies_is_named_as_the_one_who_failed(
                 None,
             ),
             what="the relay to be ready",
-            deadline_s=60.0,
         )
         first = log.read_text().splitlines()[0]
         os.kill(int(first.rsplit(" ", 1)[-1]), signal.SIGKILL)
-        _, stderr = run.communicate(timeout=60.0)
+        _, stderr = run.communicate(timeout=PATIENCE_S)
     finally:
         run.kill()
         run.wait()

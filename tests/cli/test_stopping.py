@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import TIMEOUT_S, environment
-from tests.support import wait_until
+from tests.command import environment
+from tests.support import PATIENCE_S, wait_until
 
 _PROCESS = re.compile(r"process (\d+)")
 
@@ -53,7 +53,7 @@ def children(folder: Path) -> tuple[int, int]:
             ids.append(int(found.group(1)))
         return ids[0], ids[1]
 
-    return wait_until(active_ids, what="robot and stabilizer to start", deadline_s=60.0)
+    return wait_until(active_ids, what="robot and stabilizer to start")
 
 
 def is_gone(process: int) -> bool:
@@ -71,7 +71,7 @@ def test_interrupting_a_run_stops_both_and_leaves_nothing(
     process, folder = endless_run
     ids = children(folder)
     process.send_signal(sent)
-    stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert stdout == ""
     assert "Traceback" not in stderr
@@ -95,7 +95,7 @@ def test_a_killed_child_ends_the_run_and_is_named(
     process, folder = endless_run
     ids = children(folder)
     os.kill(ids[victim], signal.SIGKILL)
-    stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert stdout == ""
     assert f"{name}: was ended by signal 9" in stderr

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from surefoot.studies.store import RUNS, read_rows
+from tests.support import PATIENCE_S
 
 SCENARIO = """
 name = "short"
@@ -18,7 +19,6 @@ duration_s = 0.4
 [sensors]
 force_noise_n = 2.0
 """
-DEADLINE_S = 120.0
 
 
 def scenario(folder: Path) -> Path:
@@ -33,7 +33,7 @@ def words(*arguments: object) -> list[str]:
 
 def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        words(*arguments), capture_output=True, text=True, timeout=DEADLINE_S
+        words(*arguments), capture_output=True, text=True, timeout=PATIENCE_S
     )
 
 
@@ -66,7 +66,7 @@ def test_sweep_gives_the_runs_that_run_gives(tmp_path: Path) -> None:
 def test_killed_sweep_goes_on_where_it_was(tmp_path: Path) -> None:
     runs = tmp_path / "out" / RUNS
     process = subprocess.Popen(words(*sweep(tmp_path, "--seeds", "0:40")))
-    end = time.monotonic() + DEADLINE_S
+    end = time.monotonic() + PATIENCE_S
     while not (runs.is_file() and len(runs.read_bytes().splitlines()) >= 2):
         assert time.monotonic() < end
         assert process.poll() is None

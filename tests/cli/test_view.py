@@ -13,8 +13,8 @@ import msgspec
 import pytest
 
 from surefoot.schemas.result import RunResult
-from tests.command import TIMEOUT_S, Surefoot, environment
-from tests.support import free_port, wait_until
+from tests.command import Surefoot, environment
+from tests.support import PATIENCE_S, free_port, wait_until
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
 
@@ -91,7 +91,7 @@ def test_killing_the_page_changes_nothing(
     )
     page = wait_until(lambda: _page_with_robot(watched.pid), what="page and robot")
     os.kill(page, signal.SIGKILL)
-    out, err = watched.communicate(timeout=TIMEOUT_S)
+    out, err = watched.communicate(timeout=PATIENCE_S)
     assert watched.returncode == 0, err.decode()
     assert b"live page: http://127.0.0.1:" in err
     results = [
@@ -114,7 +114,7 @@ def test_ctrl_c_ends_a_page_that_waits_for_a_robot(tmp_path: Path) -> None:
         )
     wait_until(lambda: "Ctrl-C" in log.read_text(), what="the page")
     page.send_signal(signal.SIGINT)
-    assert page.wait(TIMEOUT_S) == 130
+    assert page.wait(PATIENCE_S) == 130
     assert "Traceback" not in log.read_text()
 
 

@@ -19,7 +19,7 @@ from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, RobotStatus
 from surefoot.schemas.topics import topic
 from tests.nodes.processes import robot, running, stabilizer
 from tests.nodes.test_nodes import NOISE, in_one_process, is_running
-from tests.support import wait_until
+from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
 COUNT = 10_000
@@ -87,7 +87,7 @@ def test_no_hostile_command_reaches_a_servo_and_each_is_counted(
 ) -> None:
     with (
         running(robot, endpoints, TABLE, Pace.LOCKSTEP) as plant,
-        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus,
+        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S) as bus,
     ):
         statuses = Latest(bus.channel(topic("status").key, depth=1), RobotStatus)
         commands = bus.channel("cmd/joints", depth=1)

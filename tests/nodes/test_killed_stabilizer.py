@@ -19,7 +19,7 @@ from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, robot, running
 from tests.nodes.test_nodes import LONG, NOISE, is_running, observer
-from tests.support import DEADLINE_S
+from tests.support import PATIENCE_S
 
 WALKER = load_robot("walker")
 TABLE = {"duration_s": 90.0, "sensors": NOISE}
@@ -37,7 +37,7 @@ def recorded_robot(endpoints: Endpoints) -> RobotRun:
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
         record=True,
-        wait_s=DEADLINE_S,
+        wait_s=PATIENCE_S,
     )
 
 
@@ -48,7 +48,7 @@ def whole_body(endpoints: Endpoints, identity: str) -> Any:
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
         identity=identity,
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
     )
 
 

@@ -22,7 +22,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
-from tests.support import DEADLINE_S, wait_until
+from tests.support import PATIENCE_S, wait_until
 
 LONG = {"duration_s": 600.0}
 SHORT = {"duration_s": 1.5, "sensors": {"force_noise_n": 2.0}}
@@ -40,7 +40,7 @@ def balance(endpoints: Endpoints, pace: Pace) -> Any:
         endpoints=endpoints,
         pace=pace,
         identity="ann",
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
         settings=settings,
     )
 
@@ -84,7 +84,7 @@ def looking(endpoints: Endpoints) -> Iterator[Observer]:
         channels=VIEWER_CHANNELS,
         identity="eve",
     ) as observer:
-        observer.connect(timeout_s=DEADLINE_S)
+        observer.connect(timeout_s=PATIENCE_S)
         yield observer
 
 

@@ -44,8 +44,8 @@ STANDS_ALIKE_M = 5e-4
 def readings(model: RobotModel, walker: Robot, *, seed: int) -> list[Snapshot]:
     """The Walker's: at rest while it is calibrated, then noise on every sensor.
 
-    Today's first yaw is the unit's own x axis, levelled. Where that axis leans, noise of
-    the first tilt turns the yaw: two units mounted differently would start apart.
+    Today's first yaw is the unit's own x axis, levelled. Where that axis leans, noise
+    of the first tilt turns the yaw: units mounted differently would start apart.
     """
     rng = np.random.default_rng(seed)
     still = standing_snapshot(model)

@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.command import REPOSITORY, TIMEOUT_S, Surefoot, environment
+from tests.command import REPOSITORY, Surefoot, environment
+from tests.support import PATIENCE_S
 
 FAST = REPOSITORY / "sim_robot" / "scenarios" / "moving-platform-fast.toml"
 NOISE = """
@@ -57,7 +58,7 @@ def record_of(folder: Path, scenario: Path, *words: object) -> Path:
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode == 0, done.stderr

@@ -26,9 +26,9 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.node import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
-from tests.command import TIMEOUT_S, environment
+from tests.command import environment
 from tests.nodes.processes import running
-from tests.support import DEADLINE_S, wait_until
+from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check, patient_robot
 from tests.surefoot.recording.mcap_reading import messages
 
@@ -44,7 +44,7 @@ def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
         seed=1,
         endpoints=endpoints,
         pace=pace,
-        wait_s=DEADLINE_S,
+        wait_s=PATIENCE_S,
     )
 
 
@@ -56,7 +56,7 @@ def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
         endpoints=endpoints,
         pace=pace,
         identity=identity,
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
         settings=settings,
     )
 
@@ -120,9 +120,9 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
             channels=VIEWER_CHANNELS,
             identity="eve",
         ) as observer:
-            observer.connect(timeout_s=TIMEOUT_S)
+            observer.connect(timeout_s=PATIENCE_S)
             yield ReadOnlyClient(observer)
-        assert recorder.wait(TIMEOUT_S) == 0, log.read_text()
+        assert recorder.wait(PATIENCE_S) == 0, log.read_text()
     finally:
         recorder.kill()
         recorder.wait()

@@ -6,7 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.command import TIMEOUT_S, environment
+from tests.command import environment
+from tests.support import PATIENCE_S
 
 SCENARIO = """
 name = "heaving ground"
@@ -46,7 +47,7 @@ def make_run(folder: Path, *words: str) -> Path:
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.returncode in (0, 5), (done.returncode, done.stderr)
@@ -60,6 +61,6 @@ def make_report(*words: object) -> subprocess.CompletedProcess[str]:
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         check=False,
     )
