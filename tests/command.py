@@ -11,6 +11,7 @@ from pathlib import Path
 from tests.support import PATIENCE_S
 
 REPOSITORY = Path(__file__).parents[1]
+DIALING = ("stabilizer", "record")
 Surefoot = Callable[..., subprocess.CompletedProcess[str]]
 
 
@@ -24,6 +25,21 @@ def environment() -> dict[str, str]:
     }
 
 
+def command(*words: object) -> list[str]:
+    """Command line of a process of its own.
+
+    One that dials a robot goes on dialing until it is there, unless told otherwise: the
+    robot's process may be slower to start.
+
+    Args:
+        words: what follows ``surefoot``.
+    """
+    line = [sys.executable, "-m", "surefoot.cli", *map(str, words)]
+    if words[0] in DIALING and "--wait" not in words:
+        line += ["--wait", str(PATIENCE_S)]
+    return line
+
+
 def run_surefoot(
     *arguments: object, cwd: Path | None = None
 ) -> subprocess.CompletedProcess[str]:
@@ -34,7 +50,7 @@ def run_surefoot(
         cwd: the folder it starts in.
     """
     return subprocess.run(
-        [sys.executable, "-m", "surefoot.cli", *map(str, arguments)],
+        command(*arguments),
         cwd=cwd,
         env=environment(),
         capture_output=True,

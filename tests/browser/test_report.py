@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from tests.browser.conftest import PAGE_READY_MS
 from tests.browser.pictures import pixels_changed
 from tests.support import wait_until
 from tests.surefoot.report.runs import make_report, make_run
@@ -16,7 +17,6 @@ from tests.surefoot.report.runs import make_report, make_run
 MOVED_PIXELS = 60
 PANELS = 20
 """A run with one moving axis of ground has at least so many plots."""
-DRAWN_MS = 120_000
 SMALL = {"width": 400, "height": 300}
 """A scene is drawn quicker so."""
 LEGS = {"x": 130, "y": 170, "width": 140, "height": 80}
@@ -39,7 +39,7 @@ def offline(chromium: Any) -> Iterator[Any]:
     context = chromium.new_context(
         viewport={"width": 1200, "height": 800}, offline=True
     )
-    context.set_default_timeout(DRAWN_MS)
+    context.set_default_timeout(PAGE_READY_MS)
     context.complaints = []
     context.on("weberror", lambda error: context.complaints.append(str(error.error)))
     context.on(

@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +16,7 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
-from tests.command import environment
+from tests.command import command, environment
 from tests.support import PATIENCE_S, free_port, wait_until
 
 ENDLESS_S = "36000"
@@ -45,7 +44,7 @@ def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     """A command in a process group of its own, as a shell gives it."""
     (folder / "hour.toml").write_text('name = "hour"\nduration_s = 3600.0\n')
     with subprocess.Popen(
-        [sys.executable, "-m", "surefoot.cli", *words],
+        command(*words),
         cwd=folder,
         env=environment(),
         text=True,

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from surefoot.robot_io.security.certificates import make_certificates
-from tests.command import environment
+from tests.command import command, environment
 from tests.support import PATIENCE_S, free_port
 
 Start = Callable[..., subprocess.Popen[str]]
@@ -45,7 +44,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     def start_one(*arguments: object) -> subprocess.Popen[str]:
         with (tmp_path / f"{len(processes)}-{arguments[0]}.log").open("w") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "surefoot.cli", *map(str, arguments)],
+                command(*arguments),
                 env=environment(),
                 text=True,
                 stdout=subprocess.PIPE,
@@ -85,7 +84,7 @@ def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:
 def run_both(start: Start, robot_argv: list, stabilizer_argv: list) -> dict:
     """Plant result of a run of both; both must end well."""
     robot = start("robot", "--json", *robot_argv)
-    stabilizer = start("stabilizer", "--wait", PATIENCE_S, *stabilizer_argv)
+    stabilizer = start("stabilizer", *stabilizer_argv)
     out, _ = robot.communicate(timeout=PATIENCE_S)
     stabilizer.communicate(timeout=PATIENCE_S)
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
@@ -137,7 +136,7 @@ def test_a_relay_over_tls_dials_as_the_stabilizer_and_listens_as_the_robot(
     between += ["--listen-endpoints", file("robot", beside)]
     relay = start("relay", "clear", "--wait", PATIENCE_S, "--json", *between)
     stabilizer = start(
-        *("stabilizer", "--controller", "hold", "--wait", PATIENCE_S),
+        *("stabilizer", "--controller", "hold"),
         *("--endpoints", file("stabilizer", beside)),
     )
     out, _ = robot.communicate(timeout=PATIENCE_S)

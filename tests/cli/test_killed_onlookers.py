@@ -7,12 +7,11 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.command import Surefoot, environment
+from tests.command import Surefoot, command, environment
 from tests.support import PATIENCE_S, free_port, wait_until
 from tests.surefoot.playback.conftest import fast_platform
 from tests.surefoot.recording.mcap_reading import messages_of_cut_off
@@ -37,10 +36,9 @@ def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
     bare = json.loads(surefoot(*words).stdout)
     folder = tmp_path / "out"
     watched = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "surefoot.cli", *map(str, words), "--view"),
-            *("--view-port", str(free_port()), "--out", str(folder / "run")),
-        ],
+        command(
+            *(*words, "--view", "--view-port", free_port(), "--out", folder / "run")
+        ),
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

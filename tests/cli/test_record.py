@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import pytest
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
-from tests.command import Surefoot, environment
+from tests.command import Surefoot, command, environment
 from tests.support import PATIENCE_S, free_port, wait_until
 from tests.surefoot.recording.mcap_reading import (
     attached,
@@ -37,10 +36,6 @@ def scenario(folder: Path, duration_s: float) -> Path:
         f'name = "still"\nduration_s = {duration_s}\n[sensors]\nforce_noise_n = 2.0\n'
     )
     return path
-
-
-def command(*words: object) -> list[str]:
-    return [sys.executable, "-m", "surefoot.cli", *map(str, words)]
 
 
 def recorder_of(folder: Path) -> int:

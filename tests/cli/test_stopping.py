@@ -6,13 +6,12 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.command import environment
+from tests.command import command, environment
 from tests.support import PATIENCE_S, wait_until
 
 _PROCESS = re.compile(r"process (\d+)")
@@ -25,10 +24,7 @@ def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
     scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
     folder = tmp_path / "out"
     with subprocess.Popen(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
-            *("--controller", "hold", "--out", str(folder / "run")),
-        ],
+        command("run", scenario, "--controller", "hold", "--out", folder / "run"),
         env=environment(),
         cwd=tmp_path,
         text=True,

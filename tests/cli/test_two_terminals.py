@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -14,7 +13,7 @@ import pytest
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.result import ControllerResult, PlantResult
-from tests.command import Surefoot, environment
+from tests.command import Surefoot, command, environment
 from tests.nodes.test_nodes import is_running, observer
 from tests.support import PATIENCE_S, free_port, wait_until
 
@@ -30,7 +29,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     def start_one(name: str, *arguments: object) -> Started:
         with (tmp_path / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "surefoot.cli", name, *map(str, arguments)],
+                command(name, *arguments),
                 env=environment(),
                 text=True,
                 stdout=subprocess.PIPE,

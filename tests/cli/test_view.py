@@ -6,14 +6,13 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from surefoot.schemas.result import RunResult
-from tests.command import Surefoot, environment
+from tests.command import Surefoot, command, environment
 from tests.support import PATIENCE_S, free_port, wait_until
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
@@ -73,18 +72,10 @@ def test_killing_the_page_changes_nothing(
 ) -> None:
     quiet = surefoot("run", scenario, "--json")
     watched = subprocess.Popen(
-        [
-            *(
-                sys.executable,
-                "-m",
-                "surefoot.cli",
-                "run",
-                str(scenario),
-                "--json",
-                "--view",
-            ),
-            *("--view-port", str(free_port()), "--out", str(tmp_path / "run")),
-        ],
+        command(
+            *("run", scenario, "--json", "--view", "--view-port", free_port()),
+            *("--out", tmp_path / "run"),
+        ),
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -105,10 +96,7 @@ def test_ctrl_c_ends_a_page_that_waits_for_a_robot(tmp_path: Path) -> None:
     log = tmp_path / "view.log"
     with log.open("w") as stderr:
         page = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "surefoot.cli", "view", "--port", "0"),
-                *("--connect", f"tcp/127.0.0.1:{free_port()}"),
-            ],
+            command("view", "--port", 0, "--connect", f"tcp/127.0.0.1:{free_port()}"),
             env=environment(),
             stderr=stderr,
         )

@@ -1,16 +1,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.command import REPOSITORY, Surefoot, environment
-from tests.support import PATIENCE_S
+from tests.command import REPOSITORY, Surefoot, run_surefoot
 
 FAST = REPOSITORY / "sim_robot" / "scenarios" / "moving-platform-fast.toml"
 NOISE = """
@@ -42,25 +39,7 @@ def standing(folder: Path, duration_s: float, more: str = "") -> Path:
 def record_of(folder: Path, scenario: Path, *words: object) -> Path:
     """Run a scenario on the bus and give its record."""
     out = folder / "run"
-    done = subprocess.run(
-        [
-            *(
-                sys.executable,
-                "-m",
-                "surefoot.cli",
-                "run",
-                str(scenario),
-                "--out",
-                str(out),
-            ),
-            *map(str, words),
-        ],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    done = run_surefoot("run", scenario, "--out", out, *words)
     assert done.returncode == 0, done.stderr
     return out / "run.mcap"
 

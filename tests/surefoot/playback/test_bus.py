@@ -7,7 +7,6 @@ import math
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -24,7 +23,7 @@ from surefoot.robot_io.robot_side.replay_server import REFUSAL
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.topics import TICK_SENSORS
-from tests.command import Surefoot, environment
+from tests.command import Surefoot, command, environment
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check
 from tests.surefoot.playback.records import rewritten
@@ -48,10 +47,7 @@ def playing(
 ) -> Iterator[subprocess.Popen[str]]:
     """``surefoot replay`` as a process."""
     process = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "replay", str(path)),
-            *("--listen", endpoints.listen[0], *map(str, words)),
-        ],
+        command("replay", path, "--listen", endpoints.listen[0], *words),
         env=environment(),
         stderr=subprocess.PIPE,
         text=True,

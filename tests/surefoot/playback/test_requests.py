@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -26,7 +25,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.node import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
-from tests.command import environment
+from tests.command import command, environment
 from tests.nodes.processes import running
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check, patient_robot
@@ -104,10 +103,10 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
     log = out.with_suffix(".log")
     with log.open("w") as stderr:
         recorder = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "surefoot.cli", "record", "--out", str(out)),
-                *("--robot", path, "--connect", endpoints.connect[0], "--json"),
-            ],
+            command(
+                *("record", "--out", out, "--robot", path),
+                *("--connect", endpoints.connect[0], "--json"),
+            ),
             env=environment(),
             stdout=subprocess.DEVNULL,
             stderr=stderr,

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
-from tests.command import environment
-from tests.support import PATIENCE_S
+from tests.command import run_surefoot
 
 SCENARIO = """
 name = "heaving ground"
@@ -39,28 +37,11 @@ def make_run(folder: Path, *words: str) -> Path:
     scenario = folder / "heaving.toml"
     scenario.write_text(SCENARIO)
     *options, name = words
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
-            *("--out", str(folder / name), *options),
-        ],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    done = run_surefoot("run", scenario, "--out", folder / name, *options)
     assert done.returncode in (0, 5), (done.returncode, done.stderr)
     return folder / name
 
 
 def make_report(*words: object) -> subprocess.CompletedProcess[str]:
     """Run ``surefoot report``."""
-    return subprocess.run(
-        [sys.executable, "-m", "surefoot.cli", "report", *map(str, words)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    return run_surefoot("report", *words)
