@@ -41,13 +41,14 @@ def command(*words: object) -> list[str]:
 
 
 def run_surefoot(
-    *arguments: object, cwd: Path | None = None
+    *arguments: object, cwd: Path | None = None, patience_s: float = PATIENCE_S
 ) -> subprocess.CompletedProcess[str]:
     """Run a command of ``surefoot`` to its end.
 
     Args:
         arguments: the words after ``surefoot``.
         cwd: the folder it starts in.
+        patience_s: how long it may take.
     """
     return subprocess.run(
         command(*arguments),
@@ -55,6 +56,6 @@ def run_surefoot(
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=PATIENCE_S,
+        timeout=patience_s,
         check=False,
     )

@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
 from surefoot.studies.store import RUNS, read_rows
-from tests.command import command, run_surefoot
-from tests.support import PATIENCE_S
+from tests.command import command, environment, run_surefoot
+from tests.support import wait_until
 
 SCENARIO = """
 name = "short"
@@ -57,11 +56,13 @@ def test_sweep_gives_the_runs_that_run_gives(tmp_path: Path) -> None:
 
 def test_killed_sweep_goes_on_where_it_was(tmp_path: Path) -> None:
     runs = tmp_path / "out" / RUNS
-    process = subprocess.Popen(command(*sweep(tmp_path, "--seeds", "0:40")))
-    end = time.monotonic() + PATIENCE_S
-    while not (runs.is_file() and len(runs.read_bytes().splitlines()) >= 2):
-        assert time.monotonic() < end
-        assert process.poll() is None
+    words = command(*sweep(tmp_path, "--seeds", "0:40"))
+    process = subprocess.Popen(words, env=environment())
+    wait_until(
+        lambda: runs.is_file() and len(runs.read_bytes().splitlines()) >= 2,
+        what="two runs",
+    )
+    assert process.poll() is None
     process.send_signal(signal.SIGKILL)
     process.wait()
     before = {row["key"]: row for row in read_rows(tmp_path / "out")}

@@ -15,6 +15,7 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.node import RobotRun, run_robot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
+from tests.patient_robot import patient
 from tests.support import PATIENCE_S
 
 SPAWN = multiprocessing.get_context("spawn")
@@ -68,10 +69,11 @@ def running(target: Any, *args: Any) -> Iterator[Running]:
 
 
 def robot(endpoints: Endpoints, table: dict[str, Any], pace: Pace) -> RobotRun:
-    """The simulated Walker in a scenario."""
+    """The simulated Walker in a scenario; in real time a patient one."""
     scenario = scenario_from_table({"name": "test", **table}, source="test")
+    walker = load_robot("walker")
     return run_robot(
-        load_robot("walker"),
+        patient(walker) if pace is Pace.REALTIME else walker,
         scenario,
         seed=SEED,
         endpoints=endpoints,

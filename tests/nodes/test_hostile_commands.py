@@ -1,4 +1,4 @@
-"""Ten thousand commands that must not reach a servo, against a running robot."""
+"""Thousands of commands that must not reach a servo, against a running robot."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tests.nodes.test_nodes import NOISE, in_one_process, is_running
 from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
-COUNT = 10_000
+COUNT = 4_000
 BATCH = 200
 """Fewer than the robot's inbox keeps, so that each one is judged."""
 TABLE = {"duration_s": 8.0, "sensors": NOISE}

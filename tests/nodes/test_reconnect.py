@@ -20,13 +20,14 @@ from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_requests import looking
+from tests.patient_robot import HOLD_AFTER_S
 from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
 FAR_RAD = 0.3
 """Beyond what a first command may be away from the held posture."""
-PAUSE_S = 0.08
-LONG_LEAVE_S = 5.0
+PAUSE_S = 3.0 * HOLD_AFTER_S
+LONG_LEAVE_S = 120.0
 
 
 class HiccupController(HoldController):

@@ -18,10 +18,10 @@ from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
-from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
+from tests.patient_robot import gentle_settings
 from tests.support import PATIENCE_S, wait_until
 
 LONG = {"duration_s": 600.0}
@@ -32,8 +32,8 @@ PUSH_N = [30.0, 0.0, 0.0]
 
 
 def balance(endpoints: Endpoints, pace: Pace) -> Any:
-    """The whole-body stabilizer, its settings open to change."""
-    walker, settings = load_robot("walker"), ControllerSettings()
+    """A gentle whole-body stabilizer, its settings open to change."""
+    walker, settings = load_robot("walker"), gentle_settings()
     return run_stabilizer(
         make_controller("whole-body", walker, settings),
         walker,

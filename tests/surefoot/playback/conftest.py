@@ -44,18 +44,7 @@ def record_of(folder: Path, scenario: Path, *words: object) -> Path:
     return out / "run.mcap"
 
 
-def patient_robot(folder: Path) -> Path:
-    """The Walker with a gate that waits long for its commander: a busy machine."""
-    walker = REPOSITORY / "robot_io" / "robots" / "walker" / "walker.toml"
-    path = folder / "patient.toml"
-    path.write_text(
-        f'extends = "{walker}"\n'
-        "[gate]\nhold_after_s = 30.0\nfault_after_s = 60.0\nlease_s = 60.0\n"
-    )
-    return path
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The moving platform in lockstep, shortened; for tests that do not change it."""
     folder = tmp_path_factory.mktemp("recorded")

@@ -21,18 +21,20 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.node import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.command import command, environment
 from tests.nodes.processes import running
+from tests.patient_robot import gentle_settings, patient_robot_file
 from tests.support import PATIENCE_S, wait_until
-from tests.surefoot.playback.conftest import Check, patient_robot
+from tests.surefoot.playback.conftest import Check
 from tests.surefoot.recording.mcap_reading import messages
 
 LONG = {"duration_s": 600.0, "sensors": {"force_noise_n": 2.0}}
 LATER_TICKS = 150
+WAITS = {"hold_after_s": 30.0, "lease_s": 60.0}
+"""Nobody here falls silent but to test something else."""
 
 
 def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
@@ -48,7 +50,7 @@ def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
 
 
 def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
-    walker, settings = load_robot(path), ControllerSettings()
+    walker, settings = load_robot(path), gentle_settings()
     return run_stabilizer(
         make_controller("whole-body", walker, settings),
         walker,
@@ -131,7 +133,7 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
 def test_gains_holds_and_pushes_are_equal(
     endpoints: Endpoints, tmp_path: Path, check: Check, pace: Pace
 ) -> None:
-    path, out = str(patient_robot(tmp_path)), tmp_path / "asked.mcap"
+    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "asked.mcap"
     with (
         running(plant, path, endpoints, pace) as robot,
         recorded(path, endpoints, out) as onlooker,
@@ -167,7 +169,7 @@ def test_gains_holds_and_pushes_are_equal(
 def test_a_second_stabilizer_is_a_session_of_its_own(
     endpoints: Endpoints, tmp_path: Path, check: Check
 ) -> None:
-    path, out = str(patient_robot(tmp_path)), tmp_path / "two.mcap"
+    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "two.mcap"
     with (
         running(plant, path, endpoints, Pace.LOCKSTEP) as robot,
         recorded(path, endpoints, out) as onlooker,
