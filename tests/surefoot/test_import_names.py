@@ -29,7 +29,7 @@ from surefoot.stabilizer.factory import make_controller
 from tests.one_name import modules_with_two_names
 from tests.stabilizer.closed_loop import run_closed_loop
 walker = load_robot("walker")
-for name in ("hold", "whole-body", "zmp"):
+for name in ("whole-body", "zmp"):
     controller = make_controller(name, walker, ControllerSettings())
     run_closed_loop(walker, controller=controller, duration_s=0.01)
 print(json.dumps([modules_with_two_names(), len(sys.modules)]))
