@@ -1,13 +1,33 @@
-"""Fixtures of all tests that meet on a bus."""
+"""Fixtures of all tests: a bus of their own, the command, a short scenario."""
 
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
 
 import pytest
 
 from surefoot.schemas.endpoints import Endpoints
+from tests.command import Surefoot, run_surefoot
+from tests.one_name import modules_with_two_names
 from tests.support import free_port
+
+TESTS = Path(__file__).parent
+OF_PROCESSES = (
+    *("cli/", "nodes/", "deploy/", "docs/", "robot_io/conformance/"),
+    *("surefoot/playback/", "surefoot/report/", "surefoot/test_import_names.py"),
+    *("surefoot/test_private_bus.py", "robot_io/relay/test_relay.py"),
+    *(
+        f"robot_io/test_{name}.py"
+        for name in (
+            *("assembler", "bad_commands", "client_and_server", "driver", "operator"),
+            *("presence", "router", "scheduling", "security", "session"),
+        )
+    ),
+)
+"""Folders and files whose tests start processes or talk over a bus."""
 
 
 @pytest.fixture
@@ -15,6 +35,45 @@ def endpoints() -> Endpoints:
     """Both ends of a bus on this host, apart from every other test's."""
     locator = f"tcp/127.0.0.1:{free_port()}"
     return Endpoints(listen=[locator], connect=[locator])
+
+
+@pytest.fixture
+def surefoot(tmp_path: Path) -> Surefoot:
+    """Run a command of ``surefoot`` in an empty folder."""
+    work = tmp_path / "work"
+    work.mkdir()
+    return partial(run_surefoot, cwd=work)
+
+
+@pytest.fixture
+def short_scenario(tmp_path: Path) -> Path:
+    """Standing on firm ground for a fraction of a second."""
+    path = tmp_path / "short.toml"
+    path.write_text(
+        'name = "short"\nduration_s = 0.3\n[sensors]\nforce_noise_n = 2.0\n'
+    )
+    return path
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_name_for_each_module() -> Iterator[None]:
+    """No test loads a module of ours under a second name."""
+    yield
+    assert modules_with_two_names() == {}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark what meets others on a bus, starts processes or a browser, by its place.
+
+    Everything else answers within a minute: ``-m "not (closed_loop or process or
+    browser)"``.
+    """
+    for item in items:
+        place = item.path.relative_to(TESTS).as_posix()
+        if place.startswith("browser/"):
+            item.add_marker(pytest.mark.browser)
+        elif place.startswith(OF_PROCESSES):
+            item.add_marker(pytest.mark.process)
 
 
 def pytest_configure() -> None:

@@ -14,6 +14,7 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.world import World, build_world
+from tests.awkward_robot import AWKWARD, make_awkward
 
 STATES = 100
 RELATIVE = 1e-6
@@ -47,9 +48,14 @@ class Pair:
         return inertia
 
 
-@pytest.fixture(scope="module")
-def models() -> tuple[Robot, World, pin.Model]:
-    robot = load_robot("walker")
+@pytest.fixture(scope="module", params=["walker", "awkward"])
+def models(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Robot, World, pin.Model]:
+    if request.param == "walker":
+        robot = load_robot("walker")
+    else:
+        robot = make_awkward(tmp_path_factory.mktemp("awkward"), AWKWARD).robot
     scenario = scenario_from_table({"name": "still", "duration_s": 1.0}, source="test")
     pin_model = pin.buildModelFromUrdf(str(robot.urdf_path), pin.JointModelFreeFlyer())
     armature = np.zeros(pin_model.nv)

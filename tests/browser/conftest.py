@@ -8,14 +8,17 @@ from typing import Any
 
 import pytest
 
+from tests.support import PATIENCE_S
+
 FLAGS = (
     "--no-sandbox",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 )
-SIZE = {"width": 1000, "height": 700}
-PAGE_READY_MS = 180_000
+SIZE = {"width": 640, "height": 480}
+"""Each pixel of a scene costs a software renderer: few will do."""
+PAGE_READY_MS = 1000.0 * PATIENCE_S
 """Drawing without a graphics card takes seconds, and minutes on a busy machine."""
 
 

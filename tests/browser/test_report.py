@@ -9,16 +9,14 @@ from typing import Any
 
 import pytest
 
+from tests.browser.conftest import PAGE_READY_MS
 from tests.browser.pictures import pixels_changed
-from tests.cli.report.runs import make_report, make_run
 from tests.support import wait_until
+from tests.surefoot.report.runs import make_report, make_run
 
-LONG_S = 240.0
-"""The browser takes its time when there is no graphics card."""
 MOVED_PIXELS = 60
 PANELS = 20
 """A run with one moving axis of ground has at least so many plots."""
-DRAWN_MS = 120_000
 SMALL = {"width": 400, "height": 300}
 """A scene is drawn quicker so."""
 LEGS = {"x": 130, "y": 170, "width": 140, "height": 80}
@@ -41,7 +39,7 @@ def offline(chromium: Any) -> Iterator[Any]:
     context = chromium.new_context(
         viewport={"width": 1200, "height": 800}, offline=True
     )
-    context.set_default_timeout(DRAWN_MS)
+    context.set_default_timeout(PAGE_READY_MS)
     context.complaints = []
     context.on("weberror", lambda error: context.complaints.append(str(error.error)))
     context.on(
@@ -81,7 +79,6 @@ def test_every_plot_is_drawn_when_it_comes_into_view(plots: Any) -> None:
         wait_until(
             partial(panel.get_attribute, "data-drawn"),
             what=f"plot {index}",
-            deadline_s=LONG_S,
         )
         lengths = panel.locator(".scatterlayer path.js-line").evaluate_all(
             "lines => lines.map(line => line.getTotalLength())"
@@ -102,13 +99,11 @@ def test_all_time_axes_follow_a_zoom(plots: Any) -> None:
     wait_until(
         lambda: set(plots.evaluate(ranges)) == {"0.25 0.75"},
         what="all plots to follow",
-        deadline_s=LONG_S,
     )
     plots.get_by_role("button", name="whole run").click()
     wait_until(
         lambda: set(plots.evaluate(ranges)) == {"0 1.499"},
         what="the whole run",
-        deadline_s=LONG_S,
     )
 
 
@@ -123,7 +118,6 @@ def test_a_run_can_be_hidden_everywhere(plots: Any) -> None:
     wait_until(
         lambda: set(plots.evaluate(shown)) == {"bus"},
         what="the other run's curves only",
-        deadline_s=LONG_S,
     )
 
 
@@ -137,7 +131,6 @@ def test_the_scene_plays(offline: Any, report: Path) -> None:
     wait_until(
         lambda: time_shown.input_value() != first_time,
         what="the play bar to move",
-        deadline_s=LONG_S,
     )
     before = page.screenshot(clip=LEGS)
 
@@ -147,7 +140,6 @@ def test_the_scene_plays(offline: Any, report: Path) -> None:
     wait_until(
         lambda: changed() > MOVED_PIXELS,
         what="the robot to move",
-        deadline_s=LONG_S,
     )
     page.close()
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.command import Surefoot, environment
+from tests.support import PATIENCE_S
 
 
 def offered(folder: Path, line: str) -> list[str]:
@@ -26,7 +27,7 @@ def offered(folder: Path, line: str) -> list[str]:
         env=env,
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert done.stderr == ""

@@ -6,7 +6,6 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,18 +16,15 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
-from tests.cli.conftest import environment
-from tests.support import DEADLINE_S, free_port, wait_until
+from tests.command import command, environment
+from tests.support import PATIENCE_S, free_port, wait_until
 
-READY_S = 3 * DEADLINE_S
-END_S = 30.0
-"""Generous for a busy machine; far under the waits that are to be ended."""
-LONG_S = "600"
+ENDLESS_S = "36000"
 LISTENING = {
     "record": ["record", "--out", "a.mcap"],
-    "topics": ["topics", "--for", LONG_S],
+    "topics": ["topics", "--for", ENDLESS_S],
     "echo": ["echo", "joints"],
-    "hz": ["hz", "--for", LONG_S],
+    "hz": ["hz", "--for", ENDLESS_S],
 }
 DIALING = {
     **LISTENING,
@@ -48,7 +44,7 @@ def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     """A command in a process group of its own, as a shell gives it."""
     (folder / "hour.toml").write_text('name = "hour"\nduration_s = 3600.0\n')
     with subprocess.Popen(
-        [sys.executable, "-m", "surefoot.cli", *words],
+        command(*words),
         cwd=folder,
         env=environment(),
         text=True,
@@ -65,7 +61,7 @@ def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
 def ends_clean(process: subprocess.Popen[str]) -> tuple[str, str]:
     """Send what Ctrl-C sends, to the whole group; returns what the command said."""
     os.killpg(process.pid, signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=END_S)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130, stderr
     for word in ("Traceback", "Error", "Aborted", "Warning"):
         assert word not in stderr
@@ -76,9 +72,9 @@ def ends_clean(process: subprocess.Popen[str]) -> tuple[str, str]:
 def test_while_it_dials(tmp_path: Path, name: str) -> None:
     """Somebody answers the call there, and then says nothing."""
     with socket.create_server(("127.0.0.1", 0)) as server:
-        server.settimeout(READY_S)
+        server.settimeout(PATIENCE_S)
         locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        words = [*DIALING[name], "--connect", locator, "--wait", LONG_S]
+        words = [*DIALING[name], "--connect", locator, "--wait", ENDLESS_S]
         with started(tmp_path, *words) as process:
             connection, _ = server.accept()
             with connection:
@@ -96,8 +92,8 @@ def test_while_it_listens(tmp_path: Path, endpoints: Endpoints, name: str) -> No
         )
         bus.announce(ALIVE_ROBOT)
         words = [*LISTENING[name], "--connect", endpoints.connect[0]]
-        with started(tmp_path, *words, "--wait", LONG_S) as process:
-            wait_until(lambda: seen, what="the listener", deadline_s=READY_S)
+        with started(tmp_path, *words, "--wait", ENDLESS_S) as process:
+            wait_until(lambda: seen, what="the listener")
             ends_clean(process)
 
 
@@ -110,7 +106,6 @@ def test_while_it_works(tmp_path: Path, name: str) -> None:
                 *tmp_path.glob(".out-*/run.json"),
             ],
             what="the work to begin",
-            deadline_s=READY_S,
         )
         stdout, _ = ends_clean(process)
     assert stdout == ""
@@ -126,7 +121,7 @@ def test_while_the_router_serves(tmp_path: Path) -> None:
             return probe.connect_ex(("127.0.0.1", port)) == 0
 
     with started(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{port}") as process:
-        wait_until(is_open, what="the router", deadline_s=READY_S)
+        wait_until(is_open, what="the router")
         ends_clean(process)
 
 
@@ -154,15 +149,13 @@ def test_a_killed_sweep_takes_its_workers_along(tmp_path: Path) -> None:
         pytest.skip("no /proc here to look for processes in")
     with started(tmp_path, *WORKING["sweep"]) as process:
         log = tmp_path / "out" / "runs.jsonl"
-        wait_until(log.exists, what="the sweep to begin", deadline_s=READY_S)
+        wait_until(log.exists, what="the sweep to begin")
         wait_until(
             lambda: len(workers(process.pid)) >= 2,
             what="two workers",
-            deadline_s=READY_S,
         )
         process.kill()
         wait_until(
             lambda: not workers(process.pid),
             what="the workers to end",
-            deadline_s=READY_S,
         )

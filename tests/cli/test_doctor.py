@@ -11,7 +11,7 @@ from surefoot.cli.doctor.examine import Severity
 from surefoot.cli.doctor.packages import PINS, read_pins, required_packages
 from surefoot.cli.doctor.surroundings import check_port
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 LOOKED_AT = {
     "Python",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 from tests.support import free_port
 
 NOTE = re.compile(r"\d\d:\d\d:\d\d INFO ")

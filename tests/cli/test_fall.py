@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, Surefoot
 from tests.cli.test_two_terminals import Start, start
-from tests.support import free_port
+from tests.command import Surefoot
+from tests.support import PATIENCE_S, free_port
 
 __all__ = ["start"]
 FELL = 5
@@ -51,8 +51,8 @@ def test_a_stabilizer_whose_robot_falls(
         *("stabilizer", "--connect", locator),
         *("--set", f"safety.tilt_limit_rad={tilt_limit_rad}"),
     )
-    assert reason in stabilizer.communicate(timeout=TIMEOUT_S)[0]
+    assert reason in stabilizer.communicate(timeout=PATIENCE_S)[0]
     assert stabilizer.returncode == FELL
     assert reason in (tmp_path / "stabilizer.log").read_text()
-    assert "fell at" in robot.communicate(timeout=TIMEOUT_S)[0]
+    assert "fell at" in robot.communicate(timeout=PATIENCE_S)[0]
     assert robot.returncode == FELL

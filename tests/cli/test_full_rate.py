@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import environment
-from tests.cli.mcap_reading import channels, messages
-from tests.cli.replay.conftest import patient_robot, standing
+from tests.command import run_surefoot
+from tests.patient_robot import patient_robot_file
+from tests.support import PATIENCE_S
+from tests.surefoot.playback.conftest import standing
+from tests.surefoot.recording.mcap_reading import channels, messages
 
 MINUTE_TICKS = 60_000
-RUN_S = 600.0
-"""Longer than a minute by far on a busy machine."""
 SENSORS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
 
 
@@ -26,16 +24,9 @@ def test_a_minute_is_on_the_record_tick_by_tick(tmp_path: Path, pace: str) -> No
     out = tmp_path / "run"
     words = (
         *("run", standing(tmp_path, 60.0), f"--{pace}", "--out", out, "--json"),
-        *("--robot", patient_robot(tmp_path)),
+        *("--robot", patient_robot_file(tmp_path, hold_after_s=30.0, lease_s=60.0)),
     )
-    done = subprocess.run(
-        [sys.executable, "-m", "surefoot.cli", *map(str, words)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=RUN_S,
-        check=False,
-    )
+    done = run_surefoot(*words, patience_s=3.0 * PATIENCE_S)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["ticks"] == MINUTE_TICKS
     record = out / "run.mcap"

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from surefoot.robot_io.security.certificates import make_certificates
-from tests.cli.conftest import TIMEOUT_S, environment
-from tests.support import free_port
+from tests.command import command, environment
+from tests.support import PATIENCE_S, free_port
 
 Start = Callable[..., subprocess.Popen[str]]
 SHORT = """
@@ -45,7 +44,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     def start_one(*arguments: object) -> subprocess.Popen[str]:
         with (tmp_path / f"{len(processes)}-{arguments[0]}.log").open("w") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "surefoot.cli", *map(str, arguments)],
+                command(*arguments),
                 env=environment(),
                 text=True,
                 stdout=subprocess.PIPE,
@@ -85,9 +84,9 @@ def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:
 def run_both(start: Start, robot_argv: list, stabilizer_argv: list) -> dict:
     """Plant result of a run of both; both must end well."""
     robot = start("robot", "--json", *robot_argv)
-    stabilizer = start("stabilizer", "--wait", 60, *stabilizer_argv)
-    out, _ = robot.communicate(timeout=TIMEOUT_S)
-    stabilizer.communicate(timeout=TIMEOUT_S)
+    stabilizer = start("stabilizer", *stabilizer_argv)
+    out, _ = robot.communicate(timeout=PATIENCE_S)
+    stabilizer.communicate(timeout=PATIENCE_S)
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
     plant: dict = json.loads(out)
     return plant
@@ -123,7 +122,7 @@ def test_robot_and_stabilizer_meet_at_a_router(
     assert run["ticks"] == 1500
     assert run["deadline_misses"] == 0
     router.terminate()
-    router.communicate(timeout=TIMEOUT_S)
+    router.communicate(timeout=PATIENCE_S)
     assert router.returncode == 130
 
 
@@ -135,16 +134,16 @@ def test_a_relay_over_tls_dials_as_the_stabilizer_and_listens_as_the_robot(
     robot = start("robot", "--json", scenario, "--endpoints", file("robot"))
     between = ["--endpoints", file("stabilizer")]
     between += ["--listen-endpoints", file("robot", beside)]
-    relay = start("relay", "clear", "--wait", 60, "--json", *between)
+    relay = start("relay", "clear", "--wait", PATIENCE_S, "--json", *between)
     stabilizer = start(
-        *("stabilizer", "--controller", "hold", "--wait", 60),
+        *("stabilizer", "--controller", "hold"),
         *("--endpoints", file("stabilizer", beside)),
     )
-    out, _ = robot.communicate(timeout=TIMEOUT_S)
-    stabilizer.communicate(timeout=TIMEOUT_S)
+    out, _ = robot.communicate(timeout=PATIENCE_S)
+    stabilizer.communicate(timeout=PATIENCE_S)
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
     assert json.loads(out)["ticks"] == 1500
     relay.terminate()
-    told, _ = relay.communicate(timeout=TIMEOUT_S)
+    told, _ = relay.communicate(timeout=PATIENCE_S)
     assert relay.returncode == 130
     assert json.loads(told)["counts"]["joint_command"]["left"] > 0

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from tests.cli.conftest import Surefoot, environment
+from tests.command import Surefoot, environment
 
 HEAVY = {
     "numpy",

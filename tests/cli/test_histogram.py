@@ -9,7 +9,7 @@ from rich.console import Console
 
 from surefoot.cli.summary import BAR_WIDTH, histogram_table
 from surefoot.schemas.result import Histogram
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 TICKS = 300
 

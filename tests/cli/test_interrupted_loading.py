@@ -8,7 +8,8 @@ import sys
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import environment
+from tests.support import PATIENCE_S
 
 INTERRUPTED = 130
 SCRIPT = """
@@ -38,7 +39,7 @@ def test_a_library_that_turns_it_into_its_own_error(name: str, error: str) -> No
         [sys.executable, "-c", SCRIPT.format(name=name, error=error)],
         capture_output=True,
         text=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         env=environment(),
         check=False,
     )

@@ -7,15 +7,14 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
-from tests.cli.mcap_reading import messages_of_cut_off
-from tests.cli.replay.conftest import fast_platform
-from tests.support import free_port, wait_until
+from tests.command import Surefoot, command, environment
+from tests.support import PATIENCE_S, free_port, wait_until
+from tests.surefoot.playback.conftest import fast_platform
+from tests.surefoot.recording.mcap_reading import messages_of_cut_off
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
 
@@ -37,10 +36,9 @@ def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
     bare = json.loads(surefoot(*words).stdout)
     folder = tmp_path / "out"
     watched = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "surefoot.cli", *map(str, words), "--view"),
-            *("--view-port", str(free_port()), "--out", str(folder / "run")),
-        ],
+        command(
+            *(*words, "--view", "--view-port", free_port(), "--out", folder / "run")
+        ),
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -50,18 +48,16 @@ def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
         partial = wait_until(
             lambda: next(folder.glob(".*/run.mcap.partial"), None),
             what="the recorder",
-            deadline_s=TIMEOUT_S,
         )
         wait_until(
             lambda: partial.exists() and partial.stat().st_size > WRITTEN_BYTES,
             what="the run to be under way",
-            deadline_s=TIMEOUT_S,
         )
         for name in ("view", "recorder"):
             victim = process_of(partial.with_name(f"{name}.log"))
             assert victim is not None
             os.kill(victim, signal.SIGKILL)
-        stdout, stderr = watched.communicate(timeout=TIMEOUT_S)
+        stdout, stderr = watched.communicate(timeout=PATIENCE_S)
     finally:
         watched.kill()
         watched.wait()

@@ -10,8 +10,8 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from tests.cli.conftest import Surefoot
-from tests.cli.mcap_reading import messages
+from tests.command import Surefoot
+from tests.surefoot.recording.mcap_reading import messages
 
 
 @pytest.fixture

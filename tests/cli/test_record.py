@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,15 +16,15 @@ import pytest
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
-from tests.cli.mcap_reading import (
+from tests.command import Surefoot, command, environment
+from tests.support import PATIENCE_S, free_port, wait_until
+from tests.surefoot.recording.mcap_reading import (
     attached,
     channels,
     messages,
     messages_of_cut_off,
     metadata,
 )
-from tests.support import free_port, wait_until
 
 TICKS = 20_000
 PROCESS = re.compile(r"recorder, process (\d+)")
@@ -37,10 +36,6 @@ def scenario(folder: Path, duration_s: float) -> Path:
         f'name = "still"\nduration_s = {duration_s}\n[sensors]\nforce_noise_n = 2.0\n'
     )
     return path
-
-
-def command(*words: object) -> list[str]:
-    return [sys.executable, "-m", "surefoot.cli", *map(str, words)]
 
 
 def recorder_of(folder: Path) -> int:
@@ -55,7 +50,7 @@ def recorder_of(folder: Path) -> int:
                 return int(found.group(1))
         return None
 
-    return wait_until(find, what="the recorder to write", deadline_s=60.0)
+    return wait_until(find, what="the recorder to write")
 
 
 def test_nothing_is_lost_in_twenty_seconds_faster_than_real_time(
@@ -134,11 +129,11 @@ def test_recording_apart_with_the_bytes_of_the_bus(
             command("stabilizer", "--controller", "hold", "--connect", locator),
             env=environment(),
             capture_output=True,
-            timeout=TIMEOUT_S,
+            timeout=PATIENCE_S,
             check=False,
         )
-        stdout, stderr = recorder.communicate(timeout=TIMEOUT_S)
-        robot.communicate(timeout=TIMEOUT_S)
+        stdout, stderr = recorder.communicate(timeout=PATIENCE_S)
+        robot.communicate(timeout=PATIENCE_S)
     finally:
         robot.kill()
         recorder.kill()
@@ -164,7 +159,7 @@ def test_a_killed_recorder_changes_nothing_and_leaves_what_it_wrote(
         stderr=subprocess.PIPE,
     ) as process:
         os.kill(recorder_of(folder), signal.SIGKILL)
-        stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+        stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, stderr
     assert "recorder: was ended by signal 9; the run went on" in stderr
     assert not (folder / "run" / "run.mcap").exists()
@@ -194,7 +189,7 @@ def test_ctrl_c_leaves_a_whole_file(short_scenario: Path, tmp_path: Path) -> Non
         # Said once the first status is there: from then on nothing is missed.
         wait_until(lambda: "ready" in log.read_text(), what="the recorder")
         recorder.send_signal(signal.SIGINT)
-        assert recorder.wait(TIMEOUT_S) == 130
+        assert recorder.wait(PATIENCE_S) == 130
     finally:
         robot.kill()
         robot.wait()
@@ -231,11 +226,11 @@ def test_a_full_disk_ends_the_recording_with_one_message(
             command("stabilizer", "--controller", "hold", "--connect", locator),
             env=environment(),
             capture_output=True,
-            timeout=TIMEOUT_S,
+            timeout=PATIENCE_S,
             check=False,
         )
-        _, stderr = recorder.communicate(timeout=TIMEOUT_S)
-        told, _ = robot.communicate(timeout=TIMEOUT_S)
+        _, stderr = recorder.communicate(timeout=PATIENCE_S)
+        told, _ = robot.communicate(timeout=PATIENCE_S)
     finally:
         robot.kill()
         recorder.kill()

@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
@@ -15,8 +14,8 @@ import pytest
 from surefoot.robot_io.security.certificates import make_certificates
 from surefoot.schemas.relay_plan import load_relay_plan
 from surefoot.schemas.result import RunResult
-from tests.cli.conftest import REPOSITORY, Surefoot, environment
-from tests.support import free_port, wait_until
+from tests.command import REPOSITORY, Surefoot, command, environment
+from tests.support import PATIENCE_S, free_port, wait_until
 
 SERVICES_ONLY = """
 name = "services and commands late"
@@ -77,8 +76,8 @@ def test_a_mistake_in_a_plan_is_named_by_file_and_key(
 ) -> None:
     plan = tmp_path / "plan.toml"
     plan.write_text('name = "x"\n[[fault]]\nkind = "delay"\ndirection = "all"\nmss = 1')
-    for command in (["run", "standing", "--realtime", "--relay"], ["relay"]):
-        done = surefoot(*command, plan)
+    for words in (["run", "standing", "--realtime", "--relay"], ["relay"]):
+        done = surefoot(*words, plan)
         assert done.returncode == 2, done.stderr
         assert f"{plan}: fault[0].mss: no such key" in done.stderr
         assert "did you mean 'ms'?" in done.stderr
@@ -108,16 +107,7 @@ def test_a_relay_that_dies_is_named_as_the_one_who_failed(
     scenario.write_text('name = "long"\nduration_s = 600.0\n')
     words = ["run", str(scenario), "--realtime", "--controller", "hold"]
     run = subprocess.Popen(
-        [
-            sys.executable,
-            "-m",
-            "surefoot.cli",
-            *words,
-            "--relay",
-            "clear",
-            "--out",
-            str(out),
-        ],
+        command(*words, "--relay", "clear", "--out", out),
         env=environment(),
         cwd=REPOSITORY,
         stderr=subprocess.PIPE,
@@ -130,11 +120,10 @@ def test_a_relay_that_dies_is_named_as_the_one_who_failed(
                 None,
             ),
             what="the relay to be ready",
-            deadline_s=60.0,
         )
         first = log.read_text().splitlines()[0]
         os.kill(int(first.rsplit(" ", 1)[-1]), signal.SIGKILL)
-        _, stderr = run.communicate(timeout=60.0)
+        _, stderr = run.communicate(timeout=PATIENCE_S)
     finally:
         run.kill()
         run.wait()

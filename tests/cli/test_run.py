@@ -13,7 +13,7 @@ import pytest
 from surefoot.run_folder import MARKER
 from surefoot.schemas.result import RunResult
 from surefoot.signals import read_signals
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 from tests.support import free_port
 
 TICKS = 300

@@ -4,7 +4,7 @@ import json
 
 from surefoot.schemas.scenario import load_scenario
 from surefoot.sim_robot.catalogue import find_scenario, list_scenarios
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 
 def test_every_shipped_scenario_is_listed(surefoot: Surefoot) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 SCENARIO = """
 name = "fault"

@@ -6,14 +6,13 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, environment
-from tests.support import wait_until
+from tests.command import command, environment
+from tests.support import PATIENCE_S, wait_until
 
 _PROCESS = re.compile(r"process (\d+)")
 
@@ -25,10 +24,7 @@ def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
     scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
     folder = tmp_path / "out"
     with subprocess.Popen(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
-            *("--controller", "hold", "--out", str(folder / "run")),
-        ],
+        command("run", scenario, "--controller", "hold", "--out", folder / "run"),
         env=environment(),
         cwd=tmp_path,
         text=True,
@@ -53,7 +49,7 @@ def children(folder: Path) -> tuple[int, int]:
             ids.append(int(found.group(1)))
         return ids[0], ids[1]
 
-    return wait_until(active_ids, what="robot and stabilizer to start", deadline_s=60.0)
+    return wait_until(active_ids, what="robot and stabilizer to start")
 
 
 def is_gone(process: int) -> bool:
@@ -71,7 +67,7 @@ def test_interrupting_a_run_stops_both_and_leaves_nothing(
     process, folder = endless_run
     ids = children(folder)
     process.send_signal(sent)
-    stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert stdout == ""
     assert "Traceback" not in stderr
@@ -95,7 +91,7 @@ def test_a_killed_child_ends_the_run_and_is_named(
     process, folder = endless_run
     ids = children(folder)
     os.kill(ids[victim], signal.SIGKILL)
-    stdout, stderr = process.communicate(timeout=TIMEOUT_S)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
     assert stdout == ""
     assert f"{name}: was ended by signal 9" in stderr

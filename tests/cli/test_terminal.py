@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import environment
+from tests.support import PATIENCE_S
 
 COLOUR = re.compile(rb"\x1b\[(?:\d+;)*(?:3[0-8]|9[0-7])m")
 RUN = ["--controller", "hold", "--inline"]
@@ -47,7 +48,7 @@ def on_a_terminal(folder: Path, env: dict[str, str], *words: str) -> bytes:
             if not part:
                 break
             shown += part
-        assert process.wait(TIMEOUT_S) == 0, shown
+        assert process.wait(PATIENCE_S) == 0, shown
     os.close(here)
     return shown
 
@@ -80,7 +81,7 @@ def test_a_pipe_gets_plain_text(
         cwd=tmp_path,
         env=plain(),
         capture_output=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert b"\x1b" not in done.stdout + done.stderr
@@ -97,7 +98,7 @@ def test_a_closed_pipe_ends_a_command_quietly(tmp_path: Path) -> None:
         env=plain(),
         stdout=writer,
         stderr=subprocess.PIPE,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
         check=False,
     )
     os.close(writer)

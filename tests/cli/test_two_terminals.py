@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -15,9 +14,9 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
+from tests.command import Surefoot, command, environment
 from tests.nodes.test_nodes import is_running, observer
-from tests.support import free_port, wait_until
+from tests.support import PATIENCE_S, free_port, wait_until
 
 Started = subprocess.Popen[str]
 Start = Callable[..., Started]
@@ -31,7 +30,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
     def start_one(name: str, *arguments: object) -> Started:
         with (tmp_path / f"{name}.log").open("w") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "surefoot.cli", name, *map(str, arguments)],
+                command(name, *arguments),
                 env=environment(),
                 text=True,
                 stdout=subprocess.PIPE,
@@ -57,10 +56,10 @@ def test_both_sides_tell_their_part(
         "stabilizer", "--controller", "hold", "--connect", locator, *words
     )
     plant = msgspec.json.decode(
-        robot.communicate(timeout=TIMEOUT_S)[0], type=PlantResult
+        robot.communicate(timeout=PATIENCE_S)[0], type=PlantResult
     )
     controller = msgspec.json.decode(
-        stabilizer.communicate(timeout=TIMEOUT_S)[0], type=ControllerResult
+        stabilizer.communicate(timeout=PATIENCE_S)[0], type=ControllerResult
     )
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
     assert plant.ticks == 300
@@ -95,8 +94,8 @@ def test_endpoints_come_from_a_file(
     endpoints.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
     robot = start("robot", short_scenario, "--endpoints", endpoints)
     stabilizer = start("stabilizer", "--controller", "hold", "--endpoints", endpoints)
-    assert "stood 0.3 s" in robot.communicate(timeout=TIMEOUT_S)[0]
-    assert "run over" in stabilizer.communicate(timeout=TIMEOUT_S)[0]
+    assert "stood 0.3 s" in robot.communicate(timeout=PATIENCE_S)[0]
+    assert "run over" in stabilizer.communicate(timeout=PATIENCE_S)[0]
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
 
 
@@ -109,7 +108,7 @@ def test_a_robot_nobody_came_for_ends_on_ctrl_c(start: Start, tmp_path: Path) ->
         what="the robot to wait",
     )
     robot.send_signal(signal.SIGINT)
-    robot.communicate(timeout=TIMEOUT_S)
+    robot.communicate(timeout=PATIENCE_S)
     assert robot.returncode == 130
     assert "Traceback" not in log.read_text()
 
@@ -127,7 +126,7 @@ def test_ctrl_c_brings_the_robot_to_rest_and_gives_the_lease_back(
     with observer(endpoints) as when:
         when(is_running, what="the run")
         stabilizer.send_signal(signal.SIGINT)
-        stdout = stabilizer.communicate(timeout=TIMEOUT_S)[0]
+        stdout = stabilizer.communicate(timeout=PATIENCE_S)[0]
         held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
     assert stabilizer.returncode == 130
     result = msgspec.json.decode(stdout, type=ControllerResult)
@@ -135,5 +134,5 @@ def test_ctrl_c_brings_the_robot_to_rest_and_gives_the_lease_back(
     assert held.cause in (ModeCause.REQUESTED, ModeCause.RELEASED)
     assert "Traceback" not in (tmp_path / "stabilizer.log").read_text()
     robot.send_signal(signal.SIGINT)
-    robot.communicate(timeout=TIMEOUT_S)
+    robot.communicate(timeout=PATIENCE_S)
     assert robot.returncode == 130

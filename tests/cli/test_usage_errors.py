@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 
 def refused(surefoot: Surefoot, *arguments: object) -> str:

@@ -6,15 +6,14 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 from pathlib import Path
 
 import msgspec
 import pytest
 
 from surefoot.schemas.result import RunResult
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
-from tests.support import free_port, wait_until
+from tests.command import Surefoot, command, environment
+from tests.support import PATIENCE_S, free_port, wait_until
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
 
@@ -73,25 +72,17 @@ def test_killing_the_page_changes_nothing(
 ) -> None:
     quiet = surefoot("run", scenario, "--json")
     watched = subprocess.Popen(
-        [
-            *(
-                sys.executable,
-                "-m",
-                "surefoot.cli",
-                "run",
-                str(scenario),
-                "--json",
-                "--view",
-            ),
-            *("--view-port", str(free_port()), "--out", str(tmp_path / "run")),
-        ],
+        command(
+            *("run", scenario, "--json", "--view", "--view-port", free_port()),
+            *("--out", tmp_path / "run"),
+        ),
         env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
     page = wait_until(lambda: _page_with_robot(watched.pid), what="page and robot")
     os.kill(page, signal.SIGKILL)
-    out, err = watched.communicate(timeout=TIMEOUT_S)
+    out, err = watched.communicate(timeout=PATIENCE_S)
     assert watched.returncode == 0, err.decode()
     assert b"live page: http://127.0.0.1:" in err
     results = [
@@ -105,16 +96,13 @@ def test_ctrl_c_ends_a_page_that_waits_for_a_robot(tmp_path: Path) -> None:
     log = tmp_path / "view.log"
     with log.open("w") as stderr:
         page = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "surefoot.cli", "view", "--port", "0"),
-                *("--connect", f"tcp/127.0.0.1:{free_port()}"),
-            ],
+            command("view", "--port", 0, "--connect", f"tcp/127.0.0.1:{free_port()}"),
             env=environment(),
             stderr=stderr,
         )
     wait_until(lambda: "Ctrl-C" in log.read_text(), what="the page")
     page.send_signal(signal.SIGINT)
-    assert page.wait(TIMEOUT_S) == 130
+    assert page.wait(PATIENCE_S) == 130
     assert "Traceback" not in log.read_text()
 
 

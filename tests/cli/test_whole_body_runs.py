@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
 
 MOVING = """
 name = "moving"

@@ -6,8 +6,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.cli.conftest import Surefoot
 from tests.cli.test_whole_body_runs import MOVING
+from tests.command import Surefoot
 
 ZMP = ("--controller", "zmp")
 

@@ -14,7 +14,7 @@ import yaml
 from surefoot.cli.app import app
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.toml_file import load
-from tests.cli.conftest import REPOSITORY
+from tests.command import REPOSITORY
 
 DOCKER = REPOSITORY / "deploy" / "docker"
 DIRECT = ("compose.yaml",)

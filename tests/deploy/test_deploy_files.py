@@ -19,7 +19,7 @@ from surefoot.robot_io.security.locators import (
 )
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.toml_file import load
-from tests.cli.conftest import REPOSITORY
+from tests.command import REPOSITORY
 
 DEPLOY = REPOSITORY / "deploy"
 

@@ -16,14 +16,14 @@ import pytest
 
 from surefoot.cli.app import app
 from surefoot.sim_robot.catalogue import find_scenario
-from tests.cli.conftest import environment
+from tests.command import environment
+from tests.support import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
 BLOCK = re.compile(r"^```(sh|toml)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 SCENARIO_FILE = "my-seesaw.toml"
 PUSH = "force_n = [0.0, 150.0, 0.0]"
-DEADLINE_S = 300.0
 SHIPPED = "moving-platform-slow"
 LASTS = re.compile(r"^duration_s = .*$", re.MULTILINE)
 SHORT_S = 2.0
@@ -60,7 +60,7 @@ def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
         env=environment(),
         capture_output=True,
         text=True,
-        timeout=DEADLINE_S,
+        timeout=PATIENCE_S,
         check=False,
     )
 

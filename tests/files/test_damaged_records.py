@@ -17,10 +17,10 @@ from surefoot.playback.timeline import read_timeline
 from surefoot.recording.mcap_records import MAGIC
 from surefoot.recording.read import RecordError, read_record
 from surefoot.report.run_data import load_run, read_heard
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import environment
 from tests.files.commands import assert_refused_in_one_line, run_here
 from tests.files.damage import FOREIGN, damaged, foreign_record
-from tests.support import free_port
+from tests.support import PATIENCE_S, free_port
 
 COPIES = 60
 MANY_COPIES = 1000
@@ -41,7 +41,7 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         env=environment(),
         check=True,
         capture_output=True,
-        timeout=TIMEOUT_S,
+        timeout=PATIENCE_S,
     )
     return folder / "run"
 
@@ -246,7 +246,7 @@ def test_a_false_length_does_not_allocate(tmp_path: Path) -> None:
             env=environment(),
             capture_output=True,
             text=True,
-            timeout=TIMEOUT_S,
+            timeout=PATIENCE_S,
             check=False,
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31)),
         )

@@ -17,9 +17,9 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import environment
 from tests.files.cut_link import Cable
-from tests.support import wait_until
+from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
 AWAY_S = 0.7
@@ -105,7 +105,7 @@ def test_a_record_with_a_hole_says_so_and_is_no_success(
                 what="the record to grow",
             )
             robot.end()
-        stdout, _ = recorder.communicate(timeout=TIMEOUT_S)
+        stdout, _ = recorder.communicate(timeout=PATIENCE_S)
     told = log.read_text()
     assert recorder.returncode == 1, told
     assert "the link to the robot was lost for" in told
@@ -126,7 +126,7 @@ def test_a_robot_that_ends_in_order_is_a_success(
         wait_until(lambda: "ready" in log.read_text(), what="recorder", deadline_s=60.0)
         robot.end()
     begin = time.monotonic()
-    recorder.communicate(timeout=TIMEOUT_S)
+    recorder.communicate(timeout=PATIENCE_S)
     assert recorder.returncode == 0, log.read_text()
     assert time.monotonic() - begin < 5.0  # it did not wait for a return
     assert "lost" not in log.read_text()
@@ -154,7 +154,7 @@ def test_tools_of_the_bus_say_that_the_link_was_lost(
         begin = robot.tick
         wait_until(lambda: robot.tick > begin + 700, what="the tool to hear")
         interrupted(cable)
-        tool.communicate(timeout=TIMEOUT_S)
+        tool.communicate(timeout=PATIENCE_S)
     told = log.read_text()
     assert tool.returncode == 1, told
     assert "the link to the robot was lost for" in told

@@ -15,7 +15,8 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.node import RobotRun, run_robot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.support import DEADLINE_S
+from tests.patient_robot import patient
+from tests.support import PATIENCE_S
 
 SPAWN = multiprocessing.get_context("spawn")
 SEED = 3
@@ -36,9 +37,9 @@ class Running:
 
     def result(self) -> Any:
         """What it returned; fails when it did not in time, or ended without a word."""
-        assert self._results.poll(2 * DEADLINE_S), "the process did not end"
+        assert self._results.poll(2 * PATIENCE_S), "the process did not end"
         kind, value = self._results.recv()
-        self.process.join(DEADLINE_S)
+        self.process.join(PATIENCE_S)
         if kind == "error":
             raise ProcessError(value)
         return value
@@ -49,10 +50,10 @@ class Running:
     def kill(self) -> None:
         """End it without a chance to say goodbye."""
         self.process.kill()
-        self.process.join(DEADLINE_S)
+        self.process.join(PATIENCE_S)
 
     def exit_code(self) -> int | None:
-        self.process.join(DEADLINE_S)
+        self.process.join(PATIENCE_S)
         return self.process.exitcode
 
 
@@ -68,15 +69,16 @@ def running(target: Any, *args: Any) -> Iterator[Running]:
 
 
 def robot(endpoints: Endpoints, table: dict[str, Any], pace: Pace) -> RobotRun:
-    """The simulated Walker in a scenario."""
+    """The simulated Walker in a scenario; in real time a patient one."""
     scenario = scenario_from_table({"name": "test", **table}, source="test")
+    walker = load_robot("walker")
     return run_robot(
-        load_robot("walker"),
+        patient(walker) if pace is Pace.REALTIME else walker,
         scenario,
         seed=SEED,
         endpoints=endpoints,
         pace=pace,
-        wait_s=DEADLINE_S,
+        wait_s=PATIENCE_S,
     )
 
 
@@ -89,7 +91,7 @@ def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
         endpoints=endpoints,
         pace=pace,
         identity=identity,
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
     )
 
 

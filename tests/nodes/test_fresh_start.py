@@ -28,7 +28,7 @@ from tests.nodes.processes import SEED, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_reconnect import FAR_RAD, PAUSE_S, is_commanded_again
 from tests.nodes.test_requests import looking
-from tests.support import DEADLINE_S, wait_until
+from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
 NEW_GAIN = 35.0
@@ -103,7 +103,7 @@ def counted(endpoints: Endpoints, pace: Pace, *, stalls: bool = False) -> Starts
         endpoints=endpoints,
         pace=pace,
         identity="ann",
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
         reconnect=True,
     )
     return Starts(result, starts, gains)
@@ -190,7 +190,7 @@ def recorded(endpoints: Endpoints) -> RobotRun:
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
         record=True,
-        wait_s=DEADLINE_S,
+        wait_s=PATIENCE_S,
     )
 
 
@@ -201,7 +201,7 @@ def balancing(endpoints: Endpoints) -> Any:
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
         identity="ann",
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 from typing import Any
 
@@ -20,15 +19,14 @@ from surefoot.signals import read_signals
 from surefoot.sim_robot.node import RobotRun, run_robot
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.nodes.processes import SEED, robot, running
-from tests.nodes.test_nodes import LONG, NOISE, is_running, observer
-from tests.support import DEADLINE_S
+from tests.nodes.processes import SEED, running
+from tests.nodes.test_nodes import NOISE, is_running, observer
+from tests.support import PATIENCE_S
 
 WALKER = load_robot("walker")
-TABLE = {"duration_s": 90.0, "sensors": NOISE}
+TABLE = {"duration_s": 3600.0, "sensors": NOISE}
 KILLS = 3
 ROUNDING_RAD = 1e-12
-NOTICED_WITHIN_S = 1.0
 
 
 def recorded_robot(endpoints: Endpoints, record: Path) -> RobotRun:
@@ -41,7 +39,7 @@ def recorded_robot(endpoints: Endpoints, record: Path) -> RobotRun:
             endpoints=endpoints,
             pace=Pace.LOCKSTEP,
             ticks=ticks,
-            wait_s=DEADLINE_S,
+            wait_s=PATIENCE_S,
         )
 
 
@@ -52,7 +50,7 @@ def whole_body(endpoints: Endpoints, identity: str) -> Any:
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
         identity=identity,
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
     )
 
 
@@ -91,16 +89,3 @@ def test_a_killed_stabilizer_never_makes_the_robot_jump_and_the_next_one_goes_on
     assert 0.0 < steps.max() <= limit + ROUNDING_RAD
     quat_xyzw = signals["true_base_pose"][-1, 3:]
     assert 2.0 * np.linalg.norm(quat_xyzw[:2]) < 0.05  # leans by less than 3 deg
-
-
-def test_a_killed_robot_is_noticed_within_a_second(endpoints: Endpoints) -> None:
-    with (
-        running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant,
-        observer(endpoints) as when,
-        running(whole_body, endpoints, "ann") as controller,
-    ):
-        when(is_running, what="the run")
-        plant.kill()
-        killed_s = time.monotonic()
-        assert controller.result().end is EndReason.ROBOT_GONE
-        assert time.monotonic() - killed_s < NOTICED_WITHIN_S

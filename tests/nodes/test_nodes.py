@@ -28,7 +28,7 @@ from surefoot.schemas.topics import topic
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, ProcessError, robot, running, stabilizer
-from tests.support import wait_until
+from tests.support import PATIENCE_S, wait_until
 
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
 SHORT = {"duration_s": 0.5, "sensors": NOISE}
@@ -38,7 +38,7 @@ LONG = {"duration_s": 600.0}
 @contextmanager
 def observer(endpoints: Endpoints) -> Iterator[Callable[..., RobotStatus]]:
     """Wait for a status that fulfils a condition."""
-    with Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus:
+    with Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S) as bus:
         latest = Latest(bus.channel(topic("status").key, depth=1), RobotStatus)
 
         def when(condition: Callable[[RobotStatus], bool], *, what: str) -> RobotStatus:
@@ -203,7 +203,7 @@ def test_a_second_stabilizer_is_refused_by_the_name_of_the_first(
 def test_observers_see_truth_and_the_stabilizers_status(endpoints: Endpoints) -> None:
     with (
         running(robot, endpoints, LONG, Pace.LOCKSTEP),
-        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as bus,
+        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S) as bus,
         running(stabilizer, endpoints, Pace.LOCKSTEP),
     ):
         truths = Latest(bus.channel(topic("truth").key, depth=1), Truth)

@@ -20,13 +20,14 @@ from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_requests import looking
-from tests.support import DEADLINE_S, wait_until
+from tests.patient_robot import HOLD_AFTER_S
+from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
 FAR_RAD = 0.3
 """Beyond what a first command may be away from the held posture."""
-PAUSE_S = 0.08
-LONG_LEAVE_S = 5.0
+PAUSE_S = 3.0 * HOLD_AFTER_S
+LONG_LEAVE_S = 120.0
 
 
 class HiccupController(HoldController):
@@ -61,7 +62,7 @@ def faithful(endpoints: Endpoints, pace: Pace) -> Any:
         endpoints=endpoints,
         pace=pace,
         identity="ann",
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
         reconnect=True,
     )
 
@@ -73,7 +74,7 @@ def hiccuping(endpoints: Endpoints) -> Any:
         endpoints=endpoints,
         pace=Pace.REALTIME,
         identity="ann",
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
     )
 
 
@@ -84,7 +85,7 @@ def slow_to_leave(endpoints: Endpoints) -> Any:
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
         identity="ann",
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
         settings=ControllerSettings(safety=SafetySettings(leave_s=LONG_LEAVE_S)),
     )
 
@@ -110,7 +111,7 @@ def test_it_takes_over_again_when_the_robot_is_back(
             with observer(endpoints) as when:
                 when(is_running, what="the first robot's run")
             first.signal(sent)
-            first.process.join(DEADLINE_S)
+            first.process.join(PATIENCE_S)
         with (
             running(robot, endpoints, LONG, pace) as second,
             observer(endpoints) as when,

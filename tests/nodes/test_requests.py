@@ -22,7 +22,8 @@ from surefoot.schemas.reasons import EndReason, RequestRefusal, StabilizerState
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import Running, robot, running
-from tests.support import DEADLINE_S, wait_until
+from tests.patient_robot import gentle_settings
+from tests.support import PATIENCE_S, wait_until
 
 LONG = {"duration_s": 600.0}
 SHORT = {"duration_s": 1.5, "sensors": {"force_noise_n": 2.0}}
@@ -32,7 +33,7 @@ PUSH_N = [30.0, 0.0, 0.0]
 
 
 def balance(endpoints: Endpoints, pace: Pace) -> Any:
-    """The whole-body stabilizer, its settings open to change."""
+    """A gentle whole-body stabilizer, its settings open to change."""
     walker = load_robot("walker")
     return run_stabilizer(
         lambda settings: make_controller("whole-body", walker, settings),
@@ -40,7 +41,8 @@ def balance(endpoints: Endpoints, pace: Pace) -> Any:
         endpoints=endpoints,
         pace=pace,
         identity="ann",
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
+        settings=gentle_settings(),
     )
 
 
@@ -83,7 +85,7 @@ def looking(endpoints: Endpoints) -> Iterator[Observer]:
         channels=VIEWER_CHANNELS,
         identity="eve",
     ) as observer:
-        observer.connect(timeout_s=DEADLINE_S)
+        observer.connect(timeout_s=PATIENCE_S)
         yield observer
 
 

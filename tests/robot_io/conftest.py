@@ -11,7 +11,7 @@ from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.client_at_work import WALKER, MakeClient, new_client
 from tests.robot_io.served_robot import ServedRobot, serving
-from tests.support import DEADLINE_S
+from tests.support import PATIENCE_S
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def make_client(endpoints: Endpoints) -> Iterator[MakeClient]:
 
         def make(identity: str) -> RobotClient:
             client = stack.enter_context(new_client(endpoints, identity))
-            assert client.connect(timeout_s=DEADLINE_S)
+            assert client.connect(timeout_s=PATIENCE_S)
             return client
 
         yield make

@@ -14,6 +14,7 @@ from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.sensor_messages import snapshot_at
+from tests.support import PATIENCE_S
 
 T = TypeVar("T")
 POLL_S = 0.002
@@ -32,7 +33,7 @@ class ServedRobot:
         """Have the robot's own thread do something; returns what came of it."""
         done: Future = Future()
         self._orders.append((lambda: order(self.server, self._gate), done))
-        return done.result(timeout=20.0)
+        return done.result(timeout=PATIENCE_S)
 
     def loop(self, stop: StopRequest) -> None:
         """Serve requests and orders; takes commands between orders."""
@@ -82,7 +83,7 @@ def serving(robot: Robot, endpoints: Endpoints) -> Iterator[ServedRobot]:
     thread = threading.Thread(target=run)
     thread.start()
     try:
-        yield up.result(timeout=20.0)
+        yield up.result(timeout=PATIENCE_S)
     finally:
         stop.set()
         thread.join()

@@ -24,9 +24,9 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.sensors import SENSORS, Sensor
 from surefoot.schemas.topics import TICK_SENSORS, topic
 from tests.robot_io.sensor_messages import JOINTS, message, snapshot_at
-from tests.support import DEADLINE_S, wait_until
+from tests.support import PATIENCE_S, wait_until
 
-PATIENCE_S = 0.02
+SENSOR_PATIENCE_S = 0.02
 DEPTH = 64
 
 
@@ -43,7 +43,7 @@ class Wire:
             list(self.sensors.values()),
             joint_count=JOINTS,
             in_order=in_order,
-            patience_s=PATIENCE_S,
+            patience_s=SENSOR_PATIENCE_S,
         )
         for publisher in self._publishers.values():
             wait_until(lambda p=publisher: p.matching_status.matching, what="the peer")
@@ -65,10 +65,10 @@ class Wire:
     def all_arrived(self) -> None:
         """Wait until everything sent so far is at the other end."""
         self._fence.put(b"fence")
-        assert self._fenced.wait(time.monotonic() + DEADLINE_S) == b"fence"
+        assert self._fenced.wait(time.monotonic() + PATIENCE_S) == b"fence"
 
     def read(self) -> SnapshotReading:
-        reading = self.assembler.wait(time.monotonic() + DEADLINE_S)
+        reading = self.assembler.wait(time.monotonic() + PATIENCE_S)
         assert reading is not None
         return reading
 
@@ -184,7 +184,9 @@ def test_a_sensor_that_was_dead_is_waited_for_again(ordered: Wire) -> None:
         ordered.all_arrived()
         assert ordered.read().snapshot.tick == tick
     ordered.send(6, without="right_ankle_ft")
-    late = threading.Timer(PATIENCE_S / 4, ordered.send_only, ("right_ankle_ft", 6))
+    late = threading.Timer(
+        SENSOR_PATIENCE_S / 4, ordered.send_only, ("right_ankle_ft", 6)
+    )
     late.start()
     reading = ordered.read()
     late.join()
@@ -260,15 +262,15 @@ def test_random_losses_leave_ages_right_and_time_going_forward(newest: Wire) -> 
 def test_nothing_is_assembled_before_every_sensor_has_spoken(ordered: Wire) -> None:
     ordered.send(0, without="imu")
     ordered.all_arrived()
-    assert ordered.assembler.wait(time.monotonic() + 5 * PATIENCE_S) is None
+    assert ordered.assembler.wait(time.monotonic() + 5 * SENSOR_PATIENCE_S) is None
     assert ordered.assembler.missing() == ("imu",)
 
 
 def test_a_nudge_ends_the_wait(ordered: Wire) -> None:
     ordered.peer.waker.interrupt()
     begin = time.monotonic()
-    assert ordered.assembler.wait(begin + DEADLINE_S) is None
-    assert time.monotonic() < begin + DEADLINE_S
+    assert ordered.assembler.wait(begin + PATIENCE_S) is None
+    assert time.monotonic() < begin + PATIENCE_S
 
 
 def test_after_a_restart_ticks_may_begin_anew(ordered: Wire) -> None:

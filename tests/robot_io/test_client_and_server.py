@@ -41,7 +41,7 @@ from tests.robot_io.client_at_work import (
 )
 from tests.robot_io.sensor_messages import snapshot_at
 from tests.robot_io.served_robot import ServedRobot
-from tests.support import DEADLINE_S, wait_until
+from tests.support import PATIENCE_S, wait_until
 
 # Command --------------------------------------------------------------------------
 
@@ -59,7 +59,7 @@ def test_a_command_reaches_the_gate_as_it_was_sent(
     served: ServedRobot, commander: RobotClient
 ) -> None:
     tick = served.publish_tick()
-    reading = commander.wait_snapshot(timeout_s=DEADLINE_S)
+    reading = commander.wait_snapshot(timeout_s=PATIENCE_S)
     assert reading is not None
     assert np.array_equal(reading.snapshot.q, snapshot_at(tick).q)
     q = WALKER.nominal + 1e-3 * np.sin(np.arange(WALKER.n_a))
@@ -76,7 +76,7 @@ def test_the_answer_to_a_tick_ends_the_wait_for_it(
         RobotServer(WALKER, gate, endpoints=endpoints, stop=StopRequest()) as server,
         ThreadedClient(make_client) as client,
     ):
-        assert server.wait_until_active(now_s=0.0, timeout_s=DEADLINE_S)
+        assert server.wait_until_active(now_s=0.0, timeout_s=PATIENCE_S)
         for tick in range(100):
             gate.begin_tick(now_s=tick * 1e-3)
             server.publish_sensors(snapshot_at(tick), stamp_ns=0)
@@ -91,7 +91,7 @@ def test_the_answer_to_a_tick_ends_the_wait_for_it(
 
 def wait_for_answer(server: RobotServer, tick: int) -> CommandResult | NoAnswer:
     """As the robot's loop waits: requests are served when they break the wait off."""
-    deadline = time.monotonic() + DEADLINE_S
+    deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         answer = server.answer(tick, now_s=tick * 1e-3, deadline=deadline)
         if answer is not NoAnswer.YET:
@@ -112,7 +112,7 @@ class ThreadedClient:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._thread.join(DEADLINE_S)
+        self._thread.join(PATIENCE_S)
 
     def _run(self, make_client: MakeClient) -> None:
         client = make_client("ann")
@@ -145,7 +145,7 @@ def test_leaving_gives_the_lease_back(
     served: ServedRobot, endpoints: Endpoints, make_client: MakeClient
 ) -> None:
     with new_client(endpoints, "ann") as first:
-        first.connect(timeout_s=DEADLINE_S)
+        first.connect(timeout_s=PATIENCE_S)
         first.take_lease()
         first.enable()
     assert mode_of(served) is RobotMode.HOLD
@@ -160,7 +160,7 @@ def test_a_commander_that_leaves_without_a_word_loses_the_lease(
         services = ServiceCaller(
             bus.session,
             joint_count=WALKER.n_a,
-            timeout_s=DEADLINE_S,
+            timeout_s=PATIENCE_S,
             robot_is_here=lambda: True,
         )
         take = LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="ann")

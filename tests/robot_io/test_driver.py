@@ -7,10 +7,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-from tests.cli.conftest import REPOSITORY, TIMEOUT_S, Surefoot, environment
-from tests.cli.conftest import surefoot as surefoot
-from tests.conformance.verdict import check_passes_but_for_time
-from tests.support import free_port
+from tests.command import REPOSITORY, Surefoot, environment
+from tests.robot_io.conformance.verdict import check_passes_but_for_time
+from tests.support import PATIENCE_S, free_port
 
 DRIVER = REPOSITORY / "deploy" / "driver" / "acme_driver.py"
 MOST_LINES = 100
@@ -25,7 +24,7 @@ def test_the_example_driver_passes(surefoot: Surefoot, tmp_path: Path) -> None:
         done = surefoot("check-robot", "--endpoints", file, "--json")
         check_passes_but_for_time(done)
         driver.send_signal(signal.SIGTERM)
-        assert driver.wait(TIMEOUT_S) == 0
+        assert driver.wait(PATIENCE_S) == 0
     finally:
         driver.kill()
         driver.wait()

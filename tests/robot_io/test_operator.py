@@ -25,7 +25,7 @@ from surefoot.schemas.messages import (
 )
 from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import serving
-from tests.support import wait_until
+from tests.support import PATIENCE_S, wait_until
 
 TRIES = 10
 FEW = 2
@@ -109,7 +109,7 @@ def meeting(
                 stop=StopRequest(),
             )
         )
-        assert ann.connect(timeout_s=10.0)
+        assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         yield Meeting(robot, modes, ann, routed=routed)
 

@@ -20,7 +20,7 @@ from tests.robot_io.client_at_work import (
     new_client,
 )
 from tests.robot_io.served_robot import ServedRobot, serving
-from tests.support import DEADLINE_S, wait_until
+from tests.support import PATIENCE_S, wait_until
 
 
 def test_no_robot_is_an_error_that_names_endpoint_and_limit(
@@ -48,10 +48,10 @@ def test_something_else_that_listens_is_not_taken_for_the_robot(
 def test_the_client_notices_that_the_robot_is_gone(endpoints: Endpoints) -> None:
     with new_client(endpoints, "ann") as client:
         with serving(WALKER, endpoints):
-            client.connect(timeout_s=DEADLINE_S)
+            client.connect(timeout_s=PATIENCE_S)
             client.take_lease()
         wait_until(lambda: not client.robot_is_here, what="the robot to be gone")
-        assert client.wait_snapshot(timeout_s=DEADLINE_S) is None, "the wait is ended"
+        assert client.wait_snapshot(timeout_s=PATIENCE_S) is None, "the wait is ended"
         with pytest.raises(RobotUnreachableError, match="went away"):
             client.enable()
 
@@ -61,15 +61,15 @@ def test_the_client_may_come_before_the_robot(endpoints: Endpoints) -> None:
     over = threading.Event()
 
     def robot() -> None:
-        started.wait(DEADLINE_S)
+        started.wait(PATIENCE_S)
         with serving(WALKER, endpoints):
-            over.wait(DEADLINE_S)
+            over.wait(PATIENCE_S)
 
     thread = threading.Thread(target=robot)
     thread.start()
     with new_client(endpoints, "ann") as client:
         started.set()
-        assert client.connect(timeout_s=DEADLINE_S)
+        assert client.connect(timeout_s=PATIENCE_S)
         client.take_lease()
         client.enable()
     over.set()
@@ -82,7 +82,7 @@ def test_a_stop_request_ends_the_robots_waits(endpoints: Endpoints) -> None:
     gate = CommandGate(WALKER, WALKER.nominal)
     with RobotServer(WALKER, gate, endpoints=endpoints, stop=stop) as server:
         assert not server.wait_until_active(now_s=0.0, timeout_s=None)
-        deadline = time.monotonic() + DEADLINE_S
+        deadline = time.monotonic() + PATIENCE_S
         assert server.answer(0, now_s=0.0, deadline=deadline) is NoAnswer.YET
         assert time.monotonic() < deadline
 
@@ -92,10 +92,10 @@ def test_a_stop_request_ends_the_clients_waits(
 ) -> None:
     stop = StopRequest()
     with new_client(endpoints, "ann", stop) as client:
-        assert client.connect(timeout_s=DEADLINE_S)
+        assert client.connect(timeout_s=PATIENCE_S)
         stop.set("a test")
         begin = time.monotonic()
-        assert client.wait_snapshot(timeout_s=DEADLINE_S) is None
-        assert time.monotonic() < begin + DEADLINE_S
+        assert client.wait_snapshot(timeout_s=PATIENCE_S) is None
+        assert time.monotonic() < begin + PATIENCE_S
     with new_client(endpoints, "bob", stop) as late:
-        assert not late.connect(timeout_s=DEADLINE_S)
+        assert not late.connect(timeout_s=PATIENCE_S)

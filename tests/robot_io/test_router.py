@@ -15,7 +15,7 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SCHEMA_VERSION, LeaseRequest, RobotMode
 from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import serving
-from tests.support import wait_until
+from tests.support import PATIENCE_S, wait_until
 
 ATTEMPTS = 5
 
@@ -43,7 +43,7 @@ def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
         ) as ann,
         open_session(as_who("observer"), Role.CLIENT, namespace="walker") as observer,
     ):
-        assert ann.connect(timeout_s=10.0)
+        assert ann.connect(timeout_s=PATIENCE_S)
 
         def answers(key: str, data: bytes) -> bool:
             return any(r.ok for r in observer.get(key, payload=data, timeout=0.3))

@@ -28,7 +28,7 @@ from surefoot.schemas.messages import (
 )
 from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import ServedRobot, serving
-from tests.support import free_port, wait_until
+from tests.support import PATIENCE_S, free_port, wait_until
 
 REFUSED_WITHIN_S = 1.0
 """How long a handshake that must fail is tried."""
@@ -87,7 +87,7 @@ def can_read(session: zenoh.Session, robot: Robot, served: ServedRobot) -> bool:
             wait_until(
                 lambda: any(h.handler.try_recv() for h in heard.values()),
                 what="anything",
-                deadline_s=0.2,
+                patience_s=0.2,
             )
         except AssertionError:
             continue
@@ -107,7 +107,7 @@ def test_the_stabilizer_reads_commands_and_asks(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     with client(robot, authority.endpoints("stabilizer")) as ann:
-        assert ann.connect(timeout_s=10.0)
+        assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         q = ann.enable()
         np.testing.assert_array_equal(q, robot.nominal)
@@ -220,7 +220,7 @@ def test_everyone_with_a_certificate_can_stop_the_robot(
         assert ask(session, robot.keys["estop"], b"stop")
     assert served.do(lambda server, gate: gate.mode) is RobotMode.FAULT
     with client(robot, authority.endpoints("stabilizer")) as ann:
-        assert ann.connect(timeout_s=10.0)
+        assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         ann.request_mode("reset")
 
@@ -239,7 +239,7 @@ def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     with client(robot, authority.endpoints("stabilizer")) as ann:
-        assert ann.connect(timeout_s=10.0)
+        assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         with open_session(
             authority.endpoints("observer"), Role.CLIENT, namespace="walker"

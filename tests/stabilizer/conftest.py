@@ -6,6 +6,7 @@ import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.stabilizer.model import RobotModel
+from tests.awkward_robot import AWKWARD, TURNED, Awkward, make_awkward
 from tests.stabilizer.rig import Rig
 
 
@@ -24,3 +25,15 @@ def model(walker: Robot) -> RobotModel:
 def rig(model: RobotModel) -> Rig:
     """With default settings."""
     return Rig(model)
+
+
+@pytest.fixture(scope="session")
+def turned(tmp_path_factory: pytest.TempPathFactory) -> Awkward:
+    """Sensors turned, joints in another order: readings follow from the Walker's."""
+    return make_awkward(tmp_path_factory.mktemp("turned"), TURNED)
+
+
+@pytest.fixture(scope="session")
+def awkward(tmp_path_factory: pytest.TempPathFactory) -> Awkward:
+    """The inertial unit off-centre, too, and the base's origin elsewhere."""
+    return make_awkward(tmp_path_factory.mktemp("awkward"), AWKWARD)

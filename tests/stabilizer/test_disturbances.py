@@ -11,6 +11,8 @@ import pytest
 from surefoot.robot_io.robot import Robot, load_robot
 from tests.stabilizer.closed_loop import run_closed_loop
 
+pytestmark = pytest.mark.closed_loop
+
 PUSH_S = 0.1
 IMPULSE_NS = 20.0
 HARD_LANDING_N = 1500.0

@@ -32,6 +32,7 @@ STEP_RAD = 0.001
 OVERLOAD_TICKS = round(SafetySettings().overload_after_s / 0.001) + 1
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("policy", ["degrade", "hold"])
 @pytest.mark.parametrize("sensor", FEET)
 def test_a_false_force_that_lasts_does_not_fell_the_standing_robot(

@@ -13,6 +13,8 @@ from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 from tests.stabilizer.mirror import Mirror
 
+pytestmark = pytest.mark.closed_loop
+
 DURATION_S = 2.5
 SHORT_S = 0.8
 COUNTED_FROM_S = 1.0

@@ -12,6 +12,8 @@ from surefoot.stabilizer.control.reference import standing
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 
+pytestmark = pytest.mark.closed_loop
+
 DURATION_S = 3.0
 UPRIGHT_FROM_S = 1.0
 """By then the servos' sag at the start has been taken up."""

@@ -15,6 +15,8 @@ from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.qp import QpData
 from tests.stabilizer.closed_loop import run_closed_loop
 
+pytestmark = pytest.mark.closed_loop
+
 LEFT_ALONE_S = 0.45
 """As long as it takes a new process to command; see the kill study."""
 DURATION_S = 9.0

@@ -6,7 +6,8 @@ import pytest
 
 from surefoot.schemas.endpoints import Endpoints
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
+from tests.support import PATIENCE_S
 
 MALFORMED_EVERY = 3
 
@@ -23,7 +24,7 @@ def test_messages_and_malformed_ones_as_json(
     with talking_robot(endpoints, say):
         done = surefoot(
             *("echo", name, "--count", 6, "--json"),
-            *("--connect", endpoints.connect[0], "--wait", 60),
+            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )
     assert done.returncode == 0, done.stderr
     lines = [json.loads(line) for line in done.stdout.splitlines()]
@@ -41,7 +42,14 @@ def test_chosen_fields_in_words(surefoot: Surefoot, endpoints: Endpoints) -> Non
     with talking_robot(endpoints, say):
         done = surefoot(
             *("echo", "left_ankle_ft", "--count", 3, "--field", "force.2"),
-            *("--field", "moment", "--connect", endpoints.connect[0], "--wait", 60),
+            *(
+                "--field",
+                "moment",
+                "--connect",
+                endpoints.connect[0],
+                "--wait",
+                PATIENCE_S,
+            ),
         )
     assert done.returncode == 0, done.stderr
     assert "  force.2  343" in done.stdout
@@ -56,7 +64,7 @@ def test_the_rate_is_a_limit(surefoot: Surefoot, endpoints: Endpoints) -> None:
     ):
         done = surefoot(
             *("echo", "left_ankle_ft", "--count", 4, "--rate", 10, "--json"),
-            *("--connect", endpoints.connect[0], "--wait", 60),
+            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )
     assert done.returncode == 0, done.stderr
     stamps = [json.loads(line)["stamp_ns"] for line in done.stdout.splitlines()]
@@ -92,7 +100,7 @@ def test_a_part_that_is_not_there_is_refused(
     with talking_robot(endpoints, say):
         done = surefoot(
             *("echo", "left_ankle_ft", "--field", "force.3"),
-            *("--connect", endpoints.connect[0], "--wait", 60),
+            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )
     assert done.returncode == 2
     assert "there are 3 entries, 0 to 2" in done.stderr

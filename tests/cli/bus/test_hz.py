@@ -4,7 +4,8 @@ import json
 
 from surefoot.schemas.endpoints import Endpoints
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
+from tests.support import PATIENCE_S
 
 SPAN = 10
 
@@ -24,7 +25,7 @@ def test_gaps_doubles_and_late_ones_as_often_as_they_are(
     with talking_robot(endpoints, say):
         done = surefoot(
             *("hz", "left_ankle_ft", "right_ankle_ft", "--for", 1.5, "--json"),
-            *("--connect", endpoints.connect[0], "--wait", 60),
+            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )
     assert done.returncode == 0, done.stderr
     left, right = json.loads(done.stdout)
@@ -46,7 +47,15 @@ def test_a_pipe_gets_one_table_and_no_escapes(
 ) -> None:
     with talking_robot(endpoints, say):
         done = surefoot(
-            *("hz", "--for", 0.3, "--connect", endpoints.connect[0], "--wait", 60)
+            *(
+                "hz",
+                "--for",
+                0.3,
+                "--connect",
+                endpoints.connect[0],
+                "--wait",
+                PATIENCE_S,
+            )
         )
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("left_ankle_ft") == 1

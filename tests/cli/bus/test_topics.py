@@ -9,7 +9,8 @@ from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import TOPICS
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.cli.conftest import Surefoot
+from tests.command import Surefoot
+from tests.support import PATIENCE_S
 
 KEY = "state/ft/left_ankle"
 
@@ -24,7 +25,7 @@ def say(count: int, tell: Say) -> None:
 def test_channels_and_unknown_keys_are_told_apart(
     surefoot: Surefoot, endpoints: Endpoints
 ) -> None:
-    connect = ["--connect", endpoints.connect[0], "--wait", 60, "--json"]
+    connect = ["--connect", endpoints.connect[0], "--wait", PATIENCE_S, "--json"]
     with (
         talking_robot(endpoints, say),
         Bus(endpoints, Role.CLIENT, namespace="runner") as stranger,
@@ -72,7 +73,15 @@ def test_the_table_names_robot_and_stabilizer(
         assert publisher is not None
         stabilizer.announce("alive/stabilizer/ann")
         done = surefoot(
-            *("topics", "--connect", endpoints.connect[0], "--wait", 60, "--for", 0.3)
+            *(
+                "topics",
+                "--connect",
+                endpoints.connect[0],
+                "--wait",
+                PATIENCE_S,
+                "--for",
+                0.3,
+            )
         )
     assert done.returncode == 0, done.stderr
     (command,) = (

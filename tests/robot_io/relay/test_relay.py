@@ -21,7 +21,7 @@ from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.relay_plan import RelayPlan, relay_plan_from_table
 from surefoot.schemas.result import RelayResult
 from tests.robot_io.served_robot import ServedRobot, serving
-from tests.support import DEADLINE_S, free_port, wait_until
+from tests.support import PATIENCE_S, free_port, wait_until
 
 WALKER = load_robot("walker")
 WAIT_S = 0.2
@@ -65,7 +65,7 @@ def line(endpoints: Endpoints, relay_plan: RelayPlan) -> Iterator[Line]:
                     relay.run(
                         both,
                         stop=made.stop_relay,
-                        wait_s=DEADLINE_S,
+                        wait_s=PATIENCE_S,
                         on_ready=ready.set,
                     )
                 )
@@ -76,7 +76,7 @@ def line(endpoints: Endpoints, relay_plan: RelayPlan) -> Iterator[Line]:
         thread = threading.Thread(target=run)
         thread.start()
         try:
-            assert ready.wait(DEADLINE_S), "the relay did not open"
+            assert ready.wait(PATIENCE_S), "the relay did not open"
             yield made
         finally:
             made.stop_relay.set()
@@ -93,7 +93,7 @@ def commanding(made: Line, identity: str = "ann") -> Iterator[RobotClient]:
         in_order=True,
         stop=StopRequest(),
     ) as client:
-        assert client.connect(timeout_s=DEADLINE_S)
+        assert client.connect(timeout_s=PATIENCE_S)
         client.take_lease()
         client.enable()
         yield client
@@ -102,7 +102,7 @@ def commanding(made: Line, identity: str = "ann") -> Iterator[RobotClient]:
 def first_command(made: Line, client: RobotClient) -> None:
     """Have the time of the plan begin."""
     tick = made.robot.publish_tick()
-    assert client.wait_snapshot(timeout_s=DEADLINE_S) is not None
+    assert client.wait_snapshot(timeout_s=PATIENCE_S) is not None
     client.send(WALKER.nominal, tick=tick)
     wait_until(
         lambda: made.robot.do(lambda server, gate: gate._sequence) == 0,
@@ -121,7 +121,7 @@ def test_a_clear_relay_carries_everything(endpoints: Endpoints) -> None:
         assert made.holder() == "ann"
         for number in range(20):
             tick = made.robot.publish_tick()
-            reading = client.wait_snapshot(timeout_s=DEADLINE_S)
+            reading = client.wait_snapshot(timeout_s=PATIENCE_S)
             assert reading is not None
             assert (reading.snapshot.tick, reading.stale) == (tick, ())
             client.send(WALKER.nominal, tick=tick)
@@ -130,7 +130,7 @@ def test_a_clear_relay_carries_everything(endpoints: Endpoints) -> None:
         client.stop_robot()
         assert made.mode() is RobotMode.FAULT
         made.stop_relay.set()
-        counts = made.result.result(DEADLINE_S).counts
+        counts = made.result.result(PATIENCE_S).counts
     assert counts["joints"] == {"arrived": 20, "left": 20}
     assert counts["joint_command"] == {"arrived": 20, "left": 20}
     assert counts["estop"] == {"arrived": 1, "left": 1}
@@ -150,7 +150,7 @@ def test_who_asks_beyond_the_relay_is_refused_with_the_robots_own_words(
             stop=StopRequest(),
         ) as eve,
     ):
-        assert eve.connect(timeout_s=DEADLINE_S)
+        assert eve.connect(timeout_s=PATIENCE_S)
         with pytest.raises(RequestRefusedError, match="ann holds the lease"):
             eve.take_lease()
 
@@ -158,7 +158,7 @@ def test_who_asks_beyond_the_relay_is_refused_with_the_robots_own_words(
 def test_who_is_there_is_seen_on_both_sides(endpoints: Endpoints) -> None:
     with line(endpoints, plan()) as made:
         with Observer(WALKER, endpoints=endpoints, channels=("status",)) as observer:
-            observer.connect(timeout_s=DEADLINE_S)
+            observer.connect(timeout_s=PATIENCE_S)
             with commanding(made):
                 wait_until(lambda: observer.stabilizers == ("ann",), what="ann")
             wait_until(lambda: observer.stabilizers == (), what="ann to go")
@@ -180,7 +180,7 @@ def test_a_cut_of_one_sensor_leaves_the_others(endpoints: Endpoints) -> None:
     with line(endpoints, plan(cut)) as made, commanding(made) as client:
         first_command(made, client)
         tick = made.robot.publish_tick()
-        reading = client.wait_snapshot(timeout_s=DEADLINE_S)
+        reading = client.wait_snapshot(timeout_s=PATIENCE_S)
         assert reading is not None
         assert (reading.snapshot.tick, reading.stale) == (tick, ("imu",))
         assert reading.ages == (0, 1, 0, 0)
@@ -203,7 +203,7 @@ def test_a_lost_request_is_asked_again(endpoints: Endpoints) -> None:
         for _ in range(10):
             client.request_mode("hold")
         made.stop_relay.set()
-        counts = made.result.result(DEADLINE_S).counts["mode"]
+        counts = made.result.result(PATIENCE_S).counts["mode"]
     assert counts["drop"] > 0
     assert counts["left"] >= 10
 
@@ -214,7 +214,7 @@ def test_a_delayed_command_comes_later_than_what_is_not_delayed(
     late = {"kind": "delay", "direction": "commands", "ms": 1000.0 * WAIT_S}
     with line(endpoints, plan(late)) as made, commanding(made) as client:
         tick = made.robot.publish_tick()
-        assert client.wait_snapshot(timeout_s=DEADLINE_S) is not None
+        assert client.wait_snapshot(timeout_s=PATIENCE_S) is not None
         client.send(WALKER.nominal, tick=tick)
         client.request_mode("hold")  # a service, which nothing delays
         assert accepted(made) == -1

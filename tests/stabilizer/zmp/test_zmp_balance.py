@@ -38,6 +38,7 @@ def com_error(model: RobotModel, run: Run) -> Array:
     return error
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("name", ["zmp-stock", "zmp-tuned"])
 def test_it_stands_still(walker: Robot, model: RobotModel, name: str) -> None:
     controller = ZmpController(walker, preset(name))
@@ -46,6 +47,7 @@ def test_it_stands_still(walker: Robot, model: RobotModel, name: str) -> None:
     assert np.abs(com_error(model, run)[run.time_s > AWAY_S]).max() < STILL_M
 
 
+@pytest.mark.closed_loop
 @pytest.mark.parametrize("name", ["zmp-stock", "zmp-tuned"])
 @pytest.mark.parametrize(
     "angle_deg", [0.0, 90.0, 225.0], ids=["front", "side", "diagonal"]

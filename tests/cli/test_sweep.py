@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
 from surefoot.studies.store import RUNS, read_rows
+from tests.command import command, environment, run_surefoot
+from tests.support import wait_until
 
 SCENARIO = """
 name = "short"
@@ -18,7 +18,6 @@ duration_s = 0.4
 [sensors]
 force_noise_n = 2.0
 """
-DEADLINE_S = 120.0
 
 
 def scenario(folder: Path) -> Path:
@@ -27,23 +26,13 @@ def scenario(folder: Path) -> Path:
     return path
 
 
-def words(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "surefoot.cli", *map(str, arguments)]
-
-
-def run(*arguments: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        words(*arguments), capture_output=True, text=True, timeout=DEADLINE_S
-    )
-
-
 def sweep(folder: Path, *more: object) -> list[object]:
     varied = ["--vary", "friction=0.5,0.9", "--seeds", "0:2", "--jobs", 2]
     return ["sweep", scenario(folder), *varied, "--out", folder / "out", *more]
 
 
 def test_sweep_gives_the_runs_that_run_gives(tmp_path: Path) -> None:
-    done = run(*sweep(tmp_path, "--json"))
+    done = run_surefoot(*sweep(tmp_path, "--json"))
     assert done.returncode == 0, done.stderr
     groups: list[dict[str, Any]] = json.loads(done.stdout)
     assert [(g["values"], g["runs"], g["up"]) for g in groups] == [
@@ -52,7 +41,9 @@ def test_sweep_gives_the_runs_that_run_gives(tmp_path: Path) -> None:
     ]
     single = scenario(tmp_path)
     single.write_text("friction = 0.9\n" + SCENARIO)
-    alone = json.loads(run("run", single, "--inline", "--seed", 1, "--json").stdout)
+    alone = json.loads(
+        run_surefoot("run", single, "--inline", "--seed", 1, "--json").stdout
+    )
     (same,) = (
         row
         for row in read_rows(tmp_path / "out")
@@ -65,22 +56,26 @@ def test_sweep_gives_the_runs_that_run_gives(tmp_path: Path) -> None:
 
 def test_killed_sweep_goes_on_where_it_was(tmp_path: Path) -> None:
     runs = tmp_path / "out" / RUNS
-    process = subprocess.Popen(words(*sweep(tmp_path, "--seeds", "0:40")))
-    end = time.monotonic() + DEADLINE_S
-    while not (runs.is_file() and len(runs.read_bytes().splitlines()) >= 2):
-        assert time.monotonic() < end
-        assert process.poll() is None
+    words = command(*sweep(tmp_path, "--seeds", "0:40"))
+    process = subprocess.Popen(words, env=environment())
+    wait_until(
+        lambda: runs.is_file() and len(runs.read_bytes().splitlines()) >= 2,
+        what="two runs",
+    )
+    assert process.poll() is None
     process.send_signal(signal.SIGKILL)
     process.wait()
     before = {row["key"]: row for row in read_rows(tmp_path / "out")}
-    done = run(*sweep(tmp_path))
+    done = run_surefoot(*sweep(tmp_path))
     assert done.returncode == 0, done.stderr
     after = {row["key"]: row for row in read_rows(tmp_path / "out")}
     assert before.items() <= after.items()
 
 
 def test_unknown_path_is_a_usage_error_before_anything_runs(tmp_path: Path) -> None:
-    done = run("sweep", "standing", "--vary", "frction=1", "--out", tmp_path / "out")
+    done = run_surefoot(
+        "sweep", "standing", "--vary", "frction=1", "--out", tmp_path / "out"
+    )
     assert done.returncode == 2
     assert "friction" in done.stderr
     assert not list(read_rows(tmp_path / "out"))

@@ -12,7 +12,7 @@ from surefoot.endpoints import LONGEST_SOCKET_PATH, private_bus
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.topics import ALIVE_ROBOT
-from tests.support import wait_until
+from tests.support import PATIENCE_S, wait_until
 
 
 def test_two_sessions_meet_where_nobody_else_can_go() -> None:
@@ -24,7 +24,9 @@ def test_two_sessions_meet_where_nobody_else_can_go() -> None:
         seen: list[str] = []
         with (
             Bus(endpoints, Role.ROBOT, namespace="walker") as robot,
-            Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=20.0) as client,
+            Bus(
+                endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S
+            ) as client,
         ):
             robot.announce(ALIVE_ROBOT)
             client.watch_presence(ALIVE_ROBOT, lambda key, is_there: seen.append(key))

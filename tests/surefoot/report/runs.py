@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
-from tests.cli.conftest import TIMEOUT_S, environment
+from tests.command import run_surefoot
 
 SCENARIO = """
 name = "heaving ground"
@@ -38,28 +37,11 @@ def make_run(folder: Path, *words: str) -> Path:
     scenario = folder / "heaving.toml"
     scenario.write_text(SCENARIO)
     *options, name = words
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
-            *("--out", str(folder / name), *options),
-        ],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
+    done = run_surefoot("run", scenario, "--out", folder / name, *options)
     assert done.returncode in (0, 5), (done.returncode, done.stderr)
     return folder / name
 
 
 def make_report(*words: object) -> subprocess.CompletedProcess[str]:
     """Run ``surefoot report``."""
-    return subprocess.run(
-        [sys.executable, "-m", "surefoot.cli", "report", *map(str, words)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
+    return run_surefoot("report", *words)

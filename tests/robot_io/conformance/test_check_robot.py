@@ -9,13 +9,12 @@ from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.schemas.endpoints import Endpoints
-from tests.cli.conftest import Surefoot
-from tests.cli.conftest import surefoot as surefoot
-from tests.conformance import broken
-from tests.conformance.verdict import check_passes_but_for_time
+from tests.command import Surefoot
 from tests.nodes.processes import robot as simulated_robot
 from tests.nodes.processes import running
-from tests.support import DEADLINE_S
+from tests.robot_io.conformance import broken
+from tests.robot_io.conformance.verdict import check_passes_but_for_time
+from tests.support import PATIENCE_S
 
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
 SENSOR_FAULTS = [
@@ -50,7 +49,7 @@ def failures(
             load_robot("walker"),
             endpoints=endpoints,
             sections=sections,
-            timeout_s=DEADLINE_S,
+            timeout_s=PATIENCE_S,
         )
     assert report.passed is all(finding.passed for finding in report.findings)
     return {finding.name for finding in report.findings if not finding.passed}
@@ -59,7 +58,7 @@ def failures(
 def test_the_simulated_robot_passes(surefoot: Surefoot, endpoints: Endpoints) -> None:
     table = {"duration_s": 600.0, "sensors": NOISE}
     with running(simulated_robot, endpoints, table, Pace.REALTIME):
-        words = ["--connect", *endpoints.connect, "--wait", DEADLINE_S]
+        words = ["--connect", *endpoints.connect, "--wait", PATIENCE_S]
         done = surefoot("check-robot", *words, "--json")
     check_passes_but_for_time(done)
 
@@ -99,7 +98,7 @@ def test_a_broken_robot_exits_with_1_and_names_the_line(
     surefoot: Surefoot, endpoints: Endpoints
 ) -> None:
     with running(broken.broken_robot, endpoints, broken.in_g, CommandGate, 1):
-        words = ["--connect", *endpoints.connect, "--wait", DEADLINE_S]
+        words = ["--connect", *endpoints.connect, "--wait", PATIENCE_S]
         done = surefoot("check-robot", *words, "--only", "sensors")
     assert done.returncode == 1
     (line,) = (line for line in done.stdout.splitlines() if "FAILED" in line)

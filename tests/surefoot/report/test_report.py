@@ -22,7 +22,7 @@ from surefoot.report.scene_page import frame_rows, state_at
 from surefoot.report.tables import figure_rows, setting_rows
 from surefoot.schemas.result import RunResult
 from surefoot.sim_robot.metrics import COM_FROM_S
-from tests.cli.report.runs import make_report, make_run
+from tests.surefoot.report.runs import make_report, make_run
 
 MM = 1e3
 SAME_MM = 1e-6

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,14 +24,17 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.node import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
-from tests.cli.conftest import TIMEOUT_S, environment
-from tests.cli.mcap_reading import messages
-from tests.cli.replay.conftest import Check, patient_robot
+from tests.command import command, environment
 from tests.nodes.processes import running
-from tests.support import DEADLINE_S, wait_until
+from tests.patient_robot import gentle_settings, patient_robot_file
+from tests.support import PATIENCE_S, wait_until
+from tests.surefoot.playback.conftest import Check
+from tests.surefoot.recording.mcap_reading import messages
 
 LONG = {"duration_s": 600.0, "sensors": {"force_noise_n": 2.0}}
 LATER_TICKS = 150
+WAITS = {"hold_after_s": 30.0, "lease_s": 60.0}
+"""Nobody here falls silent but to test something else."""
 
 
 def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
@@ -43,7 +45,7 @@ def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
         seed=1,
         endpoints=endpoints,
         pace=pace,
-        wait_s=DEADLINE_S,
+        wait_s=PATIENCE_S,
     )
 
 
@@ -55,7 +57,8 @@ def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
         endpoints=endpoints,
         pace=pace,
         identity=identity,
-        connect_timeout_s=DEADLINE_S,
+        connect_timeout_s=PATIENCE_S,
+        settings=gentle_settings(),
     )
 
 
@@ -102,10 +105,10 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
     log = out.with_suffix(".log")
     with log.open("w") as stderr:
         recorder = subprocess.Popen(
-            [
-                *(sys.executable, "-m", "surefoot.cli", "record", "--out", str(out)),
-                *("--robot", path, "--connect", endpoints.connect[0], "--json"),
-            ],
+            command(
+                *("record", "--out", out, "--robot", path),
+                *("--connect", endpoints.connect[0], "--json"),
+            ),
             env=environment(),
             stdout=subprocess.DEVNULL,
             stderr=stderr,
@@ -118,9 +121,9 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
             channels=VIEWER_CHANNELS,
             identity="eve",
         ) as observer:
-            observer.connect(timeout_s=TIMEOUT_S)
+            observer.connect(timeout_s=PATIENCE_S)
             yield ReadOnlyClient(observer)
-        assert recorder.wait(TIMEOUT_S) == 0, log.read_text()
+        assert recorder.wait(PATIENCE_S) == 0, log.read_text()
     finally:
         recorder.kill()
         recorder.wait()
@@ -130,7 +133,7 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
 def test_gains_holds_and_pushes_are_equal(
     endpoints: Endpoints, tmp_path: Path, check: Check, pace: Pace
 ) -> None:
-    path, out = str(patient_robot(tmp_path)), tmp_path / "asked.mcap"
+    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "asked.mcap"
     with (
         running(plant, path, endpoints, pace) as robot,
         recorded(path, endpoints, out) as onlooker,
@@ -166,7 +169,7 @@ def test_gains_holds_and_pushes_are_equal(
 def test_a_second_stabilizer_is_a_session_of_its_own(
     endpoints: Endpoints, tmp_path: Path, check: Check
 ) -> None:
-    path, out = str(patient_robot(tmp_path)), tmp_path / "two.mcap"
+    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "two.mcap"
     with (
         running(plant, path, endpoints, Pace.LOCKSTEP) as robot,
         recorded(path, endpoints, out) as onlooker,

@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from tests.cli.conftest import Surefoot
-from tests.cli.mcap_reading import messages
-from tests.cli.replay.conftest import (
+from tests.command import Surefoot
+from tests.patient_robot import GENTLE, patient_robot_file
+from tests.surefoot.playback.conftest import (
     Check,
     fast_platform,
-    patient_robot,
     record_of,
     standing,
 )
-from tests.cli.replay.records import rewritten
+from tests.surefoot.playback.records import rewritten
+from tests.surefoot.recording.mcap_reading import messages
 
 FAULTS = """
 [[fault]]
@@ -67,8 +67,9 @@ def test_standing_is_equal_with_every_controller(
 def test_real_time_is_equal_with_the_ticks_that_were_answered(
     tmp_path: Path, check: Check
 ) -> None:
-    robot = patient_robot(tmp_path)
-    words = ("--realtime", "--robot", robot, "--controller", "whole-body")
+    robot = patient_robot_file(tmp_path, hold_after_s=30.0, lease_s=60.0)
+    gentle = [word for each in GENTLE for word in ("--set", each)]
+    words = ("--realtime", "--robot", robot, "--controller", "whole-body", *gentle)
     path = record_of(tmp_path, fast_platform(tmp_path, 1.5), *words)
     code, found = check(path)
     assert code == 0, found

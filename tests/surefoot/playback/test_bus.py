@@ -7,7 +7,6 @@ import math
 import signal
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -24,11 +23,11 @@ from surefoot.robot_io.robot_side.replay_server import REFUSAL
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.topics import TICK_SENSORS
-from tests.cli.conftest import TIMEOUT_S, Surefoot, environment
-from tests.cli.mcap_reading import messages
-from tests.cli.replay.conftest import Check
-from tests.cli.replay.records import rewritten
-from tests.support import wait_until
+from tests.command import Surefoot, command, environment
+from tests.support import PATIENCE_S, wait_until
+from tests.surefoot.playback.conftest import Check
+from tests.surefoot.playback.records import rewritten
+from tests.surefoot.recording.mcap_reading import messages
 
 DEPTH = 4096
 CHANNELS = (
@@ -48,10 +47,7 @@ def playing(
 ) -> Iterator[subprocess.Popen[str]]:
     """``surefoot replay`` as a process."""
     process = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "replay", str(path)),
-            *("--listen", endpoints.listen[0], *map(str, words)),
-        ],
+        command("replay", path, "--listen", endpoints.listen[0], *words),
         env=environment(),
         stderr=subprocess.PIPE,
         text=True,
@@ -69,13 +65,13 @@ def watched(endpoints: Endpoints, channels: tuple[str, ...] = CHANNELS) -> list[
     with Observer(
         load_robot("walker"), endpoints=endpoints, channels=channels, depth=DEPTH
     ) as observer:
-        observer.connect(timeout_s=TIMEOUT_S)
+        observer.connect(timeout_s=PATIENCE_S)
 
         def has_left() -> bool:
             samples.extend(observer.take(timeout_s=0.05))
             return not observer.robot_is_here
 
-        wait_until(has_left, what="the end of the replay", deadline_s=TIMEOUT_S)
+        wait_until(has_left, what="the end of the replay")
         samples.extend(observer.take(timeout_s=0.2))
     return samples
 
@@ -92,7 +88,7 @@ def test_a_subscriber_gets_every_message_in_order(
 ) -> None:
     with playing(record, endpoints) as process:
         samples = watched(endpoints)
-        assert process.wait(TIMEOUT_S) == 0
+        assert process.wait(PATIENCE_S) == 0
     seen: dict[str, list[dict[str, Any]]] = {}
     for sample in samples:
         seen.setdefault(sample.channel, []).append(msgspec.msgpack.decode(sample.data))
@@ -109,9 +105,9 @@ def test_a_record_of_a_replay_computes_the_same(
     with playing(record, endpoints) as process:
         done = surefoot(
             *("record", "--raw", "--out", again, "--connect", endpoints.connect[0]),
-            *("--json", "--wait", TIMEOUT_S),
+            *("--json", "--wait", PATIENCE_S),
         )
-        assert process.wait(TIMEOUT_S) == 0
+        assert process.wait(PATIENCE_S) == 0
     assert done.returncode == 0, done.stderr
     counts = {entry["channel"]: entry for entry in json.loads(done.stdout)}
     assert [counts[name]["missing"] for name in TICK_SENSORS] == [0] * 4
@@ -158,7 +154,7 @@ def test_it_cannot_be_commanded_and_looks_like_the_robot(
         )
         assert later.status.mode is RobotMode.ACTIVE
         process.send_signal(signal.SIGINT)
-        _, words = process.communicate(timeout=TIMEOUT_S)
+        _, words = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "Traceback" not in words
 
@@ -168,7 +164,7 @@ def test_a_stabilizer_is_told_that_it_is_a_replay(
 ) -> None:
     with playing(record, endpoints, "--loop"):
         done = surefoot(
-            *("stabilizer", "--controller", "hold", "--wait", TIMEOUT_S),
+            *("stabilizer", "--controller", "hold", "--wait", PATIENCE_S),
             *("--connect", endpoints.connect[0]),
         )
     assert done.returncode == 1
@@ -185,7 +181,7 @@ def test_part_of_a_record_that_is_cut_off_plays_at_another_speed(
     words = ("--from", 0.1, "--until", 0.4, "--speed", 0.5)
     with playing(cut, endpoints, *words) as process:
         samples = watched(endpoints, ("joints",))
-        assert process.wait(TIMEOUT_S) == 0
+        assert process.wait(PATIENCE_S) == 0
     ticks = [msgspec.msgpack.decode(sample.data)["tick"] for sample in samples]
     assert ticks == list(range(100, 400))
     # Never faster than asked for, whatever the machine does.
@@ -243,5 +239,5 @@ def looking(endpoints: Endpoints) -> Iterator[Observer]:
         channels=VIEWER_CHANNELS,
         identity="eve",
     ) as observer:
-        observer.connect(timeout_s=TIMEOUT_S)
+        observer.connect(timeout_s=PATIENCE_S)
         yield observer

@@ -1,15 +1,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.cli.conftest import REPOSITORY, TIMEOUT_S, Surefoot, environment
+from tests.command import REPOSITORY, Surefoot, run_surefoot
 
 FAST = REPOSITORY / "sim_robot" / "scenarios" / "moving-platform-fast.toml"
 NOISE = """
@@ -41,41 +39,12 @@ def standing(folder: Path, duration_s: float, more: str = "") -> Path:
 def record_of(folder: Path, scenario: Path, *words: object) -> Path:
     """Run a scenario on the bus and give its record."""
     out = folder / "run"
-    done = subprocess.run(
-        [
-            *(
-                sys.executable,
-                "-m",
-                "surefoot.cli",
-                "run",
-                str(scenario),
-                "--out",
-                str(out),
-            ),
-            *map(str, words),
-        ],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
+    done = run_surefoot("run", scenario, "--out", out, *words)
     assert done.returncode == 0, done.stderr
     return out / "run.mcap"
 
 
-def patient_robot(folder: Path) -> Path:
-    """The Walker with a gate that waits long for its commander: a busy machine."""
-    walker = REPOSITORY / "robot_io" / "robots" / "walker" / "walker.toml"
-    path = folder / "patient.toml"
-    path.write_text(
-        f'extends = "{walker}"\n'
-        "[gate]\nhold_after_s = 30.0\nfault_after_s = 60.0\nlease_s = 60.0\n"
-    )
-    return path
-
-
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The moving platform in lockstep, shortened; for tests that do not change it."""
     folder = tmp_path_factory.mktemp("recorded")

@@ -1,0 +1,197 @@
+"""The Walker as somebody else might have drawn and wired it: the same body throughout.
+
+Frames are turned and shifted in its URDF, joints are listed in another order. Its
+physics is the Walker's, so whatever is worked out for it must be the Walker's answer,
+in other frames and another order. It is made from the Walker's files, never stored.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from surefoot.robot_io.robot import Robot, find_robot, load_robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Vec6
+
+SHUFFLE_SEED = 32
+JOINT = "[[joint]]\n"
+_PLACED = ("inertial", "visual", "collision")
+
+
+def placement(
+    xyz: tuple[float, float, float], rpy: tuple[float, float, float]
+) -> pin.SE3:
+    """A new frame in the one it replaces: position [m] and fixed-axis angles [rad]."""
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How its frames differ: each one in the Walker's frame of the same name.
+
+    Attributes:
+        base: of the floating link.
+        imu: of the inertial unit.
+        feet: of the left and the right force-torque sensor.
+    """
+
+    base: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    imu: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    feet: tuple[pin.SE3, pin.SE3] = field(
+        default_factory=lambda: (pin.SE3.Identity(), pin.SE3.Identity())
+    )
+
+
+FEET = (
+    placement((0.02, -0.01, -0.015), (np.pi, 0.0, 0.7)),
+    placement((-0.01, 0.0, 0.01), (1.2, -0.4, -2.5)),
+)
+"""The left sensor with z down, as many are mounted; the right one anyhow."""
+TURN = placement((0.0, 0.0, 0.0), (2.4, -0.9, 0.0))
+"""Of the inertial unit. No yaw: where the robot looks at the start is today taken from
+the unit's own x axis, so a unit that is yawed as well would be another stance."""
+TURNED = Drawing(imu=TURN, feet=FEET)
+"""Readings follow from the Walker's in one line: see :meth:`Awkward.snapshot`."""
+AWKWARD = Drawing(
+    base=placement((0.04, -0.03, 0.11), (0.0, 0.0, 0.0)),
+    imu=placement((0.09, -0.12, 0.15), (2.4, -0.9, 0.0)),
+    feet=FEET,
+)
+"""The inertial unit far from the middle, too, and the base's origin elsewhere. The
+base's axes stay: upright and straight ahead is what the reference attitude means."""
+
+
+@dataclass(frozen=True)
+class Awkward:
+    """An awkward robot, and how to say to it what is said to the Walker.
+
+    Attributes:
+        robot: as loaded from its files.
+        walker: the robot it is.
+        drawing: how its frames differ.
+        order: (n_a,) ``its_values = walkers_values[order]``, on the bus.
+    """
+
+    robot: Robot
+    walker: Robot
+    drawing: Drawing
+    order: NDArray[np.intp]
+
+    def joints(self, values: Array) -> Array:
+        """(..., n_a) the Walker's joint values in this robot's order."""
+        return values[..., self.order]
+
+    def back(self, values: Array) -> Array:
+        """(..., n_a) this robot's joint values in the Walker's order."""
+        return values[..., np.argsort(self.order)]
+
+    def configuration(self, q: Array) -> Array:
+        """(7 + n_a,) the same pose of the body: Pinocchio's order is by name."""
+        moved = q.copy()
+        moved[:7] = pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(q[:7]) * self.drawing.base)
+        return moved
+
+    def snapshot(self, reading: Snapshot) -> Snapshot:
+        """What its sensors read where the Walker's read this.
+
+        Raises:
+            ValueError: the inertial unit is shifted; what it reads follows from the
+                motion, not from one reading.
+        """
+        unit = self.drawing.imu
+        if unit.translation.any():
+            raise ValueError("the inertial unit is not where the Walker's is")
+        attitude = pin.Quaternion(reading.quat_xyzw) * pin.Quaternion(unit.rotation)
+        return replace(
+            reading,
+            q=self.joints(reading.q),
+            dq=self.joints(reading.dq),
+            effort=self.joints(reading.effort),
+            quat_xyzw=attitude.coeffs().copy(),
+            angular_velocity=reading.angular_velocity @ unit.rotation,
+            linear_acceleration=reading.linear_acceleration @ unit.rotation,
+            ft_left=_seen_from(self.drawing.feet[0], reading.ft_left),
+            ft_right=_seen_from(self.drawing.feet[1], reading.ft_right),
+        )
+
+
+def make_awkward(folder: Path, drawing: Drawing) -> Awkward:
+    """Write the robot's two files and load them.
+
+    Args:
+        folder: gets ``awkward.toml`` and ``awkward.urdf``.
+        drawing: how its frames differ.
+    """
+    walker = load_robot("walker")
+    rng = np.random.default_rng(SHUFFLE_SEED)
+    order = rng.permutation(walker.n_a)
+    tree = ElementTree.parse(walker.urdf_path)
+    root = tree.getroot()
+    _move_frame(root, walker.file.base_link, drawing.base)
+    _move_frame(root, walker.file.imu.frame, drawing.imu)
+    for foot, moved in zip(walker.file.foot, drawing.feet, strict=True):
+        _move_frame(root, foot.ft_link, moved)
+    root[:] = [root[i] for i in rng.permutation(len(root))]
+    tree.write(folder / "awkward.urdf")
+    head, *joints = find_robot("walker").read_text().split(JOINT)
+    height = walker.file.nominal_base_height_m
+    head = head.replace('"walker.urdf"', '"awkward.urdf"').replace(
+        f"nominal_base_height_m = {height}",
+        f"nominal_base_height_m = {height + drawing.base.translation[2]}",
+    )
+    shuffled = [joints[i].strip() + "\n" for i in order]
+    (folder / "awkward.toml").write_text(JOINT.join([head, *shuffled]))
+    robot = load_robot(str(folder / "awkward.toml"))
+    return Awkward(robot=robot, walker=walker, drawing=drawing, order=order)
+
+
+def _move_frame(root: ElementTree.Element, link: str, moved: pin.SE3) -> None:
+    """Give a link another frame, and leave everything in it where it is.
+
+    Args:
+        root: of the URDF.
+        link: its name; a base, or fixed to its parent.
+        moved: the new frame in the old one.
+    """
+    (body,) = root.findall(f"link[@name='{link}']")
+    back = moved.inverse()
+    inside = [part for kind in _PLACED for part in body.findall(kind)]
+    inside += root.findall(f"joint/parent[@link='{link}']/..")
+    for part in inside:
+        _write_origin(part, back * _read_origin(part))
+    for joint in root.findall(f"joint/child[@link='{link}']/.."):
+        assert joint.get("type") == "fixed", "its axis would have to turn along"
+        _write_origin(joint, _read_origin(joint) * moved)
+
+
+def _read_origin(element: ElementTree.Element) -> pin.SE3:
+    origin = element.find("origin")
+    given = {} if origin is None else origin.attrib
+    xyz, rpy = (
+        np.array(given.get(name, "0 0 0").split(), dtype=float)
+        for name in ("xyz", "rpy")
+    )
+    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
+
+
+def _write_origin(element: ElementTree.Element, pose: pin.SE3) -> None:
+    origin = element.find("origin")
+    if origin is None:
+        origin = ElementTree.SubElement(element, "origin")
+    for name, values in (
+        ("xyz", pose.translation),
+        ("rpy", pin.rpy.matrixToRpy(pose.rotation)),
+    ):
+        origin.set(name, " ".join(repr(float(value)) for value in values))
+
+
+def _seen_from(frame: pin.SE3, wrench: Vec6) -> Vec6:
+    """(6,) the same wrench in a frame that stands in the present one."""
+    seen: Vec6 = frame.actInv(pin.Force(wrench)).vector.copy()
+    return seen

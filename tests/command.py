@@ -1,0 +1,61 @@
+"""The command ``surefoot`` as a user runs it: a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from tests.support import PATIENCE_S
+
+REPOSITORY = Path(__file__).parents[1]
+DIALING = ("stabilizer", "record")
+Surefoot = Callable[..., subprocess.CompletedProcess[str]]
+
+
+def environment() -> dict[str, str]:
+    """Plain output, and this code whatever is installed."""
+    return {
+        **os.environ,
+        "PYTHONPATH": str(REPOSITORY),
+        "NO_COLOR": "1",
+        "COLUMNS": "200",
+    }
+
+
+def command(*words: object) -> list[str]:
+    """Command line of a process of its own.
+
+    One that dials a robot goes on dialing until it is there, unless told otherwise: the
+    robot's process may be slower to start.
+
+    Args:
+        words: what follows ``surefoot``.
+    """
+    line = [sys.executable, "-m", "surefoot.cli", *map(str, words)]
+    if words[0] in DIALING and "--wait" not in words:
+        line += ["--wait", str(PATIENCE_S)]
+    return line
+
+
+def run_surefoot(
+    *arguments: object, cwd: Path | None = None, patience_s: float = PATIENCE_S
+) -> subprocess.CompletedProcess[str]:
+    """Run a command of ``surefoot`` to its end.
+
+    Args:
+        arguments: the words after ``surefoot``.
+        cwd: the folder it starts in.
+        patience_s: how long it may take.
+    """
+    return subprocess.run(
+        command(*arguments),
+        cwd=cwd,
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=patience_s,
+        check=False,
+    )

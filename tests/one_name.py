@@ -1,0 +1,21 @@
+"""Looks for modules that were loaded under two names."""
+
+from __future__ import annotations
+
+import sys
+from collections import defaultdict
+from pathlib import Path
+
+from tests.command import REPOSITORY
+
+
+def modules_with_two_names() -> dict[str, list[str]]:
+    """Files of this repository and the names they are loaded by, where several."""
+    names: dict[str, list[str]] = defaultdict(list)
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        if file is not None and name != "__main__":
+            path = Path(file).resolve()
+            if path.is_relative_to(REPOSITORY):
+                names[str(path)].append(name)
+    return {file: sorted(each) for file, each in names.items() if len(each) > 1}

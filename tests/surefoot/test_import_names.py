@@ -1,0 +1,59 @@
+"""Every module has one name: what is loaded twice exists twice, classes and all.
+
+The packages stand at the root and are linked into ``surefoot/``, so a module can be
+found under two names.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from tests.command import environment
+from tests.one_name import modules_with_two_names
+from tests.support import PATIENCE_S
+
+EVERYTHING = """
+import json, pkgutil, sys
+from importlib import import_module
+import surefoot
+for found in pkgutil.walk_packages(surefoot.__path__, "surefoot."):
+    if not found.name.endswith("__main__"):
+        import_module(found.name)
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.factory import make_controller
+from tests.one_name import modules_with_two_names
+from tests.stabilizer.closed_loop import run_closed_loop
+walker = load_robot("walker")
+for name in ("whole-body", "zmp"):
+    controller = make_controller(name, walker, ControllerSettings())
+    run_closed_loop(walker, controller=controller, duration_s=0.01)
+print(json.dumps([modules_with_two_names(), len(sys.modules)]))
+"""
+
+
+def test_all_packages_and_a_run_load_each_module_once() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", EVERYTHING],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    twice, loaded = json.loads(done.stdout.splitlines()[-1])
+    assert twice == {}
+    assert loaded > 200
+
+
+def test_a_second_name_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    import surefoot.schemas.finite as found
+
+    monkeypatch.setitem(sys.modules, "schemas.finite", found)
+    (names,) = modules_with_two_names().values()
+    assert names == ["schemas.finite", "surefoot.schemas.finite"]
