@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.snapshot import FIELDS, Snapshot
+from surefoot.robot_io.snapshot import Snapshot
 from surefoot.robot_io.ticks.table import MemoryTicks
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.result import Distribution, PlantResult
 from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.sensors import SNAPSHOT_FIELDS
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 
@@ -177,7 +178,7 @@ def test_signals_of_every_tick_are_those_sensed_and_true(
     np.testing.assert_array_equal(signals["tick"], np.arange(200))
     assert {len(rows) for rows in signals.values()} == {200}
     assert signals["q"].shape == (200, walker.n_a)
-    for name in (*FIELDS["joints"], *FIELDS["imu"], "ft_left", "ft_right"):
+    for name in SNAPSHOT_FIELDS:
         expected = [getattr(snapshot, name) for snapshot in sensed]
         np.testing.assert_array_equal(signals[name], expected)
     for name in ("com", "com_velocity", "sole_left", "sole_right"):
