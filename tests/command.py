@@ -11,6 +11,7 @@ from pathlib import Path
 from tests.support import PATIENCE_S
 
 REPOSITORY = Path(__file__).parents[1]
+PLAIN = {"NO_COLOR": "1", "COLUMNS": "200"}
 DIALING = ("stabilizer", "record")
 Surefoot = Callable[..., subprocess.CompletedProcess[str]]
 
@@ -20,8 +21,7 @@ def environment() -> dict[str, str]:
     return {
         **os.environ,
         "PYTHONPATH": str(REPOSITORY),
-        "NO_COLOR": "1",
-        "COLUMNS": "200",
+        **PLAIN,
     }
 
 

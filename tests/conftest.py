@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import signal
+import subprocess
+import sys
+import traceback
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import pytest
 
+from surefoot.cli.__main__ import main
 from surefoot.schemas.endpoints import Endpoints
-from tests.command import Surefoot, run_surefoot
+from tests.command import PLAIN, Surefoot, run_surefoot
 from tests.one_name import modules_with_two_names
 from tests.support import free_port
 
@@ -43,6 +47,44 @@ def surefoot(tmp_path: Path) -> Surefoot:
     work = tmp_path / "work"
     work.mkdir()
     return partial(run_surefoot, cwd=work)
+
+
+@pytest.fixture
+def surefoot_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Surefoot:
+    """Run a command of ``surefoot`` in this process, in an empty folder.
+
+    Start-up is most of what a short command takes: as processes, a hundred of them cost
+    minutes. For commands that end by themselves and start no others.
+    """
+    work = tmp_path / "work"
+    work.mkdir()
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        words = ["surefoot", *map(str, arguments)]
+        code: object = 0
+        handler = signal.getsignal(signal.SIGTERM)
+        with monkeypatch.context() as patch:
+            patch.chdir(work)
+            patch.setattr(sys, "argv", words)
+            for name, value in PLAIN.items():
+                patch.setenv(name, value)
+            capfd.readouterr()
+            try:
+                main()
+            except SystemExit as end:
+                code = 0 if end.code is None else end.code
+            except Exception:
+                traceback.print_exc()
+                code = 1
+            finally:
+                signal.signal(signal.SIGTERM, handler)
+            out, err = capfd.readouterr()
+        assert isinstance(code, int)
+        return subprocess.CompletedProcess(words, code, out, err)
+
+    return run
 
 
 @pytest.fixture

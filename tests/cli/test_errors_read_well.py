@@ -91,12 +91,12 @@ def complaint(done: subprocess.CompletedProcess[str], code: int) -> str:
     ],
 )
 def test_a_wrong_scenario_is_named_by_file_key_and_value(
-    surefoot: Surefoot, tmp_path: Path, text: str, words: list[str]
+    surefoot_here: Surefoot, tmp_path: Path, text: str, words: list[str]
 ) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(text)
     out = tmp_path / "out"
-    done = surefoot("run", path, "--controller", "hold", "--inline", "--out", out)
+    done = surefoot_here("run", path, "--controller", "hold", "--inline", "--out", out)
     told = complaint(done, 2)
     for word in (f"{path}: ", *words):
         assert word in told
@@ -133,18 +133,18 @@ def test_what_only_the_robot_finds_reads_the_same_from_two_processes(
     ],
 )
 def test_wrong_words_and_missing_files_are_usage_errors(
-    surefoot: Surefoot, words: list[str], expected: str
+    surefoot_here: Surefoot, words: list[str], expected: str
 ) -> None:
-    assert expected in complaint(surefoot(*words), 2)
+    assert expected in complaint(surefoot_here(*words), 2)
 
 
 def test_a_robot_file_without_its_urdf_is_named(
-    surefoot: Surefoot, tmp_path: Path
+    surefoot_here: Surefoot, tmp_path: Path
 ) -> None:
     robot = Path(__file__).parents[2] / "robot_io/robots/walker/walker.toml"
     mine = tmp_path / "mine.toml"
     mine.write_text(robot.read_text())
-    told = complaint(surefoot(*STANDING, "--robot", mine), 2)
+    told = complaint(surefoot_here(*STANDING, "--robot", mine), 2)
     assert f"{mine}: urdf: no such file: {tmp_path / 'walker.urdf'}" in told
 
 
@@ -174,10 +174,10 @@ def test_a_port_in_use(surefoot: Surefoot, words: list[str]) -> None:
     ids=lambda words: words[0],
 )
 def test_a_robot_that_is_not_there(
-    surefoot: Surefoot, tmp_path: Path, words: list[str]
+    surefoot_here: Surefoot, tmp_path: Path, words: list[str]
 ) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
-    told = complaint(surefoot(*words, "--connect", locator, "--wait", 0.3), 4)
+    told = complaint(surefoot_here(*words, "--connect", locator, "--wait", 0.3), 4)
     assert f"nobody answers at {locator} within 0.3 s" in told
     assert "is the robot running (surefoot robot)" in told
     assert not list((tmp_path / "work").iterdir())
@@ -228,11 +228,11 @@ def test_an_unwritable_out_folder(
 
 
 def test_a_folder_below_a_file_is_a_usage_error(
-    surefoot: Surefoot, tmp_path: Path
+    surefoot_here: Surefoot, tmp_path: Path
 ) -> None:
     (tmp_path / "file").touch()
     out = tmp_path / "file" / "run"
-    told = complaint(surefoot(*STANDING, "--out", out), 2)
+    told = complaint(surefoot_here(*STANDING, "--out", out), 2)
     assert f"--out {out}: {tmp_path / 'file'} is not a folder" in told
 
 

@@ -31,6 +31,13 @@ COMMANDS = (
     "certs",
     "check-robot",
 )
+
+
+@pytest.fixture
+def surefoot(surefoot_here: Surefoot) -> Surefoot:
+    return surefoot_here
+
+
 SHOW_MODULES = """
 import sys
 from surefoot.cli.__main__ import main

@@ -10,14 +10,17 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
-from tests.command import Surefoot
+from tests.command import Surefoot, run_surefoot
 from tests.surefoot.recording.mcap_reading import messages
 
 
-@pytest.fixture
-def recorded(surefoot: Surefoot, short_scenario: Path, tmp_path: Path) -> Path:
-    out = tmp_path / "run"
-    done = surefoot("run", short_scenario, "--controller", "hold", "--out", out)
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run's record; not to be changed."""
+    folder = tmp_path_factory.mktemp("recorded")
+    scenario, out = folder / "short.toml", folder / "run"
+    scenario.write_text('name = "short"\nduration_s = 0.3\n')
+    done = run_surefoot("run", scenario, "--controller", "hold", "--out", out)
     assert done.returncode == 0, done.stderr
     return out / "run.mcap"
 
@@ -27,11 +30,11 @@ def positions(path: Path) -> np.ndarray:
 
 
 def test_every_format_gives_back_the_recorded_numbers_bit_for_bit(
-    surefoot: Surefoot, recorded: Path, tmp_path: Path
+    surefoot_here: Surefoot, recorded: Path, tmp_path: Path
 ) -> None:
     expected = positions(recorded)
     for kind, out in (("npz", "a.npz"), ("csv", "c"), ("parquet", "p")):
-        done = surefoot(
+        done = surefoot_here(
             "log", "export", recorded, "--format", kind, "--out", tmp_path / out
         )
         assert done.returncode == 0, done.stderr
@@ -49,9 +52,9 @@ def test_every_format_gives_back_the_recorded_numbers_bit_for_bit(
 
 
 def test_info_tells_counts_and_whether_the_file_is_whole(
-    surefoot: Surefoot, recorded: Path, tmp_path: Path
+    surefoot_here: Surefoot, recorded: Path, tmp_path: Path
 ) -> None:
-    told = json.loads(surefoot("log", "info", recorded, "--json").stdout)
+    told = json.loads(surefoot_here("log", "info", recorded, "--json").stdout)
     counts = {entry["channel"]: entry for entry in told["channels"]}
     assert not told["is_cut_off"]
     assert (counts["joints"]["messages"], counts["joints"]["missing"]) == (300, 0)
@@ -59,17 +62,19 @@ def test_info_tells_counts_and_whether_the_file_is_whole(
     data = recorded.read_bytes()
     cut = tmp_path / "cut.mcap.partial"
     cut.write_bytes(data[: len(data) // 2])
-    done = surefoot("log", "info", cut)
+    done = surefoot_here("log", "info", cut)
     assert done.returncode == 0, done.stderr
     assert "cut off" in done.stdout
     assert "joints" in done.stdout
 
 
-def test_what_is_no_record_is_a_usage_error(surefoot: Surefoot, tmp_path: Path) -> None:
+def test_what_is_no_record_is_a_usage_error(
+    surefoot_here: Surefoot, tmp_path: Path
+) -> None:
     other = tmp_path / "other.mcap"
     other.write_text("something else entirely")
     for path in (other, tmp_path / "absent.mcap"):
-        done = surefoot("log", "info", path)
+        done = surefoot_here("log", "info", path)
         assert done.returncode == 2, done.stderr
         assert str(path) in done.stderr
         assert "Traceback" not in done.stderr

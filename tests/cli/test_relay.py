@@ -63,29 +63,29 @@ def test_a_run_by_way_of_a_relay_tells_what_it_did(
     ],
 )
 def test_what_cannot_be_relayed_is_said_before_anything_starts(
-    surefoot: Surefoot, arguments: list[str], words: str
+    surefoot_here: Surefoot, arguments: list[str], words: str
 ) -> None:
-    done = surefoot("run", "standing", *arguments)
+    done = surefoot_here("run", "standing", *arguments)
     assert done.returncode == 2, done.stderr
     assert words in done.stderr
     assert "Traceback" not in done.stderr
 
 
 def test_a_mistake_in_a_plan_is_named_by_file_and_key(
-    surefoot: Surefoot, tmp_path: Path
+    surefoot_here: Surefoot, tmp_path: Path
 ) -> None:
     plan = tmp_path / "plan.toml"
     plan.write_text('name = "x"\n[[fault]]\nkind = "delay"\ndirection = "all"\nmss = 1')
     for words in (["run", "standing", "--realtime", "--relay"], ["relay"]):
-        done = surefoot(*words, plan)
+        done = surefoot_here(*words, plan)
         assert done.returncode == 2, done.stderr
         assert f"{plan}: fault[0].mss: no such key" in done.stderr
         assert "did you mean 'ms'?" in done.stderr
 
 
-def test_a_relay_that_would_dial_itself_is_refused(surefoot: Surefoot) -> None:
+def test_a_relay_that_would_dial_itself_is_refused(surefoot_here: Surefoot) -> None:
     here = "tcp/127.0.0.1:7447"
-    done = surefoot("relay", "clear", "--listen", here, "--connect", here)
+    done = surefoot_here("relay", "clear", "--listen", here, "--connect", here)
     assert done.returncode == 2, done.stderr
     assert "would dial itself" in done.stderr
 
@@ -132,7 +132,7 @@ def test_a_relay_that_dies_is_named_as_the_one_who_failed(
 
 
 def test_with_tls_a_relay_asks_for_the_file_it_listens_with(
-    surefoot: Surefoot, tmp_path: Path
+    surefoot_here: Surefoot, tmp_path: Path
 ) -> None:
     make_certificates(tmp_path / "certs", hosts=[], days=1)
     dials = tmp_path / "stabilizer.toml"
@@ -140,7 +140,7 @@ def test_with_tls_a_relay_asks_for_the_file_it_listens_with(
         'connect = ["tls/127.0.0.1:7447"]\n[tls]\nca = "certs/ca.pem"\n'
         'certificate = "certs/stabilizer.pem"\nkey = "certs/stabilizer.key.pem"\n'
     )
-    done = surefoot("relay", "clear", "--endpoints", dials)
+    done = surefoot_here("relay", "clear", "--endpoints", dials)
     assert done.returncode == 2, done.stderr
     assert "with [tls] a relay has two identities" in done.stderr
     assert "--listen-endpoints" in done.stderr

@@ -9,6 +9,11 @@ import pytest
 from tests.command import Surefoot
 
 
+@pytest.fixture
+def surefoot(surefoot_here: Surefoot) -> Surefoot:
+    return surefoot_here
+
+
 def refused(surefoot: Surefoot, *arguments: object) -> str:
     """What a command says when it refuses its options."""
     done = surefoot(*arguments)

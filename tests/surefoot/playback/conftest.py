@@ -52,11 +52,11 @@ def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def check(surefoot: Surefoot) -> Check:
+def check(surefoot_here: Surefoot) -> Check:
     """Replay through the controller: exit code and what was found."""
 
     def run(path: Path, *words: object) -> tuple[int, dict[str, Any]]:
-        done = surefoot("replay", "--controller", path, "--json", *words)
+        done = surefoot_here("replay", "--controller", path, "--json", *words)
         assert done.returncode in (0, 1), done.stderr
         return done.returncode, json.loads(done.stdout)
 

@@ -167,13 +167,13 @@ def test_commands_that_the_record_lacks_end_the_comparison(
 
 
 def test_a_record_that_begins_late_says_what_it_lacks(
-    record: Path, tmp_path: Path, surefoot: Surefoot
+    record: Path, tmp_path: Path, surefoot_here: Surefoot
 ) -> None:
     def late(channel: str, message: dict[str, Any]) -> dict[str, Any] | None:
         return message if message["tick"] >= 500 else None
 
     path = rewritten(record, tmp_path / "late.mcap", late)
-    done = surefoot("replay", "--controller", path)
+    done = surefoot_here("replay", "--controller", path)
     assert done.returncode == 2
     assert "commanded before the record begins (tick 500)" in done.stderr
     assert "Traceback" not in done.stderr
@@ -195,9 +195,9 @@ def test_until_compares_the_beginning(record: Path, check: Check) -> None:
     ],
 )
 def test_wrong_usage_is_code_2(
-    record: Path, surefoot: Surefoot, words: tuple[str, ...]
+    record: Path, surefoot_here: Surefoot, words: tuple[str, ...]
 ) -> None:
     file = () if words[0].endswith(".mcap") else (record,)
-    done = surefoot("replay", *file, *words)
+    done = surefoot_here("replay", *file, *words)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
