@@ -117,7 +117,7 @@ class TickFile:
         if self._failure is not None:
             if error is None:
                 raise self._failure
-            _LOG.error("%s", self._failure)
+            _LOG.info("%s: %s", self.path, self._failure.strerror)
         elif self.lost_ticks:
             _LOG.warning(
                 "%s lacks %d ticks: the disk was too slow", self.path, self.lost_ticks

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from surefoot.robot_io.errors import TickFileError
+from surefoot.robot_io.ticks.read import TickFileTable
 from tests.command import Surefoot
 from tests.support import free_port
 
@@ -264,5 +266,15 @@ def test_a_disk_too_small_for_the_run_leaves_nothing_that_looks_whole(
     told = complaint(surefoot(*words), 3)
     assert "No space left on device; make room" in told
     assert "ticks.mcap" in told
-    for name in ("result.json", "ticks.mcap", "run.mcap"):
+    for name in ("result.json", "run.mcap"):
         assert not (out / name).exists()
+    for name in ("ticks.mcap", "controller-ticks.mcap"):
+        assert not (out / name).exists() or not is_whole(out / name)
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a ticks file has its end."""
+    try:
+        return not TickFileTable(path).is_cut_off
+    except TickFileError:
+        return False

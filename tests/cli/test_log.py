@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 
+from surefoot.signals import read_signals
 from tests.command import Surefoot, run_surefoot
 from tests.surefoot.recording.mcap_reading import messages
 
@@ -66,6 +67,36 @@ def test_info_tells_counts_and_whether_the_file_is_whole(
     assert done.returncode == 0, done.stderr
     assert "cut off" in done.stdout
     assert "joints" in done.stdout
+
+
+def test_the_folder_of_a_run_stands_for_its_signals(
+    surefoot: Surefoot, recorded: Path, tmp_path: Path
+) -> None:
+    folder = recorded.parent
+    signals = read_signals(folder)
+    told = json.loads(surefoot("log", "info", folder, "--json").stdout)
+    assert told["signals"]["q"] == [300, 28]
+    assert (told["ticks"], told["lost_ticks"], told["is_cut_off"]) == (300, 0, False)
+    shown = surefoot("log", "info", folder)
+    assert shown.returncode == 0, shown.stderr
+    assert signals.describe() in shown.stdout
+    for kind, out in (("npz", "a.npz"), ("csv", "c"), ("parquet", "p")):
+        words = ["log", "export", folder, "--format", kind, "--out", tmp_path / out]
+        done = surefoot(*words)
+        assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "a.npz") as arrays:
+        assert arrays.files == list(signals)
+    with (tmp_path / "c" / "ticks.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["tick"]) for row in rows] == list(range(300))
+    table = pyarrow.parquet.read_table(tmp_path / "p" / "ticks.parquet")
+    assert table.column_names == list(rows[0])
+    data = (folder / "ticks.mcap").read_bytes()
+    cut_off = tmp_path / "ticks.mcap"
+    cut_off.write_bytes(data[: len(data) - 50])
+    cut = surefoot("log", "info", cut_off)
+    assert "cut off" in cut.stdout
+    assert "controller_ms" not in cut.stdout
 
 
 def test_what_is_no_record_is_a_usage_error(

@@ -14,6 +14,7 @@ from docs.site_build.bus_page import bus_page
 from docs.site_build.commands_page import commands_page
 from docs.site_build.docstring import parse
 from docs.site_build.settings_page import settings_page
+from docs.site_build.signals_page import signals_page
 from docs.site_build.struct_table import FieldRow, field_rows
 from docs.site_build.structs import structs_within
 from surefoot.schemas.endpoints import Endpoints
@@ -22,6 +23,7 @@ from surefoot.schemas.result import RunResult
 from surefoot.schemas.robot_file import RobotFile
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings, setting_names
+from surefoot.schemas.signals import SIGNALS
 from surefoot.schemas.topics import TOPICS
 
 FILES = (Scenario, RobotFile, Endpoints, RunResult)
@@ -61,6 +63,9 @@ def test_every_field_of_a_message_has_words() -> None:
 
 def test_pages_hold_all_there_is() -> None:
     settings, bus, commands = settings_page(), bus_page(), commands_page()
+    signals = signals_page()
+    for signal in SIGNALS:
+        assert f"| `{signal.name}` | (ticks" in signals
     for name in setting_names():
         section, key = name.split(".")
         table = settings.split(f"## `{section}`")[1].split("\n## ")[0]

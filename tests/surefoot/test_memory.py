@@ -1,0 +1,92 @@
+"""A run that goes on and on takes no more memory, recorded or not."""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+
+import pytest
+
+import surefoot as sf
+from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.ticks.recorder import BLOCK_TICKS
+from surefoot.robot_io.ticks.write import BLOCKS_UNDERWAY
+from surefoot.run_plan import make_plan
+from surefoot.signals import TickSinks, file_sinks
+
+LONG = sf.Scenario(name="long", duration_s=3600.0)
+WARM_TICKS = 1500
+TICKS = 3000
+BYTES_PER_TICK = 4.0
+"""An object kept of each tick would take sixteen at least."""
+RECORDED_BYTES_PER_TICK = 80.0
+"""What is on its way to the disk comes and goes, up to a megabyte."""
+BLOCKS_PER_TICK = 0.05
+
+needs_glibc = pytest.mark.skipif(
+    sys.platform != "linux", reason="mallinfo2 is glibc's; memory is the same elsewhere"
+)
+
+
+class _MallInfo(ctypes.Structure):
+    """What glibc tells of its heap."""
+
+    _fields_ = tuple(
+        (name, ctypes.c_size_t)
+        for name in (
+            *("arena", "ordblks", "smblks", "hblks", "hblkhd"),
+            *("usmblks", "fsmblks", "uordblks", "fordblks", "keepcost"),
+        )
+    )
+
+
+def heap_bytes() -> int:
+    """What libraries have taken from the heap, and not given back."""
+    libc = ctypes.CDLL("libc.so.6")
+    libc.mallinfo2.restype = _MallInfo
+    info = libc.mallinfo2()
+    return int(info.uordblks + info.hblkhd)
+
+
+@contextmanager
+def sinks_to(folder: Path | None) -> Iterator[TickSinks | None]:
+    with nullcontext() if folder is None else file_sinks(folder) as sinks:
+        yield sinks
+
+
+@needs_glibc
+@pytest.mark.parametrize("controller", ["whole-body", "zmp"])
+def test_no_tick_leaves_anything_behind(controller: str) -> None:
+    grown, blocks = growth(controller, None, warm=WARM_TICKS)
+    assert grown < BYTES_PER_TICK
+    assert blocks < BLOCKS_PER_TICK
+
+
+@needs_glibc
+def test_recording_takes_the_same_memory_all_the_time(tmp_path: Path) -> None:
+    """Once every block has been in use, and whatever is on its way to the disk."""
+    underway = BLOCKS_UNDERWAY + 2
+    grown, blocks = growth("hold", tmp_path, warm=underway * BLOCK_TICKS, ticks=20000)
+    assert grown < RECORDED_BYTES_PER_TICK
+    assert blocks < BLOCKS_PER_TICK
+
+
+def growth(
+    controller: str, folder: Path | None, *, warm: int, ticks: int = TICKS
+) -> tuple[float, float]:
+    """Bytes of the heap and objects of Python that stay, for each tick."""
+    plan = make_plan(LONG, robot="walker", controller=controller)
+    with sinks_to(folder) as sinks, quiet_interpreter():
+        sim = sf.Simulation.of_plan(plan, sinks=sinks)
+        law = sf.make_controller(controller, sim.robot)
+        while sim.tick < warm:
+            sim.step(law)
+        before = heap_bytes(), sys.getallocatedblocks()
+        while sim.tick < warm + ticks:
+            sim.step(law)
+        after = heap_bytes(), sys.getallocatedblocks()
+    assert not sim.fell
+    return (after[0] - before[0]) / ticks, (after[1] - before[1]) / ticks
