@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 def check_robot(
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
     wait_s: Annotated[
@@ -50,7 +51,7 @@ def check_robot(
     unknown = sorted(set(only or ()) - set(SECTIONS))
     if unknown:
         raise UsageError(f"--only {unknown[0]}: expected {', '.join(SECTIONS)}")
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     report = check_conformance(
         model, endpoints=meeting, sections=only or SECTIONS, timeout_s=wait_s

@@ -22,6 +22,7 @@ def relay(
         str, typer.Argument(help="Shipped relay plan, or a plan file (.toml).")
     ],
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of what is left to chance.")
     ] = 0,
@@ -79,7 +80,7 @@ def relay(
     if child:
         begin_as_child()
     faults = load_relay_plan(find_plan(plan))
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     dialing, listening = _both_sides(
         endpoints,
         listen_endpoints,

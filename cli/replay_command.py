@@ -243,11 +243,11 @@ def _play(
     stop = StopRequest()
     with (
         stop.on_signals(),
-        ReplayServer(robot, endpoints=meeting, channels=PLAYABLE) as server,
+        ReplayServer(robot, endpoints=meeting, channels=PLAYABLE, stop=stop) as server,
     ):
         if not now:
             log_note(f"waits at {where} for somebody to subscribe (surefoot view)")
-            server.wait_for_audience(stop)
+            server.wait_for_audience()
         again = True
         while again and not stop.is_set:
             log_note(f"plays {file} as {robot.file.name} at {where}, {speed:g} x")

@@ -12,6 +12,7 @@ from surefoot.exit_codes import ExitCode
 
 def view(
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     port: Annotated[
         int,
         typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any."),
@@ -46,7 +47,7 @@ def view(
     logging.getLogger("websockets").setLevel(logging.WARNING)
     if child:
         begin_as_child()
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     check_locators(meeting.connect, verb="dial")
     if find_spec("viser") is None or find_spec("yourdfpy") is None:

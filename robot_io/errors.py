@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from surefoot.schemas.reasons import RequestRefusal
 
 
@@ -42,6 +44,38 @@ class RequestRefusedError(RobotIoError):
         """Keep why beside the message."""
         super().__init__(message)
         self.refusal, self.detail = refusal, detail
+
+
+class RobotMismatchError(RobotIoError, ValueError):
+    """The robot on the bus is not the one that is meant.
+
+    Attributes:
+        namespace: of both.
+        differing: parts of the description in which they differ.
+    """
+
+    def __init__(
+        self, message: str, *, namespace: str, differing: Iterable[str] = ()
+    ) -> None:
+        """Keep what differs beside the message."""
+        super().__init__(message)
+        self.namespace = namespace
+        self.differing = tuple(differing)
+
+
+class SecondRobotError(RobotMismatchError):
+    """There are two robots of one namespace on the bus.
+
+    Attributes:
+        instances: of those that are there.
+    """
+
+    def __init__(
+        self, message: str, *, namespace: str, instances: Iterable[str]
+    ) -> None:
+        """Keep the instances beside the message."""
+        super().__init__(message, namespace=namespace)
+        self.instances = tuple(instances)
 
 
 class CertificateError(RobotIoError, ValueError):

@@ -252,6 +252,10 @@ class LeaseRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """``take`` or ``release``."""
     commander: str
     """Identity of who asks."""
+    robot: str
+    """Instance of the robot that is meant, from its liveliness token."""
+    description: str
+    """Digest of the robot description that the commander goes by."""
 
 
 class EstopRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -282,6 +286,10 @@ class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Who holds the lease now; empty when nobody does."""
     q_command: Floats
     """Posture the servos follow: what a new commander starts from [rad]."""
+    instance: str
+    """Of the robot's process, as in its liveliness token; another at every start."""
+    description: str
+    """Digest of the robot's description, as in its liveliness token."""
     pace: str
     """``lockstep``: the robot waits for the answer to each tick; ``realtime``: it goes
     by the clock."""

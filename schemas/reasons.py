@@ -57,6 +57,8 @@ class RequestRefusal(StrEnum):
     """A commander needs a name."""
     LEASE = "lease"
     """Somebody else holds the lease, or nobody does."""
+    WRONG_ROBOT = "wrong_robot"
+    """It is meant for another robot, by its description or its instance."""
     IN_FAULT = "in_fault"
     """The robot is in FAULT; reset it first."""
     IS_OFF = "is_off"

@@ -68,7 +68,8 @@ TOPICS: tuple[Topic, ...] = (
 ALIVE_ROBOT = "alive/robot"
 ALIVE_STABILIZER = "alive/stabilizer"
 ALIVE_OBSERVER = "alive/observer"
-"""Liveliness tokens; stabilizer and observers append their identity."""
+"""Liveliness tokens. Stabilizer and observers append their name, the robot the instance
+of its process and the digest of its description: ``alive/robot/INSTANCE/DIGEST``."""
 
 TICK_SENSORS = tuple(entry.name for entry in SENSORS)
 """Channels that make up one snapshot, in the order they are sent."""

@@ -25,7 +25,10 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 _HOMES = {
     "robot_io.robot": ("Robot", "load_robot", "list_robots"),
     "robot_io.snapshot": ("Snapshot",),
-    "robot_io.errors": ("RobotFileError", "RobotIoError", "RobotUnreachableError"),
+    "robot_io.errors": (
+        *("RobotFileError", "RobotIoError", "RobotMismatchError"),
+        "RobotUnreachableError",
+    ),
     "schemas.errors": ("FileFormatError", "SchemaError"),
     "schemas.messages": ("Reference",),
     "schemas.result": ("RunResult",),
@@ -85,6 +88,7 @@ if TYPE_CHECKING:
     from surefoot.recording.read import read_record as read_record
     from surefoot.robot_io.errors import RobotFileError as RobotFileError
     from surefoot.robot_io.errors import RobotIoError as RobotIoError
+    from surefoot.robot_io.errors import RobotMismatchError as RobotMismatchError
     from surefoot.robot_io.errors import RobotUnreachableError as RobotUnreachableError
     from surefoot.robot_io.robot import Robot as Robot
     from surefoot.robot_io.robot import list_robots as list_robots

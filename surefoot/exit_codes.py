@@ -50,6 +50,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
         LocatorError,
         RobotFileError,
         RobotIoError,
+        RobotMismatchError,
         RobotUnreachableError,
         TickFileError,
     )
@@ -67,7 +68,7 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
         return ExitCode.USAGE
     if isinstance(error, (LocatorError, CertificateError, ControllerError)):
         return ExitCode.USAGE
-    if isinstance(error, TickFileError):
+    if isinstance(error, (RobotMismatchError, TickFileError)):
         return ExitCode.USAGE
     if isinstance(error, EndpointError):
         return ExitCode.ENVIRONMENT

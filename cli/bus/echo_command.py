@@ -45,6 +45,7 @@ def echo(
         bool, typer.Option("--json", help="Print one JSON object a message and line.")
     ] = False,
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
@@ -61,7 +62,7 @@ def echo(
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.robot import load_robot
 
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     entry = find_channel(channel, model)
     check_fields(fields or [], entry.message)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])

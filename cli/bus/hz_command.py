@@ -50,6 +50,7 @@ def hz(
     ] = 10.0,
     as_json: options.JsonOption = False,
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
@@ -74,7 +75,7 @@ def hz(
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.robot import load_robot
 
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     has_delay = same_clock(dialed(meeting))

@@ -21,6 +21,7 @@ def topics(
     ] = 1.0,
     as_json: options.JsonOption = False,
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
@@ -41,7 +42,7 @@ def topics(
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.robot import load_robot
 
-    model = load_robot(robot)
+    model = load_robot(robot, servo_profile=servo_profile)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     with Listener(
         model, endpoints=meeting, patterns=["**"], elsewhere=True

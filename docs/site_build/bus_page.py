@@ -14,6 +14,7 @@ from docs.site_build.struct_table import (
     table,
 )
 from docs.site_build.structs import structs_within
+from surefoot.robot_io.identity import PARTS
 from surefoot.schemas import messages
 from surefoot.schemas.messages import SCHEMA_VERSION, Message
 from surefoot.schemas.topics import (
@@ -36,8 +37,25 @@ What robot and stabilizer say to each other, written from the topic table
 - A wrench is [force; moment], of the ground on the robot. Quaternions are x y z w.
 - The format has version {SCHEMA_VERSION}, which every message carries as `schema`. JSON
   Schema of each: [`schemas/json`](../../schemas/json).
-- The robot listens, everyone else dials. Liveliness tokens: `{ALIVE_ROBOT}`,
-  `{ALIVE_STABILIZER}/NAME`, `{ALIVE_OBSERVER}/NAME`.
+- The robot listens, everyone else dials. Liveliness tokens: `{ALIVE_STABILIZER}/NAME`,
+  `{ALIVE_OBSERVER}/NAME`, and the robot's, which says who it is.
+
+## Who is who
+
+The robot's token is `{ALIVE_ROBOT}/INSTANCE/DESCRIPTION`, and every answer of its
+services repeats both. `INSTANCE` is another word at every start of the process.
+`DESCRIPTION` is a digest of what both sides must agree on, {len(PARTS)} hashes joined
+by `-`, of: {", ".join(PARTS)}. Who finds other hashes than those of its own robot
+file has met another robot. A commander names both when it takes the lease, and is
+refused when it means another robot. A driver in another language takes the digest of
+its robot file as a fixed word from:
+
+```python
+from surefoot import load_robot
+from surefoot.robot_io.identity import describe
+
+print(describe(load_robot("your.toml")))
+```
 """
 _COLUMNS = ("name", "type", "unit", "range", "text")
 _REPLIES: tuple[type[msgspec.Struct], ...] = (

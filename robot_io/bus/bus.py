@@ -25,6 +25,9 @@ GRANULARITY_S = 0.005
 """How late a wait with a deadline may end in real time [s]."""
 LOCKSTEP_GRANULARITY_S = 0.02
 """The same in lockstep, where both sides wait anyway and each check costs time."""
+SETTLE_S = 1.0
+"""The bus may take so long to say that there is nobody else [s]."""
+_NOBODY = "alive/nobody"
 DIAL_S = 0.5
 """Length of one attempt to connect, which Zenoh cannot interrupt [s]."""
 
@@ -141,6 +144,16 @@ class Bus:
     def announce(self, key: str) -> None:
         """Declare a liveliness token; it ends with the session or the process."""
         self._tokens.append(self.session.liveliness().declare_token(key))
+
+    def settle(self) -> None:
+        """Wait until a watch of presence knows all who are there.
+
+        A query that nobody answers: its end comes by the same way, after what the watch
+        is told at first. Asking for the tokens themselves would not do: Zenoh leaves
+        out those that the session has heard of already.
+        """
+        for _ in self.session.liveliness().get(_NOBODY, timeout=SETTLE_S):
+            pass
 
     def watch_presence(self, key: str, changed: Callable[[str, bool], None]) -> None:
         """Watch liveliness tokens, those already there included.

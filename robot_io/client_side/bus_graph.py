@@ -129,7 +129,7 @@ def _names(
             if alive.startswith(f"{prefix}/"):
                 kind = prefix.rsplit("/", 1)[-1]
                 names[source] = f"{kind} {alive.removeprefix(f'{prefix}/')}"
-        if alive == ALIVE_ROBOT:
+        if alive.split("/")[:2] == ALIVE_ROBOT.split("/"):
             names[source] = "robot"
     return names
 

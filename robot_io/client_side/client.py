@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import threading
 import time
 from contextlib import ExitStack
 from types import TracebackType
@@ -22,6 +21,7 @@ from surefoot.robot_io.client_side.assembler import (
     SnapshotReading,
 )
 from surefoot.robot_io.client_side.requests import ServiceCaller
+from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.client_side.stabilizer_services import Asked, StabilizerServices
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
 from surefoot.robot_io.robot import Robot
@@ -41,7 +41,7 @@ from surefoot.schemas.messages import (
     StabilizerStatus,
 )
 from surefoot.schemas.sensors import SENSORS, Sensor
-from surefoot.schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
+from surefoot.schemas.topics import ALIVE_STABILIZER
 
 SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
@@ -99,7 +99,7 @@ class RobotClient:
         self._in_order = in_order
         self._stop = stop
         self._stack = ExitStack()
-        self._robot_is_here = threading.Event()
+        self._watch = RobotWatch(robot, on_change=self._on_change)
         self._sequence = 0
         self._has_lease = False
 
@@ -133,6 +133,8 @@ class RobotClient:
         Raises:
             EndpointError: a locator is malformed.
             RobotUnreachableError: no robot was ready in time.
+            RobotMismatchError: the robot there has another description, or there are
+                two.
         """
         end = time.monotonic() + timeout_s
         while not self._stop.is_set:
@@ -147,14 +149,22 @@ class RobotClient:
 
     @property
     def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows."""
-        return self._robot_is_here.is_set()
+        """Whether the robot's process is alive, as far as the bus knows.
+
+        Raises:
+            SecondRobotError: another robot of its namespace has come, and stays.
+        """
+        if not self._watch.is_same:
+            return False
+        self._watch.check()
+        return True
 
     def take_lease(self) -> ServiceReply:
         """Become the robot's commander.
 
         Raises:
             RequestRefusedError: someone else is; the reason says who.
+            RobotMismatchError: another robot answers.
             RobotUnreachableError: no answer.
         """
         reply = self._ask_lease("take")
@@ -267,7 +277,7 @@ class RobotClient:
 
         When the end is urgent it is not given back but lost: the robot notices that.
         """
-        if not self._has_lease or not self.robot_is_here or self._stop.is_urgent:
+        if not self._has_lease or not self._watch.is_same or self._stop.is_urgent:
             return False
         status = self._status.poll()
         return status is None or status.commander == self.identity
@@ -312,13 +322,14 @@ class RobotClient:
             bus.session,
             joint_count=n_a,
             timeout_s=REQUEST_TIMEOUT_S,
-            robot_is_here=self._robot_is_here.is_set,
+            robot_is_here=lambda: self._watch.is_same,
+            check=self._watch.check_reply,
         )
         bus.announce(f"{ALIVE_STABILIZER}/{self.identity}")
-        bus.watch_presence(ALIVE_ROBOT, self._on_presence)
+        self._watch.follow(bus)
 
     def _wait_for_robot(self, end: float, timeout_s: float) -> bool:
-        while not self._robot_is_here.wait(STOP_POLL_S):
+        while not (self._watch.wait(STOP_POLL_S) and self._watch.find()):
             if self._stop.is_set:
                 return False
             if time.monotonic() >= end:
@@ -330,8 +341,13 @@ class RobotClient:
         return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
 
     def _ask_lease(self, action: str, timeout_s: float | None = None) -> ServiceReply:
+        robot = self._watch.found
         request = LeaseRequest(
-            schema=SCHEMA_VERSION, action=action, commander=self.identity
+            schema=SCHEMA_VERSION,
+            action=action,
+            commander=self.identity,
+            robot="" if robot is None else robot.instance,
+            description=self._watch.description,
         )
         return self._services.ask(
             self._robot.keys["lease"], request, timeout_s=timeout_s
@@ -342,10 +358,6 @@ class RobotClient:
         channel = self._bus.channel(key, depth=SENSOR_MESSAGES_KEPT)
         return SensorReader(entry.name, Inbox(channel, entry.message, joint_count=n_a))
 
-    def _on_presence(self, key: str, is_there: bool) -> None:
-        del key
-        if is_there:
-            self._robot_is_here.set()
-        else:
-            self._robot_is_here.clear()
+    def _on_change(self) -> None:
+        if not self._watch.is_same:
             self._bus.waker.interrupt()

@@ -18,7 +18,6 @@ from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
 from surefoot.robot_io.realtime import SWITCH_INTERVAL_S
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.topics import ALIVE_ROBOT
 
 POLL_S = 0.01
 KEPT = 200_000
@@ -115,10 +114,8 @@ class Listener(ReadOnlyClient):
         if self._elsewhere:
             self._subscribe("**", self._on_foreign_sample)
         bus.announce(f"{self._namespace}/{self._token()}")
-        self._watch_robot(
-            bus,
-            f"{self._namespace}/{self._status_key}",
-            f"{self._namespace}/{ALIVE_ROBOT}",
+        self._follow_robot(
+            bus, f"{self._namespace}/{self._status_key}", prefix=f"{self._namespace}/"
         )
 
     def _subscribe(

@@ -26,7 +26,6 @@ from surefoot.schemas.messages import (
     Truth,
 )
 from surefoot.schemas.topics import (
-    ALIVE_ROBOT,
     ALIVE_STABILIZER,
     TOPICS,
     Direction,
@@ -213,11 +212,12 @@ class Observer(ReadOnlyClient):
             bus.session,
             joint_count=self._robot.n_a,
             timeout_s=REQUEST_TIMEOUT_S,
-            robot_is_here=self._robot_is_here.is_set,
+            robot_is_here=lambda: self._watch.is_here,
+            check=self._watch.check_reply,
         )
         self.requests = Requests(caller, self._robot, source=self._identity)
         bus.announce(self._token())
-        self._watch_robot(bus, keys["status"], ALIVE_ROBOT)
+        self._follow_robot(bus, keys["status"])
         bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
 
     def _on_stabilizer(self, key: str, is_there: bool) -> None:

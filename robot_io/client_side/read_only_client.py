@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import threading
 import time
 from abc import ABC, abstractmethod
 from contextlib import ExitStack
@@ -15,6 +14,7 @@ from typing import NamedTuple, Self
 from surefoot.robot_io.bus.bus import DIAL_S, Bus
 from surefoot.robot_io.bus.inbox import Latest
 from surefoot.robot_io.bus.session import unreachable
+from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
@@ -52,7 +52,8 @@ class ReadOnlyClient(ABC):
     """Dials a robot and knows whether it is there; has no part in its control.
 
     A robot that has gone has either ended, which its last status says (OFF, or a fault,
-    with nobody in command), or is only not to be reached for a while.
+    with nobody in command), or is only not to be reached for a while. Nothing is read
+    of a robot with another description than ours.
     """
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
@@ -65,7 +66,8 @@ class ReadOnlyClient(ABC):
         self._namespace = robot.file.namespace
         self._endpoints = endpoints
         self._joint_count = robot.n_a
-        self._robot_is_here = threading.Event()
+        self._watch = RobotWatch(robot, on_change=self._on_change)
+        self._was_here = False
         self._farewell: Latest[RobotStatus] | None = None
         self._is_over = self._is_cut_off = False
         self._lost_s: float | None = None
@@ -94,24 +96,37 @@ class ReadOnlyClient(ABC):
         Raises:
             EndpointError: a locator is malformed.
             RobotUnreachableError: no robot was ready in time.
+            RobotMismatchError: the robot there has another description, or there are
+                two.
         """
         end = time.monotonic() + timeout_s
         with ExitStack() as stack:
             self._open(stack, timeout_s)
             self._stack = stack.pop_all()
-        if not self._robot_is_here.wait(max(0.0, end - time.monotonic())):
-            what = f"no robot {self._namespace!r} is ready"
-            raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
+        while self._watch.wait(max(0.0, end - time.monotonic())):
+            if self._watch.find() is not None:
+                return
+        what = f"no robot {self._namespace!r} is ready"
+        raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
 
     @property
     def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows."""
-        return self._robot_is_here.is_set()
+        """Whether the robot's process is alive, as far as the bus knows.
+
+        Raises:
+            RobotMismatchError: one with another description is there now, or a second
+                one, and stays.
+        """
+        self._watch.check()
+        return self._watch.is_here
 
     def has_left(self) -> bool:
         """Whether the robot has ended, or has been away for too long to wait on.
 
         Asked while a robot is away, it dials it anew.
+
+        Raises:
+            RobotMismatchError: see :attr:`robot_is_here`.
         """
         lost_s = self._lost_s
         if self.robot_is_here or lost_s is None:
@@ -162,17 +177,17 @@ class ReadOnlyClient(ABC):
             )
         return self._is_over
 
-    def _watch_robot(self, bus: Bus, status_key: str, alive_key: str) -> None:
+    def _follow_robot(self, bus: Bus, status_key: str, *, prefix: str = "") -> None:
         """Keep the newest status, and whether the robot is there.
 
         Args:
             bus: open.
             status_key: of the robot's status, on this bus.
-            alive_key: of its liveliness token.
+            prefix: the namespace and a slash on a bus without one.
         """
         status = bus.channel(status_key, depth=1)
         self._farewell = Latest(status, RobotStatus, joint_count=self._joint_count)
-        bus.watch_presence(alive_key, self._on_robot)
+        self._watch.follow(bus, prefix=prefix)
 
     @abstractmethod
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
@@ -188,15 +203,14 @@ class ReadOnlyClient(ABC):
         """Key of a liveliness token of its own."""
         return f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}"
 
-    def _on_robot(self, key: str, is_there: bool) -> None:
-        """Take in that the robot has come or gone; for ``Bus.watch_presence``."""
-        del key
-        if is_there:
+    def _on_change(self) -> None:
+        """Take in that a robot has come or gone; on Zenoh's thread."""
+        if self._watch.is_here:
             if self._lost_s is not None:
                 self._absences.append(time.monotonic() - self._lost_s)
             self._lost_s = None
-            self._robot_is_here.set()
-        elif self._robot_is_here.is_set():
+            self._was_here = True
+        elif self._was_here:
             self._is_cut_off = True
             self._lost_s = time.monotonic()
-            self._robot_is_here.clear()
+            self._was_here = False

@@ -37,6 +37,7 @@ class ServiceCaller:
         joint_count: int,
         timeout_s: float,
         robot_is_here: Callable[[], bool],
+        check: Callable[[ServiceReply], None],
     ) -> None:
         """Call through a session.
 
@@ -45,11 +46,14 @@ class ServiceCaller:
             joint_count: n_a.
             timeout_s: how long a call may take [s].
             robot_is_here: asked before a call is tried again.
+            check: raises when an answer is not of the robot that is meant. An e-stop
+                is for whoever hears it.
         """
         self._session = session
         self._joint_count = joint_count
         self._timeout_s = timeout_s
         self._robot_is_here = robot_is_here
+        self._check = check
         self._pause = threading.Event()
 
     def ask(
@@ -67,6 +71,7 @@ class ServiceCaller:
 
         Raises:
             RequestRefusedError: the robot says no.
+            RobotMismatchError: another robot than the one that is meant answers.
             RobotUnreachableError: nobody answered in time.
             MessageError: the answer cannot be read.
         """
@@ -87,9 +92,14 @@ class ServiceCaller:
             data = self._ask_once(key, encode(request), remaining_s)
             if data is not None:
                 reply = decode(data, kind, joint_count=self._joint_count)
+                if isinstance(reply, ServiceReply) and not isinstance(
+                    request, EstopRequest
+                ):
+                    self._check(reply)
                 if not reply.accepted:
+                    what = getattr(request, "action", type(request).__name__)
                     raise RequestRefusedError(
-                        f"{key}: refused {request}: {reply.detail}",
+                        f"{key}: {what} refused: {reply.detail}",
                         refusal=reply.refusal,
                         detail=reply.detail,
                     )

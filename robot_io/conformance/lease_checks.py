@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from surefoot.robot_io.conformance.check_result import Findings
 from surefoot.robot_io.conformance.probe import Probe
+from surefoot.robot_io.identity import PARTS
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import RequestRefusal
 
 INTRUDER = "someone-else"
+OTHER_DESCRIPTION = "-".join(["0" * 8] * len(PARTS))
 STATUS_RATE_HZ = 50.0
 STATUS_LEAST_SHARE = 0.7
 STATUS_LOOK_S = 0.5
@@ -56,6 +58,15 @@ def check_lease(probe: Probe, findings: Findings) -> None:
         got="enabled without a lease" if without.accepted else without.detail,
         expected="no mode without the lease",
     )
+    other = probe.ask("lease", "take", description=OTHER_DESCRIPTION)
+    findings.add(
+        "lease.description",
+        other.refusal is RequestRefusal.WRONG_ROBOT,
+        got=other.detail or "commanded by another robot file than its own",
+        expected="refused, naming what differs",
+    )
+    if other.accepted:
+        probe.ask("lease", "release")
     taken = probe.ask("lease", "take")
     findings.need(
         "lease.take",

@@ -14,7 +14,12 @@ import numpy as np
 from surefoot.robot_io.bus.bus import Bus, dialed_bus
 from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.requests import ServiceCaller
-from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.robot_io.client_side.robot_watch import RobotWatch
+from surefoot.robot_io.errors import (
+    RequestRefusedError,
+    RobotMismatchError,
+    RobotUnreachableError,
+)
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.mode_machine import DONE, Answer
 from surefoot.schemas.arrays import Array
@@ -88,9 +93,12 @@ class Probe:
         status_error: what was wrong with the last of these.
     """
 
-    def __init__(self, robot: Robot, bus: Bus, *, identity: str) -> None:
-        """Declare everything; :func:`probing` opens the bus."""
+    def __init__(
+        self, robot: Robot, bus: Bus, watch: RobotWatch, *, identity: str
+    ) -> None:
+        """Declare everything; :func:`probing` opens the bus and finds the robot."""
         self.identity, self.robot = identity, robot
+        self._watch = watch
         self.q_held: Array = robot.nominal
         self.q_first: Array | None = None
         self.moved_rad = 0.0
@@ -110,30 +118,54 @@ class Probe:
             joint_count=robot.n_a,
             timeout_s=ANSWER_S,
             robot_is_here=lambda: True,  # one that has gone just does not answer
+            check=watch.check_reply,
         )
         bus.announce(f"{ALIVE_STABILIZER}/{identity}")
 
-    def ask(self, service: str, action: str, *, who: str | None = None) -> Answer:
+    def ask(
+        self,
+        service: str,
+        action: str,
+        *,
+        who: str | None = None,
+        description: str | None = None,
+    ) -> Answer:
         """Ask for a lease or a mode, or stop the robot.
 
         Args:
             service: ``lease``, ``mode`` or ``estop``.
             action: what to do; nothing for the e-stop.
             who: in whose name; our own when None.
+            description: by what description of the robot; our own when None.
         """
         name = self.identity if who is None else who
-        request: msgspec.Struct = EstopRequest(schema=SCHEMA_VERSION, source=name)
-        if service != "estop":
-            kind = LeaseRequest if service == "lease" else ModeRequest
-            request = kind(schema=SCHEMA_VERSION, action=action, commander=name)
+        request = self._request(
+            service, action, name, description or self._watch.description
+        )
         try:
             reply = self._services.ask(self.robot.keys[service], request)
         except RequestRefusedError as error:
             return Answer(error.refusal, error.detail)
-        except (RobotUnreachableError, MessageError) as error:
+        except (RobotMismatchError, RobotUnreachableError, MessageError) as error:
             return Answer(RequestRefusal.NO_ANSWER, f"no valid answer: {error}")
         self._note(reply)
         return DONE
+
+    def _request(
+        self, service: str, action: str, name: str, description: str
+    ) -> msgspec.Struct:
+        if service == "estop":
+            return EstopRequest(schema=SCHEMA_VERSION, source=name)
+        if service == "mode":
+            return ModeRequest(schema=SCHEMA_VERSION, action=action, commander=name)
+        robot = self._watch.found
+        return LeaseRequest(
+            schema=SCHEMA_VERSION,
+            action=action,
+            commander=name,
+            robot="" if robot is None else robot.instance,
+            description=description,
+        )
 
     def start(self) -> Answer:
         """Have the robot follow; from then on it must be streamed to."""
@@ -308,11 +340,17 @@ def probing(
     Raises:
         EndpointError: a locator is malformed.
         RobotUnreachableError: nobody there, or no status in time.
+        RobotMismatchError: the robot there has another description, or there are two.
     """
     with dialed_bus(
         endpoints, namespace=robot.file.namespace, timeout_s=timeout_s
     ) as bus:
-        probe = Probe(robot, bus, identity=identity)
+        watch = RobotWatch(robot)
+        watch.follow(bus)
+        if not watch.wait(timeout_s) or watch.find() is None:
+            what = f"no robot {robot.file.namespace!r} is ready"
+            raise RobotUnreachableError(unreachable(endpoints, what, timeout_s))
+        probe = Probe(robot, bus, watch, identity=identity)
         if not probe.wait_for_robot(timeout_s=timeout_s):
             what = f"no status of a robot {robot.file.namespace!r}"
             if probe.status_errors:

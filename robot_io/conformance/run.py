@@ -59,6 +59,7 @@ def check_conformance(
     Raises:
         EndpointError: a locator is malformed.
         RobotUnreachableError: no robot there.
+        RobotMismatchError: the robot there has another description, or there are two.
     """
     findings = Findings()
     identity = f"check-robot-{os.getpid()}"

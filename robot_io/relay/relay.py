@@ -10,6 +10,7 @@ from contextlib import ExitStack
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role, unreachable
 from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.relay.dispatcher import Dispatcher
@@ -65,6 +66,7 @@ class Relay:
             entry.name: Lane(plan, entry.name, seed=seed) for entry in TOPICS
         }
         self._forwarders: list[Forwarder] = []
+        self._watch = RobotWatch(robot)
 
     def run(
         self,
@@ -94,6 +96,7 @@ class Relay:
         Raises:
             EndpointError: cannot listen there, or a locator is malformed.
             RobotUnreachableError: nobody answered in time.
+            RobotMismatchError: the robot has another description, or there are two.
             RobotIoError: it cannot send any more.
         """
         place = listening or endpoints
@@ -102,6 +105,8 @@ class Relay:
         with stop.on_signals(), ExitStack() as stack:
             robots_side = self._dial(endpoints, stop, wait_s, stack)
             if robots_side is not None:
+                self._watch.follow(robots_side)
+                self._watch.find()
                 other_side = stack.enter_context(self._bus(place, Role.ROBOT))
                 stack.enter_context(dispatcher.running())
                 stack.enter_context(quiet_interpreter())
@@ -111,6 +116,7 @@ class Relay:
                     on_ready()
                 while not stop.is_set:
                     pause.wait(POLL_S)
+                    self._watch.check()
                     if dispatcher.error is not None:
                         raise RobotIoError(
                             f"the relay cannot send any more: {dispatcher.error}"
@@ -176,7 +182,7 @@ class Relay:
                     )
                 )
         for pattern, source, target in (
-            (ALIVE_ROBOT, robots_side, other_side),
+            (f"{ALIVE_ROBOT}/**", robots_side, other_side),
             (f"{ALIVE_STABILIZER}/*", other_side, robots_side),
             (f"{ALIVE_OBSERVER}/*", other_side, robots_side),
         ):

@@ -172,7 +172,7 @@ class ModeMachine:
         if action == "take":
             return self._take(who, now_s)
         if not self.holds_lease(who):
-            return self._decline(RequestRefusal.LEASE, self.why_not(who))
+            return self.decline(RequestRefusal.LEASE, self.why_not(who))
         self.lease.renew(now_s=now_s)
         match action:
             case "release":
@@ -182,7 +182,7 @@ class ModeMachine:
                 return self._reset(who)
             case "enable" | "hold" | "disable":
                 return self._change(action, who)
-        return self._decline(
+        return self.decline(
             RequestRefusal.UNKNOWN_ACTION,
             f"got action {action!r}, expected take, release, enable, hold, disable "
             "or reset",
@@ -197,6 +197,11 @@ class ModeMachine:
         if self.lease.holder:
             return f"{self.lease.holder} holds the lease, {who or 'no name'} does not"
         return "nobody holds the lease; take it first"
+
+    def decline(self, refusal: RequestRefusal, detail: str) -> Answer:
+        """Refuse a request; status tells why."""
+        self.notice = f"request refused: {detail}"
+        return Answer(refusal, detail)
 
     def stop(self, source: str) -> Answer:
         """E-stop: FAULT until reset."""
@@ -236,25 +241,25 @@ class ModeMachine:
 
     def _take(self, who: str, now_s: float) -> Answer:
         if not who:
-            return self._decline(RequestRefusal.NO_NAME, "a commander needs a name")
+            return self.decline(RequestRefusal.NO_NAME, "a commander needs a name")
         if not self.lease.take(who, now_s=now_s):
-            return self._decline(RequestRefusal.LEASE, self.why_not(who))
+            return self.decline(RequestRefusal.LEASE, self.why_not(who))
         return DONE
 
     def _change(self, action: str, who: str) -> Answer:
         if self.mode is RobotMode.FAULT:
-            return self._decline(
+            return self.decline(
                 RequestRefusal.IN_FAULT, f"in fault ({self.detail}); reset it first"
             )
         mode = _MODES[action]
         if mode is RobotMode.ACTIVE and self.mode is RobotMode.OFF:
-            return self._decline(RequestRefusal.IS_OFF, "off; ask for hold first")
+            return self.decline(RequestRefusal.IS_OFF, "off; ask for hold first")
         self._set(mode, ModeCause.REQUESTED, f"{action} asked for by {who}")
         return DONE
 
     def _reset(self, who: str) -> Answer:
         if self.mode is not RobotMode.FAULT:
-            return self._decline(
+            return self.decline(
                 RequestRefusal.NO_FAULT, f"no fault to reset, the robot is {self.mode}"
             )
         self._set(RobotMode.HOLD, ModeCause.RESET, f"reset by {who}")
@@ -263,10 +268,6 @@ class ModeMachine:
     def _set(self, mode: RobotMode, cause: ModeCause, detail: str) -> None:
         self.mode, self.cause, self.detail = mode, cause, detail
         self.is_silent = False
-
-    def _decline(self, refusal: RequestRefusal, detail: str) -> Answer:
-        self.notice = f"request refused: {detail}"
-        return Answer(refusal, detail)
 
 
 _MODES = {

@@ -13,8 +13,10 @@ import zenoh
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.place import take_place
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError
@@ -27,7 +29,6 @@ from surefoot.schemas.messages import (
 )
 from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import (
-    ALIVE_ROBOT,
     ALIVE_STABILIZER,
     TICK_SENSORS,
     TOPICS,
@@ -45,12 +46,17 @@ class ReplayServer:
     """Publishes recorded messages where the robot would, and refuses every request.
 
     A context manager, used by one thread. To everyone else it looks like the robot:
-    the same keys, the robot's liveliness token, and that of the stabilizer while a
-    recorded status names a commander.
+    the same keys, a liveliness token that tells the robot's description and an instance
+    of its own, and that of the stabilizer while a recorded status names a commander.
     """
 
     def __init__(
-        self, robot: Robot, *, endpoints: Endpoints, channels: Iterable[str]
+        self,
+        robot: Robot,
+        *,
+        endpoints: Endpoints,
+        channels: Iterable[str],
+        stop: StopRequest,
     ) -> None:
         """Prepare; entering the context opens the bus.
 
@@ -58,8 +64,11 @@ class ReplayServer:
             robot: names keys and joints.
             endpoints: where to listen.
             channels: names of those that will be published.
+            stop: ends waits.
         """
-        self._robot = robot
+        self._robot, self._stop = robot, stop
+        self._identity = new_identity(robot)
+        self._lease_ms = endpoints.lease_ms
         self._channels = tuple(channels)
         self._bus = Bus(
             endpoints,
@@ -77,6 +86,7 @@ class ReplayServer:
 
         Raises:
             EndpointError: cannot listen there.
+            SecondRobotError: a robot of its namespace is on the bus.
         """
         with ExitStack() as stack:
             stack.enter_context(self._bus)
@@ -93,18 +103,15 @@ class ReplayServer:
         """Close the bus."""
         self._stack.close()
 
-    def wait_for_audience(self, stop: StopRequest) -> bool:
+    def wait_for_audience(self) -> bool:
         """Wait until somebody has subscribed, to all it wants.
-
-        Args:
-            stop: ends the wait.
 
         Returns:
             Whether somebody has.
         """
         seen: set[str] = set()
         since_s = time.monotonic()
-        while not stop.is_set:
+        while not self._stop.is_set:
             now = {
                 name
                 for name, publisher in self._publishers.items()
@@ -142,7 +149,13 @@ class ReplayServer:
         for entry in TOPICS:
             if entry.direction in replies:
                 self._refuse(keys[entry.name], replies[entry.direction])
-        self._bus.announce(ALIVE_ROBOT)
+        take_place(
+            self._bus,
+            self._robot,
+            self._identity,
+            lease_ms=self._lease_ms,
+            stop=self._stop,
+        )
 
     def _refuse(
         self, key: str, reply: Callable[[], ServiceReply | StabilizerReply]
@@ -165,6 +178,8 @@ class ReplayServer:
             q_command=(
                 self._robot.nominal.tolist() if status is None else status.q_command
             ),
+            instance=self._identity.instance,
+            description=self._identity.description,
             pace=Pace.REALTIME,
         )
 

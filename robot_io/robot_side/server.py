@@ -11,18 +11,20 @@ from typing import Self
 from surefoot.robot_io.bus.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.identity import RobotIdentity, new_identity
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.command_inbox import CommandInbox, NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult
+from surefoot.robot_io.robot_side.place import take_place
 from surefoot.robot_io.robot_side.services import RobotServices
 from surefoot.robot_io.snapshot import Snapshot, sensor_messages
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import PushRequest, RobotMode, Truth
 from surefoot.schemas.reasons import ModeCause
-from surefoot.schemas.topics import ALIVE_ROBOT, TICK_SENSORS
+from surefoot.schemas.topics import TICK_SENSORS
 
 COMMANDS_KEPT = 256
 STATUS_PERIOD_S = 0.02
@@ -44,7 +46,13 @@ class RobotServer:
             while running:
                 server.publish_sensors(snapshot, stamp_ns=now)
                 result = server.answer(...)     # or take_newest(...)
+
+    Attributes:
+        identity: told with the liveliness token and every answer.
+        deadline_misses: ticks without their command, counted by who runs the loop.
     """
+
+    identity: RobotIdentity
 
     def __init__(
         self,
@@ -71,6 +79,8 @@ class RobotServer:
         self._pace = pace
         self._gate = gate
         self._stop = stop
+        self.identity = new_identity(robot)
+        self._lease_ms = endpoints.lease_ms
         self._bus = Bus(
             endpoints,
             Role.ROBOT,
@@ -91,6 +101,7 @@ class RobotServer:
 
         Raises:
             EndpointError: cannot listen there.
+            SecondRobotError: another robot of its namespace is on the bus.
         """
         with ExitStack() as stack:
             stack.enter_context(self._bus)
@@ -234,6 +245,17 @@ class RobotServer:
             joint_count=self._robot.n_a,
         )
         self._services = RobotServices(
-            self._bus, self._robot, self._gate, push=self._push, pace=self._pace
+            self._bus,
+            self._robot,
+            self._gate,
+            identity=self.identity,
+            push=self._push,
+            pace=self._pace,
         )
-        self._bus.announce(ALIVE_ROBOT)
+        take_place(
+            self._bus,
+            self._robot,
+            self.identity,
+            lease_ms=self._lease_ms,
+            stop=self._stop,
+        )

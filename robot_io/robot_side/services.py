@@ -10,6 +10,7 @@ from typing import NamedTuple
 import zenoh
 
 from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.identity import SAME_FILE, RobotIdentity, differing
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
@@ -51,6 +52,7 @@ class RobotServices:
         robot: Robot,
         gate: CommandGate,
         *,
+        identity: RobotIdentity,
         push: Callable[[PushRequest], Answer] | None = None,
         pace: Pace,
     ) -> None:
@@ -60,9 +62,12 @@ class RobotServices:
             bus: the robot's.
             robot: names the keys.
             gate: answers.
+            identity: of this robot, told with every answer; who takes the lease must
+                mean this one.
             push: answers pushes; None on a robot that is not simulated.
             pace: sent with every answer.
         """
+        self._identity = identity
         self._push = push
         self._pace = pace
         self._bus = bus
@@ -142,7 +147,24 @@ class RobotServices:
             return Answer(RequestRefusal.MALFORMED, str(error))
         if asked.action not in LEASE_ACTIONS:
             return _unknown(asked.action, LEASE_ACTIONS)
+        if asked.action == "take" and (why := self._why_not_meant(asked)):
+            return self._gate.modes.decline(RequestRefusal.WRONG_ROBOT, why)
         return self._gate.request(asked.action, asked.commander, now_s=now_s)
+
+    def _why_not_meant(self, asked: LeaseRequest) -> str:
+        """Why a would-be commander means another robot; empty when it means this."""
+        parts = differing(self._identity.description, asked.description)
+        who = asked.commander or "a commander without a name"
+        if parts:
+            words = ", ".join(parts)
+            return f"{who}: its robot description differs in: {words}; {SAME_FILE}"
+        if asked.robot != self._identity.instance:
+            return (
+                f"{who} means the robot of instance {asked.robot or 'unknown'}, this "
+                f"one is {self._identity.instance}; stop one of the two, or start "
+                "the commander again if this one was started anew"
+            )
+        return ""
 
     def _answer_estop(self, data: bytes, now_s: float) -> Answer:
         """Stop even when the request cannot be read: its sender meant a stop."""
@@ -172,6 +194,8 @@ class RobotServices:
             mode=modes.mode,
             commander=modes.lease.holder,
             q_command=self._gate.posture.tolist(),
+            instance=self._identity.instance,
+            description=self._identity.description,
             pace=self._pace,
         )
         query.reply(query.key_expr, encode(reply))

@@ -105,7 +105,7 @@ def _rules(keys: dict[str, str], namespace: str) -> list[JsonObject]:
         _rule("robot-put", INGRESS, of(Direction.FROM_ROBOT), "put"),
         _rule("robot-answer", INGRESS, [*services, *estop], *_ANSWER),
         _rule(
-            "robot-live", INGRESS, [f"{namespace}/{ALIVE_ROBOT}"], "liveliness_token"
+            "robot-live", INGRESS, [f"{namespace}/{ALIVE_ROBOT}/**"], "liveliness_token"
         ),
     ]
 

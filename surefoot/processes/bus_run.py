@@ -50,8 +50,7 @@ def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
     """
     return [
         *("record", "--out", str(folder / RECORD), "--wait", str(_READY_S)),
-        *("--robot", plan.robot_name),
-        *("--servo-profile", plan.robot.file.servo.profile),
+        *_description_argv(plan),
         *(("--log-time", "simulated") if plan.mode == "lockstep" else ()),
         *(
             word
@@ -136,7 +135,7 @@ def start_live_page(
     Raises:
         ChildFailedError: the page could not be served.
     """
-    words = ["view", "--robot", plan.robot_name, "--port", str(port)]
+    words = ["view", *_description_argv(plan), "--port", str(port)]
     words += ["--endpoints", str(endpoints)]
     child = Child("view", words, log=folder / "view.log", events=events)
     deadline = time.monotonic() + READY_S
@@ -310,7 +309,7 @@ def _relay_argv(
 ) -> list[str]:
     """Command line of the relay, which dials the robot and listens beyond."""
     return [
-        *("relay", str(relay_path), "--robot", plan.robot_name),
+        *("relay", str(relay_path), *_description_argv(plan)),
         *("--seed", str(plan.seed), "--wait", str(_START_S)),
         *(word for locator in robots.connect for word in ("--connect", locator)),
         *(word for locator in beyond.listen for word in ("--listen", locator)),
@@ -318,7 +317,10 @@ def _relay_argv(
 
 
 def _shared_argv(plan: RunPlan) -> list[str]:
-    return [
-        *("--robot", plan.robot_name, f"--{plan.mode}"),
-        *("--servo-profile", plan.robot.file.servo.profile),
-    ]
+    return [*_description_argv(plan), f"--{plan.mode}"]
+
+
+def _description_argv(plan: RunPlan) -> list[str]:
+    """The same description for every process of a run."""
+    profile = plan.robot.file.servo.profile
+    return ["--robot", plan.robot_name, "--servo-profile", profile]

@@ -14,8 +14,10 @@ import pytest
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.identity import new_identity
+from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
+from surefoot.schemas.topics import ALIVE_OBSERVER
 from tests.command import command, environment
 from tests.support import PATIENCE_S, free_port, wait_until
 
@@ -90,7 +92,7 @@ def test_while_it_listens(tmp_path: Path, endpoints: Endpoints, name: str) -> No
         bus.watch_presence(
             f"{ALIVE_OBSERVER}/*", lambda key, is_there: seen.append(key)
         )
-        bus.announce(ALIVE_ROBOT)
+        bus.announce(new_identity(load_robot("walker")).token)
         words = [*LISTENING[name], "--connect", endpoints.connect[0]]
         with started(tmp_path, *words, "--wait", ENDLESS_S) as process:
             wait_until(lambda: seen, what="the listener")

@@ -17,10 +17,12 @@ from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.nodes.processes import Running, robot, running
+from tests.nodes.processes import ProcessError, Running, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_requests import looking
 from tests.patient_robot import HOLD_AFTER_S
+from tests.robot_io.served_robot import serving
+from tests.robot_io.strange_robots import MIRRORED
 from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
@@ -126,6 +128,21 @@ def test_it_takes_over_again_when_the_robot_is_back(
             assert set(second.result().result.refused) <= {"mode"}
     assert (result.end, result.end_detail) == (EndReason.STOPPED, "SIGTERM")
     assert result.restarts == 1
+
+
+def test_it_refuses_another_robot_in_the_place_of_its_own(
+    endpoints: Endpoints,
+) -> None:
+    with running(faithful, endpoints, Pace.LOCKSTEP) as controller:
+        with running(robot, endpoints, LONG, Pace.LOCKSTEP) as first:
+            with observer(endpoints) as when:
+                when(is_running, what="the first robot's run")
+            first.kill()
+        with serving(MIRRORED, endpoints) as strange:
+            words = r"RobotMismatchError.*differs in: joints, feet"
+            with pytest.raises(ProcessError, match=words):
+                controller.result()
+            assert strange.do(lambda server, gate: gate.modes.lease.holder) == ""
 
 
 def test_it_does_not_come_back_to_a_robot_that_was_stopped_by_hand(

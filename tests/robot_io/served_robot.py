@@ -8,11 +8,14 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from typing import TypeVar
 
+import msgspec
+
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import SCHEMA_VERSION, LeaseRequest
 from tests.robot_io.sensor_messages import snapshot_at
 from tests.support import PATIENCE_S
 
@@ -50,6 +53,18 @@ class ServedRobot:
                 except Exception as error:
                     done.set_exception(error)
             pause.wait(POLL_S)
+
+    def lease_request(self, commander: str, **changes: str) -> LeaseRequest:
+        """What takes the lease of this very robot, with some fields otherwise."""
+        identity = self.server.identity
+        request = LeaseRequest(
+            schema=SCHEMA_VERSION,
+            action="take",
+            commander=commander,
+            robot=identity.instance,
+            description=identity.description,
+        )
+        return msgspec.structs.replace(request, **changes)
 
     def publish_tick(self) -> int:
         """Send the sensors of the next tick; returns the tick."""

@@ -23,7 +23,6 @@ from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
-    LeaseRequest,
     ModeRequest,
     Reference,
     RobotMode,
@@ -162,8 +161,9 @@ def test_a_commander_that_leaves_without_a_word_loses_the_lease(
             joint_count=WALKER.n_a,
             timeout_s=PATIENCE_S,
             robot_is_here=lambda: True,
+            check=lambda reply: None,
         )
-        take = LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="ann")
+        take = served.lease_request("ann")
         enable = ModeRequest(schema=SCHEMA_VERSION, action="enable", commander="ann")
         services.ask("srv/lease", take)
         assert services.ask("srv/mode", enable).mode is RobotMode.ACTIVE

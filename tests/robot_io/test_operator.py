@@ -35,7 +35,9 @@ NOTHING = b"nothing"
 TICK = 42
 SETTINGS = SettingsRequest(schema=SCHEMA_VERSION, source="eve", changes={})
 CONTROL = ControlRequest(schema=SCHEMA_VERSION, source="eve", action="hold")
-LEASE = LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="eve")
+LEASE = LeaseRequest(
+    schema=SCHEMA_VERSION, action="take", commander="eve", robot="", description=""
+)
 
 
 class Meeting:

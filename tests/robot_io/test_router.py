@@ -12,7 +12,7 @@ from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.messages import SCHEMA_VERSION, LeaseRequest, RobotMode
+from surefoot.schemas.messages import RobotMode
 from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import serving
 from tests.support import PATIENCE_S, wait_until
@@ -28,7 +28,6 @@ def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
         endpoints = modes.endpoints(identity)
         return msgspec.structs.replace(endpoints, router=endpoints.listen)
 
-    lease = encode(LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="eve"))
     with (
         open_session(
             as_who("router"), Role.ROUTER, namespace="walker", keys=robot.keys
@@ -44,6 +43,7 @@ def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
         open_session(as_who("observer"), Role.CLIENT, namespace="walker") as observer,
     ):
         assert ann.connect(timeout_s=PATIENCE_S)
+        lease = encode(served.lease_request("eve"))
 
         def answers(key: str, data: bytes) -> bool:
             return any(r.ok for r in observer.get(key, payload=data, timeout=0.3))

@@ -17,13 +17,13 @@ from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import LocatorError, RobotUnreachableError
+from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     JointCommand,
-    LeaseRequest,
     RobotMode,
 )
 from tests.robot_io.secured import ModeMachine
@@ -138,7 +138,7 @@ def test_an_observer_reads_but_does_not_command(
                 command(robot, sequence=sequence),
                 congestion_control=zenoh.CongestionControl.BLOCK,
             )
-        lease = LeaseRequest(schema=SCHEMA_VERSION, action="take", commander="eve")
+        lease = served.lease_request("eve")
         assert not ask(session, robot.keys["lease"], encode(lease))
         assert not ask(session, robot.keys["mode"], encode(lease))
     assert refusals(served) == before  # they never even reached the gate
@@ -249,6 +249,20 @@ def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
             token.undeclare()
             assert can_read(session, robot, served)
         assert served.do(lambda server, gate: gate.modes.lease.holder) == "ann"
+
+
+def test_an_observer_cannot_pose_as_a_second_robot(
+    authority: ModeMachine, robot: Robot, served: ServedRobot
+) -> None:
+    with open_session(
+        authority.endpoints("observer"), Role.CLIENT, namespace="walker"
+    ) as session:
+        token = session.liveliness().declare_token(new_identity(robot).token)
+        assert token is not None
+        assert can_read(session, robot, served)
+        with client(robot, authority.endpoints("stabilizer")) as ann:
+            assert ann.connect(timeout_s=10.0)
+            assert ann.take_lease().instance == served.server.identity.instance
 
 
 def no_certificate(authority: ModeMachine, tmp_path: Path) -> dict:

@@ -9,10 +9,11 @@ from contextlib import contextmanager
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
+from surefoot.robot_io.identity import new_identity
+from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SCHEMA_VERSION, ForceTorque
-from surefoot.schemas.topics import ALIVE_ROBOT
 
 NAMESPACE = "walker"
 PERIOD_S = 0.002
@@ -53,7 +54,7 @@ def talking_robot(
                 say_one(count, say)
                 count += 1
 
-        bus.announce(ALIVE_ROBOT)
+        bus.announce(new_identity(load_robot("walker")).token)
         thread = threading.Thread(target=talk)
         thread.start()
         try:

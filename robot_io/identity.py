@@ -1,0 +1,259 @@
+"""Which robot a process is or means: an instance, and a digest of its description.
+
+The digest is of what both sides must agree on, wherever it stands in the robot's files.
+It comes in parts, so that two of them that differ say in what.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+
+from surefoot.robot_io.errors import RobotMismatchError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.topics import ALIVE_ROBOT
+
+SAME_FILE = (
+    "give both sides the same robot file and servo profile (--robot, --servo-profile)"
+)
+UNKNOWN = "version of Surefoot"
+"""Said to differ when a digest is not made of the parts that we know."""
+_INSTANCE_BYTES = 4
+_HASH_DIGITS = 8
+_SEPARATOR = "-"
+
+
+class RobotIdentity(NamedTuple):
+    """Who a robot on the bus is.
+
+    Attributes:
+        instance: of the process; another one at every start. Empty from a robot that
+            does not tell.
+        description: digest of the robot's files, see :func:`describe`.
+    """
+
+    instance: str
+    description: str
+
+    @property
+    def token(self) -> str:
+        """Key of the liveliness token, relative to the namespace."""
+        return f"{ALIVE_ROBOT}/{self.instance}/{self.description}"
+
+
+def new_identity(robot: Robot) -> RobotIdentity:
+    """Identity of a robot process that starts now."""
+    return RobotIdentity(secrets.token_hex(_INSTANCE_BYTES), describe(robot))
+
+
+def parse_token(key: str) -> RobotIdentity:
+    """Identity that a robot's liveliness token tells.
+
+    Args:
+        key: with or without the namespace; what it does not tell is left empty.
+    """
+    told = key.rpartition(ALIVE_ROBOT)[2].strip("/").split("/")
+    return RobotIdentity(told[0], told[1] if len(told) > 1 else "")
+
+
+def describe(robot: Robot) -> str:
+    """Digest of what both sides of the bus must agree on.
+
+    It is the same for the same robot on every machine: SHA-256 over JSON with shortest
+    numbers, cut to eight hexadecimal digits a part. Comments, pictures and collision
+    shapes of the URDF do not count, nor does what only one side uses: limits of the
+    gate, soft joint ranges, the travel of the CoM.
+
+    Returns:
+        One word of :data:`PARTS` hashes in their order, fit for a chunk of a key.
+    """
+    return _SEPARATOR.join(_hash(content(robot)) for content in _CONTENT.values())
+
+
+def differing(ours: str, theirs: str) -> list[str]:
+    """Names of the parts in which two descriptions differ; empty when in none.
+
+    Args:
+        ours: digest of our robot.
+        theirs: of the other one's.
+    """
+    told = theirs.split(_SEPARATOR)
+    if len(told) != len(PARTS):
+        return [UNKNOWN]
+    pairs = zip(PARTS, ours.split(_SEPARATOR), told, strict=True)
+    return [name for name, our, their in pairs if our != their]
+
+
+def check_description(robot: Robot, ours: str, theirs: str) -> None:
+    """Hold the description of a robot on the bus against our own.
+
+    Args:
+        robot: ours, for its namespace.
+        ours: digest of our robot.
+        theirs: of the one on the bus.
+
+    Raises:
+        RobotMismatchError: they differ; the message says in what.
+    """
+    parts = differing(ours, theirs)
+    if not parts:
+        return
+    namespace = robot.file.namespace
+    if parts == [UNKNOWN]:
+        raise RobotMismatchError(
+            f"the robot {namespace!r} on the bus does not tell its description as this "
+            f"version of Surefoot does: got {theirs or 'nothing'}, expected "
+            f"{len(PARTS)} hashes; use the same version on both sides",
+            namespace=namespace,
+            differing=parts,
+        )
+    raise RobotMismatchError(
+        f"the robot {namespace!r} on the bus is not ours: its robot description "
+        f"differs in: {', '.join(parts)}; {SAME_FILE}",
+        namespace=namespace,
+        differing=parts,
+    )
+
+
+def _joints(robot: Robot) -> Any:
+    return robot.joint_names
+
+
+def _limits(robot: Robot) -> Any:
+    arrays = robot.lower, robot.upper, robot.velocity_limit, robot.torque_limit
+    return _by_joint(robot, *arrays)
+
+
+def _rate(robot: Robot) -> Any:
+    return robot.file.rate_hz
+
+
+def _posture(robot: Robot) -> Any:
+    return [robot.file.nominal_base_height_m, _by_joint(robot, robot.nominal)]
+
+
+def _feet(robot: Robot) -> Any:
+    return [msgspec.to_builtins(foot) for foot in robot.file.foot]
+
+
+def _imu(robot: Robot) -> Any:
+    return msgspec.to_builtins(robot.file.imu)
+
+
+def _servo(robot: Robot) -> Any:
+    return [
+        robot.file.servo.profile,
+        msgspec.to_builtins(robot.servo_profile),
+        _by_joint(robot, robot.kp, robot.kd, robot.armature, robot.damping),
+    ]
+
+
+def _by_joint(robot: Robot, *columns: Array) -> dict[str, list[float]]:
+    """By name, so that another order of the joints differs in ``joints`` alone."""
+    rows = np.stack(columns, axis=1).tolist()
+    return dict(zip(robot.joint_names, rows, strict=True))
+
+
+def _keys(robot: Robot) -> Any:
+    return robot.keys
+
+
+def _model(robot: Robot) -> Any:
+    """Links with their inertia and joints with their place, by name."""
+    root = ElementTree.parse(robot.urdf_path).getroot()
+    return [
+        robot.file.base_link,
+        sorted((_link(link) for link in root.findall("link")), key=_name),
+        sorted((_joint(joint) for joint in root.findall("joint")), key=_name),
+    ]
+
+
+def _name(entry: list[Any]) -> str:
+    return str(entry[0])
+
+
+def _link(link: ElementTree.Element) -> list[Any]:
+    inertial = link.find("inertial")
+    if inertial is None:
+        return [link.get("name")]
+    inertia = inertial.find("inertia")
+    return [
+        link.get("name"),
+        _origin(inertial),
+        _words(inertial.find("mass"), "value", "0"),
+        {name: _words(inertia, name, "0") for name in _INERTIA},
+    ]
+
+
+_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+def _joint(joint: ElementTree.Element) -> list[Any]:
+    kind = joint.get("type")
+    return [
+        joint.get("name"),
+        kind,
+        *(_attribute(joint.find(end), "link") for end in ("parent", "child")),
+        _origin(joint),
+        [] if kind == "fixed" else _words(joint.find("axis"), "xyz", "1 0 0"),
+        _attribute(joint.find("mimic"), "joint"),
+    ]
+
+
+def _origin(element: ElementTree.Element) -> list[Any]:
+    origin = element.find("origin")
+    return [_words(origin, name, "0 0 0") for name in ("xyz", "rpy")]
+
+
+def _attribute(element: ElementTree.Element | None, name: str) -> str:
+    return "" if element is None else element.get(name, "")
+
+
+def _words(element: ElementTree.Element | None, name: str, absent: str) -> list[Any]:
+    """Words of an attribute; numbers as such, however they are written."""
+    text = absent if element is None else element.get(name, absent)
+    return [_number(word) for word in text.split()]
+
+
+def _number(word: str) -> float | str:
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+_CONTENT: dict[str, Callable[[Robot], Any]] = {
+    "joints": _joints,
+    "limits": _limits,
+    "rate": _rate,
+    "posture": _posture,
+    "feet": _feet,
+    "imu": _imu,
+    "servo": _servo,
+    "keys": _keys,
+    "model": _model,
+}
+PARTS = tuple(_CONTENT)
+"""What a description is made of, in the order of the digest."""
+
+
+def _hash(content: Any) -> str:
+    text = json.dumps(_positive_zero(content), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()[:_HASH_DIGITS]
+
+
+def _positive_zero(content: Any) -> Any:
+    """The same with 0.0 for -0.0, which is the same number and another text."""
+    if isinstance(content, dict):
+        return {name: _positive_zero(value) for name, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [_positive_zero(value) for value in content]
+    return content + 0.0 if isinstance(content, float) else content

@@ -1,0 +1,25 @@
+"""Where robot and clients meet: at the robot's, or at a router's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+from surefoot.robot_io.bus.session import Role, open_session
+from surefoot.schemas.endpoints import Endpoints
+from tests.support import free_port
+
+
+@contextmanager
+def meeting_place(*, routed: bool) -> Iterator[Endpoints]:
+    """Endpoints for everyone, on loopback; the router runs as long as the context."""
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    endpoints = Endpoints(
+        listen=[locator], connect=[locator], router=[locator] if routed else []
+    )
+    with ExitStack() as stack:
+        if routed:
+            stack.enter_context(
+                open_session(endpoints, Role.ROUTER, namespace="walker")
+            )
+        yield endpoints
