@@ -79,7 +79,6 @@ def test_each_process_gets_the_same_digest(tmp_path: Path) -> None:
         (load_robot("walker-real"), ["keys"]),
         (changed(rate_hz=500.0), ["rate"]),
         (changed(imu=msgspec.structs.replace(WALKER.file.imu, frame="torso")), ["imu"]),
-        (changed(base_link="head"), ["model"]),
         (changed(nominal_base_height_m=1.0), ["posture"]),
         (first_joint(nominal_rad=0.1), ["posture"]),
         (first_joint(velocity_limit_rad_s=1.7), ["limits"]),
