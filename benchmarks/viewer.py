@@ -25,7 +25,7 @@ from pathlib import Path
 import msgspec
 import numpy as np
 
-from surefoot.cli.scheduling import claim_processor
+from surefoot.cli.options import claim_processor
 from surefoot.endpoints import loopback_endpoints
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import Pace, quiet_interpreter

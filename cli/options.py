@@ -13,8 +13,11 @@ from surefoot.cli.completion import (
     complete_scenario,
     complete_setting,
 )
+from surefoot.cli.logs import log_note, log_warning
+from surefoot.errors import UsageError
 
 _BUS = "Bus"
+
 _CONTROLLER = "Controller"
 
 ScenarioArgument = Annotated[
@@ -24,6 +27,7 @@ ScenarioArgument = Annotated[
         autocompletion=complete_scenario,
     ),
 ]
+
 RobotOption = Annotated[
     str,
     typer.Option(
@@ -32,21 +36,25 @@ RobotOption = Annotated[
         autocompletion=complete_robot,
     ),
 ]
+
 WaitOption = Annotated[
     float,
     typer.Option(
         "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
     ),
 ]
+
 ServoOption = Annotated[
     str | None,
     typer.Option(
         "--servo-profile", help="Servo profile of the robot file to use instead."
     ),
 ]
+
 SeedOption = Annotated[
     int, typer.Option("--seed", min=0, help="Seed of the sensor noise.")
 ]
+
 LockstepOption = Annotated[
     bool,
     typer.Option(
@@ -55,6 +63,7 @@ LockstepOption = Annotated[
         "its own pace as hardware does.",
     ),
 ]
+
 ControllerOption = Annotated[
     str,
     typer.Option(
@@ -66,6 +75,7 @@ ControllerOption = Annotated[
         rich_help_panel=_CONTROLLER,
     ),
 ]
+
 SettingsOption = Annotated[
     Path | None,
     typer.Option(
@@ -75,6 +85,7 @@ SettingsOption = Annotated[
         rich_help_panel=_CONTROLLER,
     ),
 ]
+
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -85,6 +96,7 @@ SetOption = Annotated[
         rich_help_panel=_CONTROLLER,
     ),
 ]
+
 EndpointsOption = Annotated[
     Path | None,
     typer.Option(
@@ -94,6 +106,7 @@ EndpointsOption = Annotated[
         rich_help_panel=_BUS,
     ),
 ]
+
 ListenOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -103,6 +116,7 @@ ListenOption = Annotated[
         rich_help_panel=_BUS,
     ),
 ]
+
 ConnectOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -112,6 +126,7 @@ ConnectOption = Annotated[
         rich_help_panel=_BUS,
     ),
 ]
+
 RouterOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -121,6 +136,7 @@ RouterOption = Annotated[
         rich_help_panel=_BUS,
     ),
 ]
+
 InsecureOption = Annotated[
     bool,
     typer.Option(
@@ -130,10 +146,13 @@ InsecureOption = Annotated[
         rich_help_panel=_BUS,
     ),
 ]
+
 JobsOption = Annotated[
     int, typer.Option("--jobs", min=0, help="Processes; 0 for one per processor.")
 ]
+
 _TIMING = "Real time"
+
 HistogramOption = Annotated[
     bool,
     typer.Option(
@@ -142,6 +161,7 @@ HistogramOption = Annotated[
         rich_help_panel=_TIMING,
     ),
 ]
+
 CpuOption = Annotated[
     int | None,
     typer.Option(
@@ -152,6 +172,7 @@ CpuOption = Annotated[
         rich_help_panel=_TIMING,
     ),
 ]
+
 PriorityOption = Annotated[
     int | None,
     typer.Option(
@@ -164,6 +185,7 @@ PriorityOption = Annotated[
         rich_help_panel=_TIMING,
     ),
 ]
+
 OverwriteOption = Annotated[
     bool,
     typer.Option(
@@ -171,10 +193,51 @@ OverwriteOption = Annotated[
         help="Replace files that this command wrote there before; others stay.",
     ),
 ]
+
 JsonOption = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on stdout and nothing else."),
 ]
+
 ChildOption = Annotated[bool, typer.Option("--child", hidden=True)]
+
 ResultFileOption = Annotated[Path | None, typer.Option("--result-file", hidden=True)]
+
 RecordFileOption = Annotated[Path | None, typer.Option("--record-file", hidden=True)]
+
+
+def check_priority(priority: int | None, *, lockstep: bool) -> None:
+    """Refuse a real-time priority to a loop that never rests.
+
+    Raises:
+        UsageError: nothing else would run on its processor.
+    """
+    if priority is not None and lockstep:
+        raise UsageError(
+            "--realtime-priority goes with --realtime; in lockstep the two never rest, "
+            "and nothing else would run"
+        )
+
+
+def claim_processor(*, cpu: int | None, priority: int | None) -> None:
+    """Pin this process and set its priority; go on without if not permitted.
+
+    Called before anything starts a thread: threads inherit both.
+
+    Args:
+        cpu: processor to stay on; None for any.
+        priority: of SCHED_FIFO; None for an ordinary process.
+    """
+    from surefoot.robot_io.realtime import pin_to_cpu, take_priority
+
+    if cpu is not None:
+        _tell(pin_to_cpu(cpu), f"on processor {cpu}")
+    if priority is not None:
+        _tell(take_priority(priority), f"SCHED_FIFO at priority {priority}")
+
+
+def _tell(refusal: str, done: str) -> None:
+    if refusal:
+        log_warning(refusal)
+    else:
+        log_note(done)

@@ -41,7 +41,7 @@ def robot(
     from msgspec.structs import replace
 
     from surefoot.cli.logs import log_note, set_up_logging
-    from surefoot.cli.scheduling import check_priority, claim_processor
+    from surefoot.cli.options import check_priority, claim_processor
     from surefoot.endpoints import choose_endpoints
     from surefoot.outcome import judge
     from surefoot.processes.child import begin_as_child, progress_reporter

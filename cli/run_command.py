@@ -70,7 +70,7 @@ def run(
     with 1 when it was held, in fault or not controlled.
     """
     from surefoot.cli.console import print_json, print_table, progress_bar, show_notes
-    from surefoot.cli.scheduling import check_priority
+    from surefoot.cli.options import check_priority
     from surefoot.cli.summary import histogram_table, run_table
     from surefoot.run_plan import make_plan
     from surefoot.runs import execute

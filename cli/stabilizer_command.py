@@ -66,7 +66,7 @@ def stabilizer(
 
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.logs import log_note, log_warning, set_up_logging
-    from surefoot.cli.scheduling import check_priority, claim_processor
+    from surefoot.cli.options import check_priority, claim_processor
     from surefoot.cli.summary import controller_table, histogram_table
     from surefoot.endpoints import choose_endpoints
     from surefoot.processes.child import begin_as_child

@@ -45,14 +45,13 @@ _HOMES = {
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
         *("ChildFailedError", "RunInterrupted", "UnknownSignalError"),
     ),
-    "controllers": ("make_controller", "list_controllers"),
+    "controllers": ("make_controller", "list_controllers", "drive"),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
     "recording.read": ("Record", "read_record"),
     "playback.replay": ("ReplayOutcome", "replay"),
     "studies.study": ("Study", "study"),
-    "hardware": ("drive",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -73,6 +72,7 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
+    from surefoot.controllers import drive as drive
     from surefoot.controllers import list_controllers as list_controllers
     from surefoot.controllers import make_controller as make_controller
     from surefoot.errors import ChildFailedError as ChildFailedError
@@ -81,7 +81,6 @@ if TYPE_CHECKING:
     from surefoot.errors import SurefootError as SurefootError
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
-    from surefoot.hardware import drive as drive
     from surefoot.playback.replay import ReplayOutcome as ReplayOutcome
     from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record

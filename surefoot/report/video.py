@@ -124,8 +124,7 @@ def draw_video(
 ) -> None:
     """Write a run as mp4 (H.264) at its own pace, and a picture of its middle."""
     from imageio_ffmpeg import write_frames
-
-    from surefoot.sim_robot.png import write_png
+    from PIL import Image
 
     rows = _rows(run, 0, run.signals.count - 1, rate_hz=VIDEO_HZ)
     with (
@@ -136,7 +135,7 @@ def draw_video(
         for index, picture in enumerate(_pictures(run, rows, size=VIDEO_SIZE)):
             film.send(picture)
             if index == len(rows) // 2:
-                write_png(thumbnail, picture)
+                Image.fromarray(picture).save(thumbnail)
             on_frame()
 
 

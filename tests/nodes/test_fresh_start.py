@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,11 +12,13 @@ import numpy as np
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.ticks.write import TickFile
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import Reference, RobotMode
 from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.signals import read_signals
 from surefoot.sim_robot.node import RobotRun, run_robot
 from surefoot.stabilizer.control.controller import (
     Controller,
@@ -181,17 +184,18 @@ def test_a_robot_that_is_back_meets_another_controller(endpoints: Endpoints) -> 
     check(noted, starts=2)
 
 
-def recorded(endpoints: Endpoints) -> RobotRun:
+def recorded(endpoints: Endpoints, record: Path) -> RobotRun:
     scenario = scenario_from_table({"name": "rolling", **ROLLING}, source="test")
-    return run_robot(
-        WALKER,
-        scenario,
-        seed=SEED,
-        endpoints=endpoints,
-        pace=Pace.LOCKSTEP,
-        record=True,
-        wait_s=PATIENCE_S,
-    )
+    with TickFile(record, may_wait=True) as ticks:
+        return run_robot(
+            WALKER,
+            scenario,
+            seed=SEED,
+            endpoints=endpoints,
+            pace=Pace.LOCKSTEP,
+            ticks=ticks,
+            wait_s=PATIENCE_S,
+        )
 
 
 def balancing(endpoints: Endpoints) -> Any:
@@ -206,11 +210,11 @@ def balancing(endpoints: Endpoints) -> Any:
 
 
 def test_held_while_the_ground_rolls_it_stands_upright_after_the_resume(
-    endpoints: Endpoints,
+    endpoints: Endpoints, tmp_path: Path
 ) -> None:
     """The calibration of the first start, on level ground, must not count any more."""
     with (
-        running(recorded, endpoints) as plant,
+        running(recorded, endpoints, tmp_path / "ticks.mcap") as plant,
         running(balancing, endpoints),
         looking(endpoints) as eve,
     ):
@@ -229,9 +233,9 @@ def test_held_while_the_ground_rolls_it_stands_upright_after_the_resume(
         run = plant.result()
     assert held_s < RAMP_S
     assert not run.result.fell
-    record = run.recording
-    assert record is not None
-    over_feet = record["com"] - 0.5 * (record["sole_left"] + record["sole_right"])
+    signals = read_signals(tmp_path / "ticks.mcap")
+    soles = signals["true_sole_left"] + signals["true_sole_right"]
+    over_feet = signals["true_com"] - 0.5 * soles
     row = round((resumed_s + RECOVERED_S) / WALKER.period_s)
     assert row < len(over_feet), "resumed too late"
     error = over_feet[row, :2] - over_feet[0, :2]

@@ -1,12 +1,9 @@
 from __future__ import annotations
 
 import os
-import struct
 import subprocess
 import sys
-import zlib
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,37 +13,12 @@ from surefoot.robot_io.ticks.table import MemoryTicks
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import RenderError
 from surefoot.sim_robot.plant import Plant
-from surefoot.sim_robot.png import write_png
 from surefoot.sim_robot.render import Camera, Renderer
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.world import build_world
 
 WIDTH, HEIGHT = 160, 120
 TILT = {"axis": "roll", "kind": "ramp", "amplitude_deg": 10.0, "rate_deg_s": 100.0}
-
-
-def read_png(path: Path) -> np.ndarray:
-    """Read back what write_png writes: one IDAT, no filters."""
-    data = path.read_bytes()
-    width, height = struct.unpack(">II", data[16:24])
-    start = data.index(b"IDAT")
-    (length,) = struct.unpack(">I", data[start - 4 : start])
-    rows = np.frombuffer(
-        zlib.decompress(data[start + 4 : start + 4 + length]), dtype=np.uint8
-    )
-    return rows.reshape(height, 1 + 3 * width)[:, 1:].reshape(height, width, 3)
-
-
-def test_png_holds_the_picture(tmp_path: Path) -> None:
-    image = np.random.default_rng(1).integers(0, 256, size=(7, 5, 3), dtype=np.uint8)
-    write_png(tmp_path / "a.png", image)
-    np.testing.assert_array_equal(read_png(tmp_path / "a.png"), image)
-
-
-def test_png_refuses_what_is_no_picture(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"got float64 of shape \(4, 4\)"):
-        write_png(tmp_path / "a.png", np.zeros((4, 4)))  # type: ignore[arg-type]
-    assert not (tmp_path / "a.png").exists()
 
 
 def test_scenery_does_not_change_the_plant(
@@ -65,9 +37,9 @@ def test_scenery_does_not_change_the_plant(
 def test_missing_graphics_say_what_to_install() -> None:
     """In a process of its own: MuJoCo chooses its back end when it is imported."""
     script = (
-        "from robot_io.robot import load_robot\n"
-        "from sim_robot.catalogue import load_scenario\n"
-        "from sim_robot.render import Renderer\n"
+        "from surefoot.robot_io.robot import load_robot\n"
+        "from surefoot.sim_robot.catalogue import load_scenario\n"
+        "from surefoot.sim_robot.render import Renderer\n"
         "Renderer(load_robot('walker'), load_scenario('standing'),"
         " width=32, height=24)\n"
     )
