@@ -16,6 +16,7 @@ def modules_with_two_names() -> dict[str, list[str]]:
         file = getattr(module, "__file__", None)
         if file is not None and name != "__main__":
             path = Path(file).resolve()
-            if path.is_relative_to(REPOSITORY):
+            ours = path.is_relative_to(REPOSITORY)
+            if ours and "site-packages" not in path.parts:
                 names[str(path)].append(name)
     return {file: sorted(each) for file, each in names.items() if len(each) > 1}

@@ -10,7 +10,7 @@ import numpy as np
 
 from surefoot.robot_io.conformance.check_result import Findings
 from surefoot.robot_io.conformance.lease_checks import INTRUDER
-from surefoot.robot_io.conformance.probe import Probe
+from surefoot.robot_io.conformance.probe import ANSWER_S, Probe
 from surefoot.robot_io.robot_side.mode_machine import Refusal
 from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode
 
@@ -83,6 +83,6 @@ def _check_held(probe: Probe, findings: Findings) -> None:
 
 def _counts(probe: Probe) -> Counter[str]:
     """Return the refusals so far, once all that was sent has been checked."""
-    probe.wait_status(lambda status: True, timeout_s=STREAM_S)
-    probe.wait_status(lambda status: True, timeout_s=STREAM_S)
+    for _ in range(2):
+        probe.wait_status(lambda status: True, timeout_s=ANSWER_S)
     return Counter(probe.status.refused if probe.status is not None else {})
