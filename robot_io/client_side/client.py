@@ -359,5 +359,5 @@ class RobotClient:
         return SensorReader(entry.name, Inbox(channel, entry.message, joint_count=n_a))
 
     def _on_change(self) -> None:
-        if not self._watch.is_same:
-            self._bus.waker.interrupt()
+        if self._watch.found is not None and not self._watch.is_same:
+            self._bus.waker.interrupt()  # nothing more comes from it
