@@ -31,6 +31,8 @@ SAME_COMMAND_RAD = 1e-7
 """The readings are turned into other frames and back, some 1e-16 of a hundred newtons;
 a QP whose condition number is 1e8 makes 1e-6 of it, an admittance of some
 1e-3 m/s per newton and a tenth of a second 1e-10."""
+SAME_VELOCITY_RAD_S = 1e-5
+"""By the same QP: 1e-6 and what follows of the posture it starts from."""
 PUSH = {
     "body": "torso",
     "force_n": [30.0, 60.0, 0.0],
@@ -80,18 +82,23 @@ def wish(model: RobotModel) -> Reference:
     )
 
 
-def commands(
+def answers(
     robot: Robot, name: str, *, snapshots: list[Snapshot], reference: Reference
-) -> Array:
-    """(ticks, n_a) of a fresh controller on readings that do not depend on it."""
+) -> tuple[Array, Array]:
+    """(ticks, n_a) commands and joint velocities, zero where it tells none.
+
+    Of a fresh controller, on readings that do not depend on it.
+    """
     controller = make_controller(name, robot, SETTINGS)
     controller.start(snapshots[0], robot.nominal)
-    rows = []
+    commands, velocities = [], []
     for snapshot in snapshots:
         output = controller.step(snapshot, reference)
         assert output.qp_status == "ok"
-        rows.append(output.q_command.copy())
-    return np.array(rows)
+        commands.append(output.q_command.copy())
+        told = np.zeros(robot.n_a) if output.v_joint is None else output.v_joint
+        velocities.append(told.copy())
+    return np.array(commands), np.array(velocities)
 
 
 def test_model_is_the_same_body(awkward: Awkward, model: RobotModel) -> None:
@@ -136,9 +143,9 @@ def test_same_readings_and_wishes_give_the_same_commands(
     walker = turned.walker
     plain = readings(model, walker, seed=44)
     reference = wish(model)
-    expected = commands(walker, name, snapshots=plain, reference=reference)
+    expected, velocities = answers(walker, name, snapshots=plain, reference=reference)
     assert np.abs(expected[-1] - walker.nominal).max() > 1e-3
-    actual = commands(
+    actual, its_velocities = answers(
         turned.robot,
         name,
         snapshots=[turned.snapshot(each) for each in plain],
@@ -146,6 +153,9 @@ def test_same_readings_and_wishes_give_the_same_commands(
     )
     np.testing.assert_allclose(
         turned.back(actual), expected, rtol=0.0, atol=SAME_COMMAND_RAD
+    )
+    np.testing.assert_allclose(
+        turned.back(its_velocities), velocities, rtol=0.0, atol=SAME_VELOCITY_RAD_S
     )
 
 

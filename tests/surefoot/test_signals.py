@@ -117,22 +117,6 @@ def test_signals_are_what_controller_and_robot_said(memory: sf.Signals) -> None:
     assert sim.signals.count == 50  # also while it goes on
 
 
-def test_joint_velocities_are_in_the_order_of_the_robot_file(
-    memory: sf.Signals,
-) -> None:
-    """Once faded in, the command moves by them; the order is the command's."""
-    step = np.diff(memory["q_command"][-100:], axis=0) / 1e-3
-    delay = sf.load_scenario("standing").delay.command_ms
-    assert delay == 1.0
-    v_joint = memory["v_joint"][-101:-1]
-    moved = np.abs(v_joint).max(axis=0) > 1e-4
-    assert moved.sum() > 10
-    fade = step[:, moved].sum() / v_joint[: len(step), moved].sum()
-    assert 0.0 < fade <= 1.0 + 1e-9
-    close = np.isclose(step, fade * v_joint[: len(step)], rtol=0.2, atol=1e-4)
-    assert close[:, moved].mean() > 0.9
-
-
 def test_names_and_numbers_are_the_same_in_every_export(
     memory: sf.Signals, folders: dict[str, Path], tmp_path: Path
 ) -> None:
