@@ -46,6 +46,11 @@ def _check_one(
 ) -> None:
     before, errors = _counts(probe), probe.status_errors
     probe.stream(STREAM_S, extra=lambda count: make() if count < TRIES else None)
+    # Whatever is not refused by then was followed, or lost.
+    probe.wait_status(
+        lambda status: (Counter(status.refused) - before).total() >= TRIES,
+        timeout_s=ANSWER_S,
+    )
     grown = _counts(probe) - before
     if name != Refusal.LATE:  # a busy machine answers late by itself
         del grown[Refusal.LATE]
