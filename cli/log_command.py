@@ -82,8 +82,11 @@ def export(
         Path,
         typer.Option("--out", metavar="PATH", help="The file (npz), or a folder."),
     ],
+    overwrite: options.OverwriteOption = False,
 ) -> None:
     """Write a record, or the signals of a run, in a format of other tools."""
+    if not overwrite:
+        _check_free(out, to)
     from surefoot.cli.console import print_note
     from surefoot.recording import export
     from surefoot.recording.read import read_record
@@ -130,3 +133,20 @@ def _left_out(record: Record) -> list[str]:
             f"{record.path} is {record.condition}; what could be read was written"
         )
     return notes
+
+
+def _check_free(out: Path, to: ExportFormat) -> None:
+    """Refuse to replace what an earlier export wrote.
+
+    Raises:
+        UsageError: it is there.
+    """
+    from surefoot.errors import UsageError
+
+    taken = [out] if to is ExportFormat.NPZ else sorted(out.glob(f"*.{to}"))
+    for path in taken:
+        if path.exists():
+            raise UsageError(
+                f"--out {out}: {path} is there already; name another place, or give "
+                "--overwrite"
+            )

@@ -27,9 +27,10 @@ def record(
     out: Annotated[
         Path,
         typer.Option(
-            "--out", metavar="FILE", help="Record here (.mcap); replaced if there."
+            "--out", metavar="FILE", help="Record here (.mcap), into a new file."
         ),
     ],
+    overwrite: options.OverwriteOption = False,
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     raw: Annotated[
@@ -104,6 +105,7 @@ def record(
             attachments=kept,
             raw=raw,
             times=LogTimes(period_ns),
+            overwrite=overwrite,
         ) as file:
             log_note(f"records {model.file.name} to {out}")
             record_bus(

@@ -1,4 +1,4 @@
-"""A folder that a command fills: claimed at the start, others' files left alone."""
+"""Folders and files that commands write: claimed at the start, others' left alone."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Collection
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import BinaryIO, Self
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 
@@ -45,6 +45,46 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
             f"--out {out}: cannot write in {folder} ({error.strerror or error}); name "
             "a folder that can be written to, on a disk with room"
         ) from error
+
+
+def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
+    """Open ``NAME.partial`` for a file that will be called ``NAME`` once complete.
+
+    Args:
+        path: its final name.
+        overwrite: replace a file of this name, or what a command that was cut off left.
+
+    Returns:
+        The open file, empty; it is ours until it is closed.
+
+    Raises:
+        UsageError: the name is taken, or in use.
+        OSError: it cannot be written there.
+    """
+    if path.exists() and not overwrite:
+        raise UsageError(
+            f"--out {path}: is there already; name another file, or give --overwrite"
+        )
+    partial = path.with_name(path.name + ".partial")
+    file = partial.open("ab")
+    try:
+        if fcntl is not None:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if file.tell() and not overwrite:
+            raise UsageError(
+                f"--out {path}: {partial} is what a command that was cut off left; "
+                "take it elsewhere, name another file, or give --overwrite"
+            )
+    except BlockingIOError as error:
+        file.close()
+        raise UsageError(
+            f"--out {path}: another command is writing it now; name another file"
+        ) from error
+    except UsageError:
+        file.close()
+        raise
+    file.truncate(0)
+    return file
 
 
 class OutFolder:

@@ -14,6 +14,7 @@ import msgspec
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from surefoot.out_folder import claim_file
 from surefoot.recording.attachments import Attachment
 from surefoot.recording.counts import count_message, new_count
 from surefoot.recording.log_times import LogTimes
@@ -58,18 +59,21 @@ class McapFile:
         attachments: Iterable[Attachment],
         raw: bool,
         times: LogTimes | None = None,
+        overwrite: bool = False,
     ) -> None:
         """Create the file and write schemas, channels and attachments.
 
         Args:
-            path: where it goes; an older file there is replaced at the end.
+            path: where it goes.
             channels: names from the topic table.
             keys: channel name to bus key.
             attachments: what the messages alone do not tell.
             raw: write the bytes of the bus, not JSON.
             times: gives log times; by default they are the senders' stamps.
+            overwrite: replace a file of this name at the end.
 
         Raises:
+            UsageError: the name is taken, or another recorder is writing there.
             OSError: it cannot be written; the message says what is left.
         """
         self.path = path
@@ -79,7 +83,7 @@ class McapFile:
         self._times = times or LogTimes(None)
         self._kept_apart: dict[str, int] = {}
         try:
-            self._file = self.partial.open("wb")
+            self._file = claim_file(path, overwrite=overwrite)
             self._writer = Writer(
                 self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4
             )

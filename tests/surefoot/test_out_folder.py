@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 import surefoot as sf
-from surefoot.out_folder import OutFolder
+from surefoot.out_folder import OutFolder, claim_file
 from surefoot.run_folder import MARKER, RUN_FILES, run_folder
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
@@ -220,3 +220,20 @@ def test_a_run_in_memory_is_saved_as_the_command_would(tmp_path: Path) -> None:
     with pytest.raises(sf.UsageError, match="--overwrite"):
         run.save(tmp_path / "run")
     run.save(tmp_path / "run", overwrite=True)
+
+
+def test_a_record_is_never_replaced_without_asking(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    first = claim_file(path)
+    with pytest.raises(sf.UsageError, match="is writing it now"):
+        claim_file(path)
+    first.write(b"messages")
+    first.close()
+    with pytest.raises(sf.UsageError, match="was cut off left"):
+        claim_file(path)
+    assert (tmp_path / "a.mcap.partial").read_bytes() == b"messages"
+    claim_file(path, overwrite=True).close()
+    path.write_bytes(b"whole")
+    with pytest.raises(sf.UsageError, match="is there already"):
+        claim_file(path)
+    assert path.read_bytes() == b"whole"
