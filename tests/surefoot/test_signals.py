@@ -261,7 +261,7 @@ def test_a_killed_run_leaves_readable_ticks(tmp_path: Path) -> None:
             return False
 
     try:
-        wait_until(has_ticks, what="two blocks of ticks", deadline_s=60.0)
+        wait_until(has_ticks, what="two blocks of ticks")
     finally:
         child.send_signal(signal.SIGKILL)
         child.wait()
