@@ -23,6 +23,13 @@ GATE = {
     "max_command_age_s": 10.0,
     "max_loop_delay_s": 10.0,
 }
+JUDGED = {
+    "hold_after_s": 0.3,
+    "fault_after_s": 2.0,
+    "max_command_age_s": 0.5,
+}
+"""For a conformance run, which waits for the gate to lose patience and sends what is
+a second old: long against the pauses of a busy machine, short enough to wait for."""
 GENTLE = ("dik.k_force=-1000", "ground.gain=0")
 """Yields so slowly that it stands still with readings 50 ms old, where the defaults
 sway from 5 ms on."""

@@ -74,8 +74,8 @@ class AcmeAdapter:
 
 
 def main() -> None:
-    """Serve the robot until Ctrl-C."""
-    robot = load_robot("walker")
+    """Serve the robot until Ctrl-C: endpoint file, and a robot file of your own."""
+    robot = load_robot(sys.argv[2] if len(sys.argv) > 2 else "walker")
     adapter = AcmeAdapter(robot)
     run_driver(adapter, robot, endpoints=load_endpoints(Path(sys.argv[1])))
 

@@ -92,9 +92,7 @@ def test_a_record_with_a_hole_says_so_and_is_no_success(
         with talking_robot(endpoints, robot.say):
             words = ("record", "--out", out, "--json", "--connect", cable.locator)
             recorder = start((*words, "--wait", 60), log)
-            wait_until(
-                lambda: "ready" in log.read_text(), what="recorder", deadline_s=60.0
-            )
+            wait_until(lambda: "ready" in log.read_text(), what="recorder")
             interrupted(cable)
             cut_at = robot.tick
             # It is heard again: what it says from now on is in the record.
@@ -123,7 +121,7 @@ def test_a_robot_that_ends_in_order_is_a_success(
     with talking_robot(endpoints, robot.say):
         words = ("record", "--out", out, "--connect", endpoints.connect[0])
         recorder = start((*words, "--wait", 60), log)
-        wait_until(lambda: "ready" in log.read_text(), what="recorder", deadline_s=60.0)
+        wait_until(lambda: "ready" in log.read_text(), what="recorder")
         robot.end()
     begin = time.monotonic()
     recorder.communicate(timeout=PATIENCE_S)
@@ -148,9 +146,7 @@ def test_tools_of_the_bus_say_that_the_link_was_lost(
     log = tmp_path / "log"
     with Cable(endpoints.connect[0]) as cable, talking_robot(endpoints, robot.say):
         tool = start((*words, "--connect", cable.locator, "--wait", 60), log)
-        wait_until(
-            lambda: len(cable._ends) > 0, what="the tool to dial", deadline_s=60.0
-        )
+        wait_until(lambda: len(cable._ends) > 0, what="the tool to dial")
         begin = robot.tick
         wait_until(lambda: robot.tick > begin + 700, what="the tool to hear")
         interrupted(cable)

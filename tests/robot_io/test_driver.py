@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from tests.command import REPOSITORY, Surefoot, environment
+from tests.patient_robot import JUDGED, patient_robot_file
 from tests.robot_io.conformance.verdict import check_passes_but_for_time
 from tests.support import PATIENCE_S, free_port
 
@@ -19,9 +20,12 @@ def test_the_example_driver_passes(surefoot: Surefoot, tmp_path: Path) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
     file = tmp_path / "endpoints.toml"
     file.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
-    driver = subprocess.Popen([sys.executable, DRIVER, file], env=environment())
+    robot = patient_robot_file(tmp_path, **JUDGED)
+    words = [sys.executable, DRIVER, file, robot]
+    driver = subprocess.Popen(words, env=environment())
     try:
-        done = surefoot("check-robot", "--endpoints", file, "--json")
+        words = ["--endpoints", file, "--robot", robot, "--wait", PATIENCE_S]
+        done = surefoot("check-robot", *words, "--json")
         check_passes_but_for_time(done)
         driver.send_signal(signal.SIGTERM)
         assert driver.wait(PATIENCE_S) == 0

@@ -309,7 +309,7 @@ def test_a_commander_leaves_when_a_second_robot_comes_to_stay(
                 wait_until(
                     lambda: not client.robot_is_here,
                     what="the commander to notice",
-                    deadline_s=PATIENCE_S + CROWD_S,
+                    patience_s=PATIENCE_S + CROWD_S,
                 )
         assert holder(served) == "ann"
         client.release()
