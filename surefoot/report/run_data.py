@@ -22,13 +22,12 @@ from surefoot.run_folder import (
     RESULT,
     SCENARIO,
     SETTINGS,
+    TICKS,
     read_struct,
 )
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.codec import Head
 from surefoot.schemas.messages import (
-    ForceTorque,
-    ImuState,
     Message,
     RobotStatus,
     StabilizerStatus,
@@ -41,7 +40,7 @@ from surefoot.signals import Signals, read_signals
 MOST_RUNS = 6
 """So many colours can be told apart."""
 NS_PER_MS = 1e6
-M = TypeVar("M", Head, ForceTorque, ImuState, RobotStatus, StabilizerStatus)
+M = TypeVar("M", Head, RobotStatus, StabilizerStatus)
 
 
 @dataclass(frozen=True)
@@ -218,6 +217,11 @@ def load_run(folder: Path, *, label: str) -> RunData:
 
     result, about = _read_ends(folder)
     signals = read_signals(folder)
+    if "q" not in signals:
+        raise UsageError(
+            f"{folder / TICKS}: missing; the run kept no ticks of the robot, so there "
+            "is nothing to draw. Make it again with --out"
+        )
     robot = load_robot(about["robot"], servo_profile=about["servo_profile"])
     recorded = len(signals.layout("q").labels)
     if recorded != robot.n_a:
