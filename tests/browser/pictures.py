@@ -21,6 +21,7 @@ _COUNT = """async ([first, second]) => {
   return count;
 }"""
 _INK = """(canvas) => {
+  if (!canvas.width || !canvas.height) return 0;
   const context = canvas.getContext("2d");
   const data = context.getImageData(0, 0, canvas.width, canvas.height).data;
   let count = 0;

@@ -16,12 +16,16 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.robot import load_robot
+from surefoot.runs import load_run
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.topics import ALIVE_OBSERVER
 from tests.command import command, environment
 from tests.support import PATIENCE_S, free_port, wait_until
 
 ENDLESS_S = "36000"
+A_BLOCK_BYTES = 500_000
+"""More than a record's head, and less than its first block of ticks."""
 LISTENING = {
     "record": ["record", "--out", "a.mcap"],
     "topics": ["topics", "--for", ENDLESS_S],
@@ -105,14 +109,20 @@ def test_while_it_works(tmp_path: Path, name: str) -> None:
         wait_until(
             lambda: [
                 *tmp_path.glob("out/runs.jsonl"),
-                *tmp_path.glob(".out-*/run.json"),
+                *(
+                    file
+                    for file in tmp_path.glob("out/ticks.mcap")
+                    if file.stat().st_size > A_BLOCK_BYTES
+                ),
             ],
             what="the work to begin",
         )
         stdout, _ = ends_clean(process)
-    assert stdout == ""
     if name == "run":
-        assert not [*tmp_path.glob("out"), *tmp_path.glob(".out-*")]
+        assert "interrupted" in stdout
+        assert load_run(tmp_path / "out").outcome is Outcome.INTERRUPTED
+    else:
+        assert stdout == ""
 
 
 def test_while_the_router_serves(tmp_path: Path) -> None:
