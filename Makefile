@@ -11,11 +11,12 @@ export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test lint format schemas docs clean
+.PHONY: help install demo test quick lint format schemas docs clean
 
 help:
 	@echo "make demo    install into .venv and run the moving-platform demo"
 	@echo "make test    install into .venv, check style, types and layers, run the tests"
+	@echo "make quick   the tests without closed loops, processes and browser: a minute"
 	@echo "make lint    style, types and layers only"
 	@echo "make format  let ruff rewrite the code"
 	@echo "make schemas rewrite schemas/json after a change of messages or file formats"
@@ -55,6 +56,9 @@ lint: $(STAMP)
 
 test: $(STAMP) lint
 	$(BIN)/python -m pytest -q
+
+quick: $(STAMP)
+	$(BIN)/python -m pytest -q -m "not (closed_loop or process or browser or slow)"
 
 format: $(STAMP)
 	$(BIN)/ruff check --fix .

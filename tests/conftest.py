@@ -20,18 +20,14 @@ from tests.support import free_port
 
 TESTS = Path(__file__).parent
 OF_PROCESSES = (
-    *("cli/", "nodes/", "deploy/", "docs/", "robot_io/conformance/"),
-    *("surefoot/playback/", "surefoot/report/", "surefoot/test_import_names.py"),
-    *("surefoot/test_private_bus.py", "robot_io/relay/test_relay.py"),
-    *(
-        f"robot_io/test_{name}.py"
-        for name in (
-            *("assembler", "bad_commands", "client_and_server", "driver", "operator"),
-            *("presence", "router", "scheduling", "security", "session"),
-        )
-    ),
+    *("cli/", "nodes/", "deploy/", "docs/", "examples/", "files/"),
+    *("robot_io/conformance/", "surefoot/playback/", "surefoot/report/"),
+    *("surefoot/test_import_names.py", "surefoot/test_private_bus.py"),
+    *("surefoot/test_library.py", "surefoot/test_out_folder.py"),
 )
-"""Folders and files whose tests start processes or talk over a bus."""
+"""Folders and files whose tests start processes."""
+FIXTURES_OF_PROCESSES = {"endpoints", "surefoot", "authority", "meeting"}
+"""What these give is used to talk over a bus, or starts a process."""
 
 
 @pytest.fixture
@@ -104,6 +100,12 @@ def one_name_for_each_module() -> Iterator[None]:
     assert modules_with_two_names() == {}
 
 
+def needs_process(item: pytest.Item) -> bool:
+    """Whether one of its fixtures leads to a bus or a process."""
+    fixtures = getattr(item, "fixturenames", ())
+    return not FIXTURES_OF_PROCESSES.isdisjoint(fixtures)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what meets others on a bus, starts processes or a browser, by its place.
 
@@ -114,7 +116,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         place = item.path.relative_to(TESTS).as_posix()
         if place.startswith("browser/"):
             item.add_marker(pytest.mark.browser)
-        elif place.startswith(OF_PROCESSES):
+        elif place.startswith(OF_PROCESSES) or needs_process(item):
             item.add_marker(pytest.mark.process)
 
 

@@ -198,6 +198,7 @@ def test_gains_changed_later_reach_extra_tasks(walker: Robot) -> None:
     assert task.rate == 0.125
 
 
+@pytest.mark.closed_loop
 def test_hand_reaches_its_target_while_the_robot_stands(
     example: ModuleType, walker: Robot
 ) -> None:

@@ -22,6 +22,8 @@ from surefoot.schemas.relay_plan import (
 from surefoot.stabilizer.factory import make_controller
 from tests.command import Surefoot
 
+pytestmark = pytest.mark.closed_loop
+
 TICKS = 300
 
 
@@ -131,7 +133,6 @@ def late_commands(ms: float) -> RelayPlan:
     return relay_plan_from_table({"name": "late", "fault": [fault]}, source="test")
 
 
-@pytest.mark.closed_loop
 def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(
     tmp_path: Path,
 ) -> None:

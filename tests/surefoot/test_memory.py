@@ -17,6 +17,8 @@ from surefoot.robot_io.ticks.write import BLOCKS_UNDERWAY
 from surefoot.run_plan import make_plan
 from surefoot.signals import TickSinks, file_sinks
 
+pytestmark = pytest.mark.closed_loop
+
 LONG = sf.Scenario(name="long", duration_s=3600.0)
 WARM_TICKS = 1500
 TICKS = 3000

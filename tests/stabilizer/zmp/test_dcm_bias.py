@@ -139,6 +139,7 @@ def standing_offset(correction: Literal["off", "bias", "filter"]) -> float:
     return float(com[0])
 
 
+@pytest.mark.closed_loop
 def test_a_corrected_robot_stands_where_it_should() -> None:
     """Uncorrected, it stands as far behind as it is seen ahead, nearly."""
     assert standing_offset("off") < -0.010
