@@ -37,8 +37,9 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
         with tempfile.TemporaryFile(dir=folder):
             pass
     except (FileExistsError, NotADirectoryError) as error:
+        file = next((above for above in folder.parents if above.is_file()), folder)
         raise UsageError(
-            f"--out {out}: {folder} is a file, expected a folder or a new name"
+            f"--out {out}: {file} is not a folder; name a folder, or a new one"
         ) from error
     except OSError as error:
         raise EnvironmentFailedError(

@@ -22,7 +22,7 @@ from tests.files.commands import assert_refused_in_one_line, run_here
 from tests.files.damage import FOREIGN, damaged, foreign_record
 from tests.support import PATIENCE_S, free_port
 
-COPIES = 60
+COPIES = 12
 MANY_COPIES = 1000
 PLAYED_EVERY = 10
 """Opening a bus takes longer than reading the file."""
@@ -90,7 +90,7 @@ def read_ticks_in_every_way(folder: Path) -> None:
     assert set(codes) <= {0, 2}, codes
 
 
-@pytest.mark.parametrize("count", [10, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.slow)])
 def test_damaged_ticks_are_read_or_refused(
     count: int, ticks: bytes, run_folder: Path
 ) -> None:
@@ -188,7 +188,7 @@ def test_every_prefix_gives_the_messages_it_holds(
     whole = read_record(path)
     total = sum(whole.size(name) for name in whole.channels)
     counts = []
-    for share in range(1, 40):
+    for share in (1, 5, 10, 20, 30, 36, 39):
         path.write_bytes(record[: len(record) * share // 40])
         try:
             read = read_record(path)
