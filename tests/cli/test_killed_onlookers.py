@@ -46,7 +46,7 @@ def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
     )
     try:
         partial = wait_until(
-            lambda: next(folder.glob(".*/run.mcap.partial"), None),
+            lambda: next(folder.glob("run/run.mcap.partial"), None),
             what="the recorder",
         )
         wait_until(

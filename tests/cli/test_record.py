@@ -42,7 +42,7 @@ def recorder_of(folder: Path) -> int:
     """Process id of the recorder of a run, once it writes."""
 
     def find() -> int | None:
-        for log in folder.glob(".*/recorder.log"):
+        for log in folder.rglob("recorder.log"):
             found = PROCESS.search(log.read_text())
             file = log.with_name("run.mcap.partial")
             # Larger than attachments and schemas: messages are in it.

@@ -42,7 +42,7 @@ def children(folder: Path) -> tuple[int, int]:
     def active_ids() -> tuple[int, int] | None:
         ids = []
         for name in ("robot", "stabilizer"):
-            text = "".join(path.read_text() for path in folder.glob(f".*/{name}.log"))
+            text = "".join(path.read_text() for path in folder.rglob(f"{name}.log"))
             found = _PROCESS.search(text)
             if found is None:
                 return None
