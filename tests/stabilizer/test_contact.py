@@ -128,9 +128,9 @@ def test_losing_contact_takes_the_load_away(side: int) -> None:
     assert lifted(side=side).allowed[side] == 0.0
 
 
-def test_equal_thresholds_still_make_up_their_mind() -> None:
+def test_thresholds_that_almost_touch_still_make_up_their_mind() -> None:
     settings = msgspec.structs.replace(
-        SETTINGS, lost_below_n=30.0, regained_above_n=30.0
+        SETTINGS, lost_below_n=30.0, regained_above_n=30.1
     )
     monitor = make_monitor(settings)
     ticks_until(monitor, side=0, normal=29.0, in_contact=False)
