@@ -233,7 +233,11 @@ class Safety:
         if upright < self._least_upright:
             angle = math.degrees(math.acos(max(upright, -1.0)))
             self.abort(EndReason.FELL, f"leans by {angle:.0f} deg")
-        load = snapshot.ft_left.item(2) + snapshot.ft_right.item(2)
+        # The size of a force is the same however its sensor is turned.
+        load = sum(
+            math.hypot(*force[:3].tolist())
+            for force in (snapshot.ft_left, snapshot.ft_right)
+        )
         if load > self._settings.unloaded_n or any(self._degraded):
             self._unloaded = 0
             return
