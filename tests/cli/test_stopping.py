@@ -67,7 +67,7 @@ def test_interrupting_a_run_stops_both_and_keeps_what_there_is(
     process, folder = endless_run
     ids = children(folder)
     process.send_signal(sent)
-    stdout, stderr = process.communicate(timeout=PATIENCE_S)
+    _, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "Traceback" not in stderr
     assert all(map(is_gone, ids))
