@@ -38,6 +38,7 @@ class Robot:
         keys: channel name to bus key, overrides applied.
         lower: (n_a,) lower end of the joint ranges [rad].
         upper: (n_a,) upper end [rad].
+        sole_normals: (2, 3) upward normal of each sole, in its force sensor's frame.
     """
 
     file: RobotFile
@@ -46,6 +47,7 @@ class Robot:
     keys: dict[str, str]
     lower: Array
     upper: Array
+    sole_normals: Array
 
     @property
     def joint_names(self) -> list[str]:
@@ -198,14 +200,15 @@ def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
         RobotFileError: TOML and URDF contradict each other.
         FileFormatError: the TOML contradicts itself.
     """
-    ranges = check_robot(file, path, urdf_path)
+    facts = check_robot(file, path, urdf_path)
     return Robot(
         file=file,
         path=path.resolve(),
         urdf_path=urdf_path.resolve(),
         keys=_bus_keys(file, path),
-        lower=ranges.lower,
-        upper=ranges.upper,
+        lower=facts.lower,
+        upper=facts.upper,
+        sole_normals=facts.sole_normals,
     )
 
 

@@ -22,14 +22,21 @@ HEIGHT_SHARE = 0.1
 """Of the height of the base: how far a robot's file may be off its URDF."""
 
 
-class JointRanges(NamedTuple):
-    """Ends of the joint ranges, each (n_a,) [rad], read-only."""
+class UrdfFacts(NamedTuple):
+    """What a robot's URDF says, in the order of its TOML; read-only.
+
+    Attributes:
+        lower: (n_a,) lower end of the joint ranges [rad].
+        upper: (n_a,) upper end [rad].
+        sole_normals: (2, 3) upward normal of each sole, in its force sensor's frame.
+    """
 
     lower: Array
     upper: Array
+    sole_normals: Array
 
 
-def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> JointRanges:
+def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
     """Compare a robot's TOML with itself and with its URDF.
 
     Args:
@@ -38,7 +45,7 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> JointRanges:
         urdf_path: the URDF it names.
 
     Returns:
-        The joint ranges of the URDF in the order of the TOML.
+        What the URDF says.
 
     Raises:
         FileFormatError: the TOML contradicts itself.
@@ -57,8 +64,10 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> JointRanges:
     ]
     _check_height(file, path, urdf)
     bounds = np.array(ranges, dtype=np.float64).T.copy()
-    bounds.setflags(write=False)
-    return JointRanges(lower=bounds[0], upper=bounds[1])
+    normals = np.array([_sole_normal(foot, urdf) for foot in file.foot])
+    for array in (bounds, normals):
+        array.setflags(write=False)
+    return UrdfFacts(lower=bounds[0], upper=bounds[1], sole_normals=normals)
 
 
 def _check_file(file: RobotFile, path: Path) -> None:
@@ -155,7 +164,8 @@ def _check_height(file: RobotFile, path: Path, urdf: Urdf) -> None:
     """The soles lie below the base where the file says they do."""
     posture = {joint.name: joint.nominal_rad for joint in file.joint}
     below_m = [
-        -float(urdf.place_below_root(foot.sole_frame, posture)[2]) for foot in file.foot
+        -float(urdf.pose_below_root(foot.sole_frame, posture)[0][2])
+        for foot in file.foot
     ]
     mean_m = 0.5 * sum(below_m)
     if abs(mean_m - file.nominal_base_height_m) > HEIGHT_SHARE * abs(mean_m):
@@ -164,6 +174,15 @@ def _check_height(file: RobotFile, path: Path, urdf: Urdf) -> None:
             f"in the nominal posture the soles of {file.urdf} lie {mean_m:.4g} below "
             f"{file.base_link!r}; are lengths in metres and angles in radians?"
         )
+
+
+def _sole_normal(foot: Foot, urdf: Urdf) -> Array:
+    """(3,) upward normal of a sole in its sensor's frame; no joint lies between."""
+    sole, sensor = (
+        urdf.pose_below_root(link, {})[1] for link in (foot.sole_frame, foot.ft_link)
+    )
+    normal: Array = sensor.T @ sole[:, 2]
+    return normal
 
 
 def _check_sole(foot: Foot, path: Path, urdf: Urdf) -> None:

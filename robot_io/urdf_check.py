@@ -134,15 +134,15 @@ class Urdf:
                 f"{_LARGEST_MASS_KG:g} kg; are masses in kg?"
             )
 
-    def place_below_root(self, link: str, posture: dict[str, float]) -> Vec3:
-        """Origin of a link in the root's frame.
+    def pose_below_root(self, link: str, posture: dict[str, float]) -> tuple[Vec3, Mat]:
+        """Place and orientation of a link in the root's frame.
 
         Args:
             link: its name.
             posture: joint to angle [rad] or place [m]; others are at zero.
 
         Returns:
-            (3,) [m].
+            (3,) [m] and (3, 3).
         """
         turned, p = np.eye(3), np.zeros(3)
         for below in reversed(self.up(link)):
@@ -157,7 +157,7 @@ class Urdf:
                 p = p + turned @ axis * moved
             elif joint.get("type") != _FIXED:
                 turned = turned @ rotation(axis, moved)
-        return p
+        return p, turned
 
     def _named(
         self, root: ElementTree.Element, tag: str

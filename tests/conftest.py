@@ -41,7 +41,7 @@ def endpoints() -> Endpoints:
 def surefoot(tmp_path: Path) -> Surefoot:
     """Run a command of ``surefoot`` in an empty folder."""
     work = tmp_path / "work"
-    work.mkdir()
+    work.mkdir(exist_ok=True)
     return partial(run_surefoot, cwd=work)
 
 
@@ -55,7 +55,7 @@ def surefoot_here(
     minutes. For commands that end by themselves and start no others.
     """
     work = tmp_path / "work"
-    work.mkdir()
+    work.mkdir(exist_ok=True)
 
     def run(*arguments: object) -> subprocess.CompletedProcess[str]:
         words = ["surefoot", *map(str, arguments)]

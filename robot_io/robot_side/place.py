@@ -20,10 +20,11 @@ PATIENCE_S = 3.0
 """The token of a robot that died stands until the bus has given its host up."""
 LEASES = 2
 """But at least for so many of the bus's own limits of silence."""
-YIELD_S = 1.0
+YIELD_S = 2.0
 """Who must give way to us has done so by then."""
 POLL_S = 0.02
-Instances = list[str]
+Instance = str
+Instances = list[Instance]
 
 
 def take_place(
@@ -71,20 +72,25 @@ def take_place(
         return
     bus.announce(identity.token)
     bus.settle()
-    came = others()
-    if not any(instance < identity.instance for instance in came):
-        came = _who_stays(others, YIELD_S, stop)
+    # Whoever sees a lesser one goes at once, also while it waits for greater ones: the
+    # least could lose patience in the same moment as the others, and none would stay.
+    came = _who_stays(others, YIELD_S, stop, before=identity.instance)
     _refuse_beside(came, robot, identity)
 
 
 def _who_stays(
-    others: Callable[[], Instances], patience_s: float, stop: StopRequest
+    others: Callable[[], Instances],
+    patience_s: float,
+    stop: StopRequest,
+    *,
+    before: Instance = "",
 ) -> Instances:
-    """Who is there still when patience is at its end."""
+    """Who is there still when patience is at its end, or a lesser instance is."""
     pause = threading.Event()  # never set: somebody else's leaving wakes nobody
     end_s = time.monotonic() + patience_s
     while there := others():
-        if stop.is_set or time.monotonic() >= end_s:
+        is_less = any(instance < before for instance in there)
+        if is_less or stop.is_set or time.monotonic() >= end_s:
             break
         pause.wait(POLL_S)
     return there

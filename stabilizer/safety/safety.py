@@ -81,6 +81,7 @@ class Safety:
         self._left = 0
         self._asked: Array | None = None
         self._unloaded = 0
+        self._normals = robot.sole_normals
         self._up = (0.0, 0.0, 1.0)
         self._degraded = (False, False)
         self._output: ControllerOutput | None = None
@@ -233,11 +234,8 @@ class Safety:
         if upright < self._least_upright:
             angle = math.degrees(math.acos(max(upright, -1.0)))
             self.abort(EndReason.FELL, f"leans by {angle:.0f} deg")
-        # The size of a force is the same however its sensor is turned.
-        load = sum(
-            math.hypot(*force[:3].tolist())
-            for force in (snapshot.ft_left, snapshot.ft_right)
-        )
+        left, right = self._normals
+        load = left @ snapshot.ft_left[:3] + right @ snapshot.ft_right[:3]
         if load > self._settings.unloaded_n or any(self._degraded):
             self._unloaded = 0
             return

@@ -9,6 +9,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
 from surefoot.endpoints import ENDPOINTS, loopback_endpoints, write_endpoints
 from surefoot.errors import ChildFailedError
 from surefoot.exit_codes import ExitCode
@@ -26,6 +28,7 @@ from surefoot.run_folder import (
 from surefoot.run_plan import RunPlan
 from surefoot.run_result import Sides
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult, RelayResult
 
 _LOG = logging.getLogger("surefoot.run")
@@ -273,9 +276,20 @@ def run_processes(
             ),
             relay=_relay_result(relay, relay_file, error),
         )
+        if isinstance(error, ChildFailedError):
+            sides = _ended_by(error, sides)
     for file in (plant_file, controller_file, relay_file, meeting, beyond_file):
         file.unlink(missing_ok=True)
     return BusRun(sides, error)
+
+
+def _ended_by(error: ChildFailedError, sides: Sides) -> Sides:
+    """Name whose failure ended a run, where the robot only knows that it was asked."""
+    plant = sides.plant
+    if plant.end is not ModeCause.STOPPED:
+        return sides
+    first_line = str(error).splitlines()[0]
+    return sides._replace(plant=replace(plant, end_detail=first_line))
 
 
 def _relay_result(

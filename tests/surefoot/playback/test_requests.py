@@ -26,7 +26,7 @@ from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.command import command, environment
 from tests.nodes.processes import running
-from tests.patient_robot import gentle_settings, patient_robot_file
+from tests.patient_robot import GENTLE, gentle_settings, patient_robot_file
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check
 from tests.surefoot.recording.mcap_reading import messages
@@ -35,6 +35,8 @@ LONG = {"duration_s": 600.0, "sensors": {"force_noise_n": 2.0}}
 LATER_TICKS = 150
 WAITS = {"hold_after_s": 30.0, "lease_s": 60.0}
 """Nobody here falls silent but to test something else."""
+AS_RECORDED = [word for value in GENTLE for word in ("--set", value)]
+"""A recorder that nobody gave the settings cannot keep them."""
 
 
 def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
@@ -155,7 +157,7 @@ def test_gains_holds_and_pushes_are_equal(
             onlooker.let_go_on()
         robot.signal(signal.SIGINT)
         robot.result()
-    code, found = check(out)
+    code, found = check(out, *AS_RECORDED)
     assert code == 0, found
     (session,) = found["sessions"]
     answered = [m for m in messages(out) if m.channel == "joint_command"]
@@ -185,7 +187,7 @@ def test_a_second_stabilizer_is_a_session_of_its_own(
             onlooker.let_go_on()
             robot.signal(signal.SIGINT)
             robot.result()
-    code, found = check(out)
+    code, found = check(out, *AS_RECORDED)
     assert code == 0, found
     assert [session["commander"] for session in found["sessions"]] == ["ann", "bob"]
     assert all(session["compared"] > LATER_TICKS for session in found["sessions"])
