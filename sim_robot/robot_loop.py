@@ -17,7 +17,7 @@ from surefoot.schemas.result import Histogram
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.truth import truth_message
 
-DEADLINE_S = 2.0
+DEADLINE_S = 5.0
 """Lockstep: longest wait for an answer [s]."""
 FIRST_DEADLINE_S = 15.0
 """The same for the first answer, while a controller may still build its model [s]."""

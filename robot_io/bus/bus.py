@@ -19,12 +19,15 @@ from surefoot.robot_io.bus.session import (
     unreachable,
 )
 from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.realtime import Pace
 from surefoot.schemas.endpoints import Endpoints
 
-GRANULARITY_S = 0.005
-"""How late a wait with a deadline may end in real time [s]."""
-LOCKSTEP_GRANULARITY_S = 0.02
-"""The same in lockstep, where both sides wait anyway and each check costs time."""
+GRANULARITY_S = {Pace.REALTIME: 0.005, Pace.LOCKSTEP: 0.02}
+"""How late a wait with a deadline may end [s]. In lockstep both sides wait anyway, and
+each check costs time."""
+WAIT_BEFORE_DROP_S = {Pace.REALTIME: 0.001, Pace.LOCKSTEP: 0.5}
+"""How long a message may wait for a busy link before it is dropped [s]. In lockstep the
+robot's time stands still meanwhile, and a recorder that keeps up late loses nothing."""
 SETTLE_S = 1.0
 """The bus may take so long to say that there is nobody else [s]."""
 _NOBODY = "alive/nobody"
@@ -53,7 +56,7 @@ class Bus:
         namespace: str,
         timeout_s: float = CONNECT_TIMEOUT_S,
         keys: dict[str, str] | None = None,
-        granularity_s: float = GRANULARITY_S,
+        pace: Pace = Pace.REALTIME,
     ) -> None:
         """Prepare; entering the context opens the session.
 
@@ -63,12 +66,12 @@ class Bus:
             namespace: the robot's.
             timeout_s: how long a client dials before it gives up [s].
             keys: the robot's keys, for access control; the usual ones when None.
-            granularity_s: how late a wait with a deadline may end [s].
+            pace: in lockstep messages may wait for a busy reader, and waits end later.
         """
         self._endpoints, self._role, self._namespace = endpoints, role, namespace
         self._timeout_s = timeout_s
         self._keys = keys
-        self._granularity_s = granularity_s
+        self._pace = pace
         self._stack = ExitStack()
         self._tokens: list[zenoh.LivelinessToken] = []
         """Kept, since Zenoh withdraws a token that is no longer referenced."""
@@ -88,9 +91,11 @@ class Bus:
                     namespace=self._namespace,
                     timeout_s=self._timeout_s,
                     keys=self._keys,
+                    wait_before_drop_s=WAIT_BEFORE_DROP_S[self._pace],
                 )
             )
-            self.waker = Waker(self.session, granularity_s=self._granularity_s)
+            granularity_s = GRANULARITY_S[self._pace]
+            self.waker = Waker(self.session, granularity_s=granularity_s)
             stack.enter_context(self.waker.running())
             self._stack = stack.pop_all()
         return self

@@ -39,8 +39,9 @@ QUERY_TIMEOUT_MS = 1000
 MAX_SESSIONS = 16
 HANDSHAKE_MS = 1000
 KEEP_ALIVES_PER_LEASE = 4
-WAIT_BEFORE_DROP_US = 1000
-"""How long a publication may wait for a busy link before it is dropped."""
+WAIT_BEFORE_DROP_S = 0.001
+"""How long a message may wait for a busy link before it is dropped [s]."""
+US_PER_S = 1e6
 QUEUE_BATCHES = 16
 """Zenoh gives urgent priorities one batch by default, and then drops messages
 whenever its sender thread loses the processor for a millisecond."""
@@ -74,6 +75,7 @@ def open_session(
     namespace: str,
     timeout_s: float = CONNECT_TIMEOUT_S,
     keys: dict[str, str] | None = None,
+    wait_before_drop_s: float = WAIT_BEFORE_DROP_S,
 ) -> Iterator[zenoh.Session]:
     """Open a session and close it whatever happens.
 
@@ -87,6 +89,7 @@ def open_session(
             tool that looks at all of the wire.
         timeout_s: how long who dials does so before it gives up [s].
         keys: channel name to key, for access control; the usual ones when None.
+        wait_before_drop_s: how long a message may wait for a busy link [s].
 
     Raises:
         EndpointError: cannot listen there, or a locator is malformed.
@@ -98,7 +101,12 @@ def open_session(
     _check(endpoints, role)
     os.environ.setdefault(RUNTIME_VARIABLE, RUNTIME)  # read once, at the first session
     config = session_config(
-        endpoints, role, namespace=namespace, timeout_s=timeout_s, keys=keys
+        endpoints,
+        role,
+        namespace=namespace,
+        timeout_s=timeout_s,
+        keys=keys,
+        wait_before_drop_s=wait_before_drop_s,
     )
     try:
         session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
@@ -127,6 +135,7 @@ def session_config(
     namespace: str,
     timeout_s: float,
     keys: dict[str, str] | None = None,
+    wait_before_drop_s: float = WAIT_BEFORE_DROP_S,
 ) -> JsonObject:
     """Return Zenoh's configuration for a process.
 
@@ -136,6 +145,7 @@ def session_config(
         namespace: put before every key on the wire.
         timeout_s: how long who dials does so before it gives up [s].
         keys: channel name to key, for access control; the usual ones when None.
+        wait_before_drop_s: how long a message may wait for a busy link [s].
 
     Returns:
         What Zenoh's JSON5 file would hold.
@@ -165,7 +175,7 @@ def session_config(
         },
         "adminspace": {"enabled": True, "permissions": {"read": True, "write": False}},
         "queries_default_timeout": QUERY_TIMEOUT_MS,
-        "transport": _transport(endpoints),
+        "transport": _transport(endpoints, wait_before_drop_s),
     }
     # A router hears the keys as they are on the wire; so does who names no robot.
     if role is not Role.ROUTER and namespace:
@@ -195,7 +205,7 @@ def _size_limit(endpoints: Endpoints) -> JsonObject:
     }
 
 
-def _transport(endpoints: Endpoints) -> JsonObject:
+def _transport(endpoints: Endpoints, wait_before_drop_s: float) -> JsonObject:
     return {
         "shared_memory": {"enabled": False},
         "unicast": {
@@ -214,7 +224,9 @@ def _transport(endpoints: Endpoints) -> JsonObject:
                     "size": {"real_time": QUEUE_BATCHES},
                     "batching": {"enabled": True, "time_limit": BATCH_WAIT_MS},
                     "congestion_control": {
-                        "drop": {"wait_before_drop": WAIT_BEFORE_DROP_US}
+                        "drop": {
+                            "wait_before_drop": round(US_PER_S * wait_before_drop_s)
+                        }
                     },
                 },
             },

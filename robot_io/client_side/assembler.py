@@ -11,6 +11,8 @@ from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
 from surefoot.schemas.messages import Message
 
 CAUGHT_UP_TICKS = 1
+KNOWN_PATIENCE_S = 0.05
+"""At most so long for a sensor that was lost before."""
 
 
 class SensorReader(Generic[M]):
@@ -22,14 +24,16 @@ class SensorReader(Generic[M]):
         latest: newest message taken; None before the first.
         is_lost: it has kept the others waiting, and is not waited for until it has
             caught up with them.
+        patience_s: how long it may keep the others waiting; less once it was lost [s].
     """
 
-    def __init__(self, name: str, inbox: Inbox[M]) -> None:
+    def __init__(self, name: str, inbox: Inbox[M], *, patience_s: float) -> None:
         """Nothing has come yet."""
         self.name = name
         self.inbox = inbox
         self.latest: M | None = None
         self.is_lost = False
+        self.patience_s = patience_s
 
     @property
     def tick(self) -> int:
@@ -46,12 +50,16 @@ class SensorReader(Generic[M]):
         while self.inbox.peek() is not None:
             self.take()
 
-    def reach(self, tick: int, *, patience_s: float) -> None:
+    def give_up(self) -> None:
+        """Wait for it no more, until it has caught up."""
+        self.is_lost = True
+        self.patience_s = min(self.patience_s, KNOWN_PATIENCE_S)
+
+    def reach(self, tick: int) -> None:
         """Take messages up to one of a tick, waiting for it unless it is lost.
 
         Args:
             tick: the tick wanted.
-            patience_s: how long to wait [s].
         """
         head = self.inbox.peek()
         if head is not None and head.tick == tick:  # nearly always
@@ -59,7 +67,7 @@ class SensorReader(Generic[M]):
             self.inbox.drop()
             self.is_lost = False
         else:
-            self._catch_up(tick, patience_s)
+            self._catch_up(tick)
 
     def restart(self) -> None:
         """The robot has begun anew."""
@@ -67,15 +75,17 @@ class SensorReader(Generic[M]):
         self.latest = None
         self.is_lost = False
 
-    def _catch_up(self, tick: int, patience_s: float) -> None:
+    def _catch_up(self, tick: int) -> None:
         """Take late messages, and wait for the one of the tick."""
         while self.tick < tick:
             head = self.inbox.peek()
             if head is None and not self.is_lost:
-                head = self.inbox.peek_wait(time.monotonic() + patience_s)
+                head = self.inbox.peek_wait(time.monotonic() + self.patience_s)
             if head is None:
-                has_caught_up = tick - self.tick <= CAUGHT_UP_TICKS
-                self.is_lost = not (self.is_lost and has_caught_up)
+                if self.is_lost and tick - self.tick <= CAUGHT_UP_TICKS:
+                    self.is_lost = False
+                else:
+                    self.give_up()
                 return
             if head.tick > tick:  # the one wanted never came, but the sensor lives
                 break
@@ -114,7 +124,6 @@ class SnapshotAssembler:
         *,
         joint_count: int,
         in_order: bool,
-        patience_s: float,
     ) -> None:
         """Join sensors.
 
@@ -122,11 +131,9 @@ class SnapshotAssembler:
             sensors: all of them, in the order in which they are sent.
             joint_count: n_a.
             in_order: every tick once, none skipped (lockstep); otherwise the newest.
-            patience_s: how long one sensor may keep the others waiting [s].
         """
         self._sensors = sensors
         self._in_order = in_order
-        self._patience_s = patience_s
         self._was_partial = False
         self._tick = NEVER
         self._complete_ns = 0
@@ -146,7 +153,7 @@ class SnapshotAssembler:
             if tick is None:
                 return None
             for sensor in self._sensors:
-                sensor.reach(tick, patience_s=self._patience_s)
+                sensor.reach(tick)
             self._tick = tick
             messages = [s.latest for s in self._sensors if s.latest is not None]
             if len(messages) == len(self._sensors):
@@ -167,7 +174,7 @@ class SnapshotAssembler:
         """The tick to join next, once its last sensor has come."""
         while True:
             last = self._last_sensor()
-            limit = min(deadline, time.monotonic() + self._patience_s)
+            limit = min(deadline, time.monotonic() + last.patience_s)
             head = last.inbox.peek_wait(limit)
             if head is not None:
                 self._complete_ns = time.perf_counter_ns()
@@ -197,7 +204,9 @@ class SnapshotAssembler:
         """Give the last sensor up if others have come twice without it."""
         others = (s for s in self._sensors if s is not last)
         is_partial = any(s.inbox.peek() is not None for s in others)
-        last.is_lost = is_partial and self._was_partial
+        last.is_lost = False
+        if is_partial and self._was_partial:
+            last.give_up()
         self._was_partial = is_partial and not last.is_lost
 
     def _join(self, tick: int, messages: Sequence[Message]) -> SnapshotReading:

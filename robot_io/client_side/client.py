@@ -11,7 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from surefoot.robot_io.bus.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
+from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.inbox import Inbox, Latest
 from surefoot.robot_io.bus.session import Role, unreachable
 from surefoot.robot_io.bus.stop_request import StopRequest
@@ -24,6 +24,7 @@ from surefoot.robot_io.client_side.requests import ServiceCaller
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.client_side.stabilizer_services import Asked, StabilizerServices
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
+from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.codec import encode
@@ -52,8 +53,11 @@ DIAL_S = 0.5
 STOP_POLL_S = 0.05
 PATIENCE_S = 0.005
 """How long the sensors of a tick wait for a missing one [s]."""
-LOCKSTEP_PATIENCE_S = 0.05
-"""The same in lockstep, where the robot's time stands still meanwhile [s]."""
+LOCKSTEP_PATIENCE_S = 0.5
+"""The same in lockstep, where the robot's time stands still meanwhile [s].
+
+Long, so that no pause of a busy machine makes the run another one; twice that is
+less than the robot waits for an answer."""
 
 
 _give_way = getattr(os, "sched_yield", lambda: None)
@@ -291,9 +295,7 @@ class RobotClient:
                     Role.CLIENT,
                     namespace=self._robot.file.namespace,
                     timeout_s=timeout_s,
-                    granularity_s=(
-                        LOCKSTEP_GRANULARITY_S if self._in_order else GRANULARITY_S
-                    ),
+                    pace=Pace.LOCKSTEP if self._in_order else Pace.REALTIME,
                 )
             )
             self._declare()
@@ -306,7 +308,6 @@ class RobotClient:
             [self._reader(entry) for entry in SENSORS],
             joint_count=n_a,
             in_order=self._in_order,
-            patience_s=LOCKSTEP_PATIENCE_S if self._in_order else PATIENCE_S,
         )
         self._status = Latest(
             bus.channel(keys["status"], depth=1), RobotStatus, joint_count=n_a
@@ -356,7 +357,11 @@ class RobotClient:
     def _reader(self, entry: Sensor) -> SensorReader[Any]:
         key, n_a = self._robot.keys[entry.name], self._robot.n_a
         channel = self._bus.channel(key, depth=SENSOR_MESSAGES_KEPT)
-        return SensorReader(entry.name, Inbox(channel, entry.message, joint_count=n_a))
+        return SensorReader(
+            entry.name,
+            Inbox(channel, entry.message, joint_count=n_a),
+            patience_s=LOCKSTEP_PATIENCE_S if self._in_order else PATIENCE_S,
+        )
 
     def _on_change(self) -> None:
         if self._watch.found is not None and not self._watch.is_same:

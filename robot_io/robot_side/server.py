@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
-from surefoot.robot_io.bus.bus import GRANULARITY_S, LOCKSTEP_GRANULARITY_S, Bus
+from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.identity import RobotIdentity, new_identity
@@ -86,9 +86,7 @@ class RobotServer:
             Role.ROBOT,
             namespace=robot.file.namespace,
             keys=robot.keys,
-            granularity_s=(
-                LOCKSTEP_GRANULARITY_S if pace is Pace.LOCKSTEP else GRANULARITY_S
-            ),
+            pace=pace,
         )
         self._stack = ExitStack()
         self._tick = 0

@@ -10,6 +10,8 @@ import pytest
 from tests.docs.test_site import build
 
 FONT = "STIX Two Math"
+DESKTOP = {"width": 1280, "height": 800}
+"""On a narrower screen the search hides behind a button."""
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +47,7 @@ def test_a_link_to_a_function_opens_its_line(page: Any, site: Path) -> None:
 
 
 def test_search_finds_a_setting_without_a_server(page: Any, site: Path) -> None:
+    page.set_viewport_size(DESKTOP)
     page.goto((site / "index.html").as_uri())
     page.locator("input.md-search__input").click()
     page.locator("input.md-search__input").press_sequentially("windup_limit_rad")

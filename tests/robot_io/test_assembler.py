@@ -43,7 +43,6 @@ class Wire:
             list(self.sensors.values()),
             joint_count=JOINTS,
             in_order=in_order,
-            patience_s=SENSOR_PATIENCE_S,
         )
         for publisher in self._publishers.values():
             wait_until(lambda p=publisher: p.matching_status.matching, what="the peer")
@@ -75,7 +74,7 @@ class Wire:
     def _reader(self, entry: Sensor) -> SensorReader:
         channel = self.peer.channel(topic(entry.name).key, depth=DEPTH)
         inbox = Inbox(channel, entry.message, joint_count=JOINTS)
-        return SensorReader(entry.name, inbox)
+        return SensorReader(entry.name, inbox, patience_s=SENSOR_PATIENCE_S)
 
 
 @pytest.fixture
