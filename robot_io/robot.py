@@ -16,7 +16,7 @@ import numpy as np
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot_check import check_robot
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, RobotFile, ServoProfile
 from surefoot.schemas.toml_file import convert, read_toml
@@ -39,6 +39,8 @@ class Robot:
         lower: (n_a,) lower end of the joint ranges [rad].
         upper: (n_a,) upper end [rad].
         sole_normals: (2, 3) upward normal of each sole, in its force sensor's frame.
+        R_upright_base: (3, 3) the base link in the nominal posture, seen from a frame
+            with z up and x ahead, as the soles point.
     """
 
     file: RobotFile
@@ -48,6 +50,7 @@ class Robot:
     lower: Array
     upper: Array
     sole_normals: Array
+    R_upright_base: Mat
 
     @property
     def joint_names(self) -> list[str]:
@@ -209,6 +212,7 @@ def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
         lower=facts.lower,
         upper=facts.upper,
         sole_normals=facts.sole_normals,
+        R_upright_base=facts.R_upright_base,
     )
 
 

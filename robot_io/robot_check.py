@@ -11,13 +11,14 @@ import numpy as np
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import MOVABLE, Urdf
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, Joint, RobotFile
 from surefoot.schemas.sensors import SENSORS
 
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
+UPRIGHT_TOLERANCE = 1e-6
 HEIGHT_SHARE = 0.1
 """Of the height of the base: how far a robot's file may be off its URDF."""
 
@@ -29,11 +30,14 @@ class UrdfFacts(NamedTuple):
         lower: (n_a,) lower end of the joint ranges [rad].
         upper: (n_a,) upper end [rad].
         sole_normals: (2, 3) upward normal of each sole, in its force sensor's frame.
+        R_upright_base: (3, 3) the base link in the nominal posture, seen from a frame
+            with z up and x ahead, as the soles point.
     """
 
     lower: Array
     upper: Array
     sole_normals: Array
+    R_upright_base: Mat
 
 
 def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
@@ -62,12 +66,18 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
     ranges = [
         _joint_range(joint, path, movable[joint.name], urdf) for joint in file.joint
     ]
-    _check_height(file, path, urdf)
+    upright = _upright(file, urdf)
+    _check_height(file, path, urdf, upright)
     bounds = np.array(ranges, dtype=np.float64).T.copy()
     normals = np.array([_sole_normal(foot, urdf) for foot in file.foot])
-    for array in (bounds, normals):
+    for array in (bounds, normals, upright):
         array.setflags(write=False)
-    return UrdfFacts(lower=bounds[0], upper=bounds[1], sole_normals=normals)
+    return UrdfFacts(
+        lower=bounds[0],
+        upper=bounds[1],
+        sole_normals=normals,
+        R_upright_base=upright,
+    )
 
 
 def _check_file(file: RobotFile, path: Path) -> None:
@@ -160,13 +170,29 @@ def _check_foot(foot: Foot, path: Path, urdf: Urdf) -> None:
         )
 
 
-def _check_height(file: RobotFile, path: Path, urdf: Urdf) -> None:
-    """The soles lie below the base where the file says they do."""
+def _nominal_soles(file: RobotFile, urdf: Urdf) -> list[tuple[Vec3, Mat]]:
+    """Place and orientation of left and right sole in the base link."""
     posture = {joint.name: joint.nominal_rad for joint in file.joint}
-    below_m = [
-        -float(urdf.pose_below_root(foot.sole_frame, posture)[0][2])
-        for foot in file.foot
-    ]
+    return [urdf.pose_below_root(foot.sole_frame, posture) for foot in file.foot]
+
+
+def _upright(file: RobotFile, urdf: Urdf) -> Mat:
+    """(3, 3) the base link from the upright frame; see :class:`UrdfFacts`."""
+    soles = [turned for _, turned in _nominal_soles(file, urdf)]
+    z = soles[0][:, 2] + soles[1][:, 2]
+    ahead = soles[0][:, 0] + soles[1][:, 0]
+    z /= np.linalg.norm(z)
+    x = ahead - (ahead @ z) * z
+    x /= np.linalg.norm(x)
+    upright: Mat = np.vstack((x, np.cross(z, x), z))
+    if np.abs(upright - np.eye(3)).max() < UPRIGHT_TOLERANCE:
+        upright = np.eye(3)  # no rounding errors of a chain of joints
+    return upright
+
+
+def _check_height(file: RobotFile, path: Path, urdf: Urdf, upright: Mat) -> None:
+    """The soles lie below the base where the file says they do."""
+    below_m = [-float((upright @ p)[2]) for p, _ in _nominal_soles(file, urdf)]
     mean_m = 0.5 * sum(below_m)
     if abs(mean_m - file.nominal_base_height_m) > HEIGHT_SHARE * abs(mean_m):
         raise RobotFileError(

@@ -173,6 +173,7 @@ class Plant:
         """
         data, world = self.data, self.world
         data.qpos[:3] = 0.0, 0.0, world.base_height
+        data.qpos[3:7] = world.base_quat_wxyz
         data.qpos[world.joint_qpos] = self._nominal
         mujoco.mj_step1(self._model, data)
         reference = self.view.com.copy()

@@ -36,7 +36,8 @@ class PlantView:
         self.sole_right: Vec3 = data.xpos[right]
         self._base_position = data.qpos[:3]
         self._base_quat_wxyz = data.qpos[3:7]
-        self._base_z_axis = data.xmat[base, 6:9]
+        self._base_vertical = data.xmat[base, 6:9]
+        self._base_up = world.base_up.tolist()
         self._sole_verticals = data.xmat[left, 6:9], data.xmat[right, 6:9]
         self._com_velocity = data.subtree_linvel[base]
         self._heights = data.xpos[:, 2]
@@ -51,8 +52,10 @@ class PlantView:
 
     @property
     def upright(self) -> float:
-        """Cosine of the angle between the base's z axis and the vertical."""
-        return float(self._base_z_axis.item(2))
+        """Cosine of the angle by which the base leans from its nominal attitude."""
+        x, y, z = self._base_vertical.tolist()
+        up_x, up_y, up_z = self._base_up
+        return float(x * up_x + y * up_y + z * up_z)
 
     @property
     def sole_tilts(self) -> tuple[float, float]:
@@ -93,6 +96,7 @@ class PlantView:
             tick=tick,
             base_position=self._base_position.copy(),
             base_quat_xyzw=xyzw(self._base_quat_wxyz),
+            upright=self.upright,
             com=self.com.copy(),
             com_velocity=self._com_velocity.copy(),
             sole_left=self.sole_left.copy(),

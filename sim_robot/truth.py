@@ -32,6 +32,7 @@ class PlantTruth:
         tick: control tick.
         base_position: (3,) base origin, world [m].
         base_quat_xyzw: (4,) world from base.
+        upright: cosine of the angle by which the base leans from its nominal attitude.
         com: (3,) centre of mass, world [m].
         com_velocity: (3,) world [m/s].
         sole_left: (3,) sole frame's origin, world [m].
@@ -46,6 +47,7 @@ class PlantTruth:
     tick: int
     base_position: Vec3
     base_quat_xyzw: Array
+    upright: float
     com: Vec3
     com_velocity: Vec3
     sole_left: Vec3
@@ -54,12 +56,6 @@ class PlantTruth:
     F_right: Vec6
     vertical_forces: tuple[float, float]
     platforms: tuple[PlatformPose, ...]
-
-    @property
-    def upright(self) -> float:
-        """Cosine of the angle between the base's z axis and the vertical."""
-        x, y = float(self.base_quat_xyzw[0]), float(self.base_quat_xyzw[1])
-        return 1.0 - 2.0 * (x * x + y * y)
 
     @property
     def normal_forces(self) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Vec3
+from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.motion import GRAVITY_M_S2
@@ -33,6 +33,8 @@ class World:
         platforms: the ground, in the order of ``ground_bodies``.
         base_height: base origin above the ground with flat soles in the nominal
             posture [m].
+        base_quat_wxyz: (4,) world from base link in the nominal posture.
+        base_up: (3,) what is up in the nominal posture, in the base link.
         base_body: id of the base link.
         sensor_sites: ids of the sensors' frames, by channel.
         joint_qpos: (n_a,) addresses in qpos, bus order.
@@ -47,6 +49,8 @@ class World:
     model: mujoco.MjModel
     platforms: tuple[PlatformPlan, ...]
     base_height: float
+    base_quat_wxyz: Array
+    base_up: Vec3
     base_body: int
     sensor_sites: dict[str, int]
     joint_qpos: NDArray[np.intp]
@@ -94,6 +98,8 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
         model=model,
         platforms=platforms,
         base_height=base_height,
+        base_quat_wxyz=_nominal_quat(robot),
+        base_up=robot.R_upright_base[2].copy(),
         base_body=base_body,
         sensor_sites={
             entry.name: int(model.site(entry.name).id) for entry in (*UNITS, *ANKLES)
@@ -111,16 +117,27 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
 
 
 def _nominal_soles(spec: mujoco.MjSpec, robot: Robot) -> tuple[Vec3, Vec3]:
-    """Return the sole centres from the base in the nominal posture, each (3,) [m]."""
+    """Return the sole centres from the base in the nominal posture, each (3,) [m].
+
+    In the axes of the upright frame, which are the world's at the start.
+    """
     model = spec.compile()
     data = mujoco.MjData(model)
     for name, angle in zip(robot.joint_names, robot.nominal, strict=True):
         data.qpos[model.joint(name).qposadr[0]] = angle
+    data.qpos[3:7] = _nominal_quat(robot)
     mujoco.mj_kinematics(model, data)
     return (
         data.body(robot.left.sole_frame).xpos.copy(),
         data.body(robot.right.sole_frame).xpos.copy(),
     )
+
+
+def _nominal_quat(robot: Robot) -> Array:
+    """(4,) world from base link in the nominal posture, w x y z as MuJoCo has it."""
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, robot.R_upright_base.flatten())
+    return quat
 
 
 def _set_options(spec: mujoco.MjSpec) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ GRAVITY = 9.81
 """Magnitude of gravity, as the simulator has it [m/s^2]."""
 N_BASE_Q = 7
 N_BASE_V = 6
+BASE_JOINT = 1
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,9 @@ class RobotModel:
         half_sizes: half length and half width of left and right sole [m].
         is_leg: (n_a,) whether a joint lies between base and a sole.
         T_base_imu: placement of the IMU in the base.
+
+    The base is the base link's body and origin with the axes of the upright frame: in
+    the nominal posture z is up and x ahead, however the URDF turns the link.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -87,6 +92,7 @@ class RobotModel:
         bus_index = {name: i for i, name in enumerate(robot.joint_names)}
         self.to_model = np.array([bus_index[name] for name in list(model.names)[2:]])
         self.to_bus = np.argsort(self.to_model)
+        _turn_base(model, robot.R_upright_base)
         model.armature = np.concatenate(
             (np.zeros(N_BASE_V), robot.armature[self.to_model])
         )
@@ -115,8 +121,7 @@ class RobotModel:
             self.T_sensor_sole.append(sensor.placement.actInv(sole.placement))
             self.plates.append(_plate_below(model, model.getFrameId(foot.ft_link)))
         imu = model.frames[model.getFrameId(robot.file.imu.frame)]
-        base = model.frames[model.getFrameId(robot.file.base_link)]
-        self.T_base_imu: pin.SE3 = base.placement.actInv(imu.placement)
+        self.T_base_imu: pin.SE3 = imu.placement.copy()
 
     def _leg_joints(self) -> NDArray[np.bool_]:
         """Return which joints lie between the base and a sole, (n_a,)."""
@@ -160,6 +165,26 @@ class RobotModel:
         return q
 
 
+def _turn_base(model: pin.Model, R_upright_base: Mat) -> None:
+    """Give the floating joint the axes of the upright frame.
+
+    Args:
+        model: changed in place.
+        R_upright_base: (3, 3) the base link, which has these axes so far, in it.
+    """
+    if np.array_equal(R_upright_base, np.eye(3)):
+        return
+    turn = pin.SE3(R_upright_base, np.zeros(3))
+    model.inertias[BASE_JOINT] = model.inertias[BASE_JOINT].se3Action(turn)
+    for joint in range(BASE_JOINT + 1, model.njoints):
+        if model.parents[joint] == BASE_JOINT:
+            model.jointPlacements[joint] = turn * model.jointPlacements[joint]
+    for index in range(model.nframes):
+        frame = model.frames[index]  # a slice would be copies
+        if frame.parentJoint == BASE_JOINT and frame.type != pin.FrameType.JOINT:
+            frame.placement = turn * frame.placement
+
+
 def _plate_below(model: pin.Model, sensor_id: int) -> Plate:
     """Return mass and centre of mass of all links fixed below the sensor.
 
@@ -182,6 +207,19 @@ def _is_below(model: pin.Model, frame_id: int, ancestor_id: int) -> bool:
     while frame_id not in (0, ancestor_id):
         frame_id = model.frames[frame_id].parentFrame
     return frame_id == ancestor_id
+
+
+def yaw_from(R: Mat, yaw: float) -> float:
+    """Return how far a frame's x axis, levelled, is turned from a heading.
+
+    Args:
+        R: (3, 3) world from frame.
+        yaw: the heading [rad].
+
+    Returns:
+        Between -pi and pi, counter-clockwise from above [rad].
+    """
+    return math.remainder(math.atan2(R[1, 0], R[0, 0]) - yaw, math.tau)
 
 
 def skew(v: Vec3) -> Mat:

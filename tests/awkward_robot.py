@@ -53,18 +53,16 @@ FEET = (
     placement((-0.01, 0.0, 0.01), (1.2, -0.4, -2.5)),
 )
 """The left sensor with z down, as many are mounted; the right one anyhow."""
-TURN = placement((0.0, 0.0, 0.0), (2.4, -0.9, 0.0))
-"""Of the inertial unit. No yaw: where the robot looks at the start is today taken from
-the unit's own x axis, so a unit that is yawed as well would be another stance."""
+TURN = placement((0.0, 0.0, 0.0), (2.4, -0.9, 3.0))
+"""Of the inertial unit: its x axis points backward and down."""
 TURNED = Drawing(imu=TURN, feet=FEET)
 """Readings follow from the Walker's in one line: see :meth:`Awkward.snapshot`."""
 AWKWARD = Drawing(
-    base=placement((0.04, -0.03, 0.11), (0.0, 0.0, 0.0)),
-    imu=placement((0.09, -0.12, 0.15), (2.4, -0.9, 0.0)),
+    base=placement((0.04, -0.03, 0.11), (1.3, 0.4, -2.8)),
+    imu=placement((0.09, -0.12, 0.15), (2.4, -0.9, 3.0)),
     feet=FEET,
 )
-"""The inertial unit far from the middle, too, and the base's origin elsewhere. The
-base's axes stay: upright and straight ahead is what the reference attitude means."""
+"""The inertial unit far from the middle, too, and the base's frame elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -92,9 +90,12 @@ class Awkward:
         return values[..., np.argsort(self.order)]
 
     def configuration(self, q: Array) -> Array:
-        """(7 + n_a,) the same pose of the body: Pinocchio's order is by name."""
+        """(7 + n_a,) the same pose of the body: Pinocchio's order is by name.
+
+        The model's base has the upright axes, whatever those of the link.
+        """
         moved = q.copy()
-        moved[:7] = pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(q[:7]) * self.drawing.base)
+        moved[:3] = pin.XYZQUATToSE3(q[:7]).act(self.drawing.base.translation)
         return moved
 
     def snapshot(self, reading: Snapshot) -> Snapshot:

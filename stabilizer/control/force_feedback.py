@@ -20,6 +20,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
+from surefoot.stabilizer.model import yaw_from
 
 
 class ForceFeedback:
@@ -197,5 +198,5 @@ class ForceFeedback:
         pull = offset @ R
         self.r[start] += self._leak * pull[0]
         self.r[start + 1] += self._leak * pull[1]
-        yaw = math.atan2(R[1, 0], R[0, 0]) - stance.yaw_sole[side]
+        yaw = yaw_from(R, stance.yaw_sole[side])
         self.r[start + 5] -= self._leak * yaw

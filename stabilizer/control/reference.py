@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.messages import Reference
-from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.model import RobotModel, yaw_from
 
 
 @dataclass
@@ -112,7 +112,7 @@ def standing(model: RobotModel) -> Stance:
         R_base=np.eye(3),
         posture=model.nominal.copy(),
         p_sole=[data.oMf[i].translation.copy() for i in model.sole_ids],
-        yaw_sole=[0.0, 0.0],
+        yaw_sole=[yaw_from(data.oMf[i].rotation, 0.0) for i in model.sole_ids],
         com_nominal=float(com[2]),
         base_error=np.zeros(3),
     )

@@ -38,6 +38,7 @@ class AttitudeFilter:
         tilt_bandwidth: float,
         bias_gain: float,
         still_rate: float,
+        ahead: Vec3,
         period_s: float,
     ) -> None:
         """Set the gains.
@@ -47,6 +48,8 @@ class AttitudeFilter:
             bias_gain: learning of the gyroscope's bias [1/s^2].
             still_rate: a mean rate and a change of it, together more than this, are
                 no gyroscope's bias, but ground that turns [rad/s].
+            ahead: (3,) direction in the unit's frame that is the world's x, as far as
+                it is level, at the start.
             period_s: time between two updates [s].
         """
         self._dt = period_s
@@ -54,6 +57,7 @@ class AttitudeFilter:
         self._tilt_gain = tilt_bandwidth**2 / GRAVITY
         self._bias_gain = bias_gain * tilt_bandwidth / GRAVITY
         self._still_rate = still_rate
+        self._ahead = ahead.copy()
         self._count = 0
         self._accel_sum: Vec3 = np.zeros(3)
         self._is_turning = self._is_new_turn = False
@@ -102,7 +106,7 @@ class AttitudeFilter:
         gained = (leg_velocity - self._first_velocity) / self._dt
         up = self._accel_sum - gained @ self.R_world_imu
         up /= np.linalg.norm(up)
-        x_axis = np.array([1.0, 0.0, 0.0]) - up[0] * up
+        x_axis = self._ahead - (self._ahead @ up) * up
         x_axis /= np.linalg.norm(x_axis)
         self.R_world_imu[:] = np.vstack((x_axis, np.cross(up, x_axis), up))
         self._rows = self.R_world_imu.tolist()

@@ -19,7 +19,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.attitude import AttitudeFilter
-from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
 
 _ORIGIN = np.zeros(3)
 MIN_TOTAL_FORCE_N = 50.0
@@ -56,6 +56,7 @@ class Estimator:
             tilt_bandwidth=settings.tilt_bandwidth,
             bias_gain=settings.gyro_bias_gain,
             still_rate=settings.still_rate_rad_s,
+            ahead=model.T_base_imu.rotation[0],
             period_s=period_s,
         )
         self._R_imu_base = model.T_base_imu.rotation.T.copy()
@@ -66,9 +67,9 @@ class Estimator:
         self._left_share = 0.5
         nominal = model.nominal_configuration()
         pin.framesForwardKinematics(model.pin_model, self._data, nominal)
-        self._p_nominal = [
-            self._data.oMf[i].translation.tolist() for i in model.sole_ids
-        ]
+        soles = [self._data.oMf[i] for i in model.sole_ids]
+        self._p_nominal = [sole.translation.tolist() for sole in soles]
+        self._nominal_yaws = [yaw_from(sole.rotation, 0.0) for sole in soles]
         self._leg_velocity = np.zeros(3)
         self._velocity = np.zeros(3)
         self._other = np.zeros(3)
@@ -154,9 +155,9 @@ class Estimator:
         np.multiply(v_right, share - 1.0, out=other)
         mixed += other
         R_left, R_right = T_left.rotation, T_right.rotation
+        yaw_left, yaw_right = self._nominal_yaws
         self._sole_yaw = 0.5 * (
-            math.atan2(R_left[1, 0], R_left[0, 0])
-            + math.atan2(R_right[1, 0], R_right[0, 0])
+            yaw_from(R_left, yaw_left) + yaw_from(R_right, yaw_right)
         )
 
     def _leg_rate(self) -> Vec3:

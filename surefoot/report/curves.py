@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -122,10 +122,26 @@ def _contact(side: str, kind: str, run: RunData, stands: Array) -> Curve:
     return Curve(f"contact_{side}", kind, *changes(run.signals.time_s[known], values))
 
 
-def _attitude(panel: str, kind: str, run: RunData, quat_xyzw: Array) -> Iterator[Curve]:
-    """Roll, pitch and yaw where they are known."""
+def _attitude(
+    panel: str,
+    kind: str,
+    run: RunData,
+    quat_xyzw: Array,
+    *,
+    axes: Sequence[float] = (0.0, 0.0, 0.0, 1.0),
+) -> Iterator[Curve]:
+    """Roll, pitch and yaw where they are known.
+
+    Args:
+        panel: which angles.
+        kind: of curve.
+        run: whose.
+        quat_xyzw: (ticks, 4) world from body.
+        axes: (4,) the body's own axes seen from those whose angles are asked for.
+    """
     known = np.isfinite(quat_xyzw).all(axis=1)
-    angles = Rotation.from_quat(quat_xyzw[known]).as_euler("xyz", degrees=True)
+    turned = Rotation.from_quat(quat_xyzw[known]) * Rotation.from_quat(axes).inv()
+    angles = turned.as_euler("xyz", degrees=True)
     for turn, angle in zip(TURNS, angles.T, strict=True):
         yield Curve(f"{panel}_{turn}", kind, *thin(run.signals.time_s[known], angle))
 
@@ -135,7 +151,8 @@ def _truth(run: RunData) -> Iterator[Curve]:
     for axis, error in zip(AXES, com_error(run).T, strict=True):
         yield _thinned(f"com_{axis}", TRUE, run, MM_PER_M * error)
     pose = signals["true_base_pose"]
-    yield from _attitude("base", TRUE, run, pose[:, 3:])
+    turned = Rotation.from_matrix(run.robot.R_upright_base).as_quat()
+    yield from _attitude("base", TRUE, run, pose[:, 3:], axes=turned)
     for axis, place in zip(AXES, pose[:, :3].T, strict=True):
         yield _thinned(f"base_{axis}", TRUE, run, MM_PER_M * (place - place[0]))
     for side, index in NORMALS.items():
