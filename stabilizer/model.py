@@ -20,6 +20,10 @@ GRAVITY = 9.81
 N_BASE_Q = 7
 N_BASE_V = 6
 BASE_JOINT = 1
+LOCKED_RAD = 1e-5
+"""A joint with a smaller range is locked."""
+MARGIN_SHARE = 0.25
+"""Most of a joint's range that a margin may take at either end."""
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,21 @@ class RobotModel:
                 is_leg[self.pin_model.idx_vs[joint] - N_BASE_V] = True
                 joint = self.pin_model.parents[joint]
         return is_leg
+
+    def range_within(self, margin: float) -> Mat:
+        """Return the joint ranges less a margin, which narrow joints have less of.
+
+        Args:
+            margin: distance to keep from either end [rad].
+
+        Returns:
+            (2, n_a) lower and upper ends, model order [rad]; for a locked joint hardly
+            outside its range, since a QP needs room between two limits.
+        """
+        fitting = np.minimum(margin, MARGIN_SHARE * (self.upper - self.lower))
+        is_locked = self.upper - self.lower < LOCKED_RAD
+        fitting[is_locked] = -LOCKED_RAD
+        return np.vstack((self.lower + fitting, self.upper - fitting))
 
     def frame_id(self, name: str) -> int:
         """Return the id of a link's or joint's frame.

@@ -6,7 +6,11 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.settings import ControllerSettings, EstimatorSettings
+from surefoot.schemas.settings import (
+    ControllerSettings,
+    DikSettings,
+    EstimatorSettings,
+)
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 
@@ -69,7 +73,9 @@ def _check_forces(settings: ControllerSettings, *, weight: float) -> None:
 
 
 def _check_margin(margin: float, robot: Robot) -> None:
+    """Narrow and locked joints, which the usual margin would fill, are no matter."""
     half = 0.5 * (robot.soft_upper - robot.soft_lower)
+    half[half <= DikSettings().limit_margin_rad] = np.inf
     index = int(np.argmin(half))
     if margin >= half[index]:
         raise FileFormatError(

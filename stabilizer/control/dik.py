@@ -80,9 +80,8 @@ class Dik:
         self._stack([self._soles, *tasks])
         self._velocity = np.minimum(model.velocity_limit, settings.velocity_limit_rad_s)
         self._minus_velocity = -self._velocity
-        margin = settings.limit_margin_rad
         # Rows: lower and upper limits.
-        self._range: Mat = np.vstack((model.lower + margin, model.upper - margin))
+        self._range: Mat = model.range_within(settings.limit_margin_rad)
         self._limits: Mat = np.zeros_like(self._range)
         self._per_second = 1.0 / settings.limit_time_s
 

@@ -67,6 +67,7 @@ class CommandedRobot:
         """Begin in the nominal stance."""
         self._model = model
         self._limits = limits
+        self._range = model.range_within(limits.limit_margin_rad)
         self._dt = period_s
         n_v = model.n_v
         self.q: Array = model.nominal_configuration()
@@ -196,9 +197,9 @@ class CommandedRobot:
 
     def _set_limits(self) -> None:
         """Set velocity limits, with a damper before each end of the joint range."""
-        limits, model, speed = self._limits, self._model, self._speed
-        margin, q = limits.limit_margin_rad, self.q[7:]
-        low = (model.lower + margin - q) / limits.limit_time_s
-        high = (model.upper - margin - q) / limits.limit_time_s
+        limits, speed, q = self._limits, self._speed, self.q[7:]
+        lower, upper = self._range
+        low = (lower - q) / limits.limit_time_s
+        high = (upper - q) / limits.limit_time_s
         self.qp.x_l[N_BASE_V:] = np.clip(low, -speed, speed)
         self.qp.x_u[N_BASE_V:] = np.clip(high, -speed, speed)

@@ -1,0 +1,71 @@
+"""A joint that can hardly move, or not at all, stops no other."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+
+from surefoot.robot_io.robot import Robot, make_robot
+from surefoot.schemas.settings import ControllerSettings, DikSettings
+from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.settings_check import check_settings
+from tests.stabilizer.closed_loop import run_closed_loop
+
+PUSH = {"body": "torso", "force_n": [0.0, 90.0, 0.0], "start_s": 0.8}
+MOTION = {"axis": "roll", "kind": "sine", "amplitude_deg": 3.0, "frequency_hz": 0.7}
+LEAST_RANGE_RAD = 1e-12
+"""Of a locked joint in floating point."""
+
+
+def limited(walker: Robot, names: tuple[str, ...], half_rad: float) -> Robot:
+    """The Walker with some joints that may move by half a range to either side."""
+    joints = [
+        msgspec.structs.replace(
+            joint,
+            soft_lower_rad=joint.nominal_rad - half_rad,
+            soft_upper_rad=joint.nominal_rad + half_rad,
+        )
+        if joint.name in names
+        else joint
+        for joint in walker.file.joint
+    ]
+    file = msgspec.structs.replace(walker.file, joint=joints)
+    return make_robot(file, path=walker.path, urdf_path=walker.urdf_path)
+
+
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("controller", ["whole-body", "zmp"])
+@pytest.mark.parametrize("half_rad", [0.0, 0.005, 0.011])
+@pytest.mark.parametrize(
+    "names", [("left_hip_yaw", "right_shoulder_roll"), ("right_ankle_roll",)]
+)
+def test_it_balances_without_them(
+    walker: Robot, controller: str, half_rad: float, names: tuple[str, ...]
+) -> None:
+    robot = limited(walker, names, half_rad)
+    check_settings(ControllerSettings(), robot)
+    run = run_closed_loop(
+        robot,
+        controller=make_controller(controller, robot, ControllerSettings()),
+        duration_s=2.0,
+        push=[{**PUSH, "duration_s": 0.1}],
+        platform=[{"foot": "both", "motion": [MOTION]}],
+    )
+    assert run.statuses == {"ok"}
+    assert not run.fell
+    at = [robot.joint_names.index(name) for name in names]
+    moved = np.abs(run.commands[:, at] - robot.nominal[at]).max()
+    assert moved <= half_rad + LEAST_RANGE_RAD
+
+
+def test_margins_leave_half_of_every_range(walker: Robot) -> None:
+    robot = limited(walker, ("left_elbow",), 0.005)
+    model = RobotModel(robot)
+    lower, upper = model.range_within(DikSettings().limit_margin_rad)
+    assert (upper - lower >= 0.5 * (model.upper - model.lower) - LEAST_RANGE_RAD).all()
+    wide = model.upper - model.lower > 0.1
+    np.testing.assert_array_equal(
+        lower[wide], model.lower[wide] + DikSettings().limit_margin_rad
+    )
