@@ -192,16 +192,26 @@ def _module(place: str) -> ModuleType:
 
 
 def _module_of_file(path: Path) -> ModuleType:
-    """The module of a file, loaded once per process and findable for pickle."""
+    """The module of a file, loaded once per process and findable for pickle.
+
+    One that is imported already is taken as it is: twice it would be two classes.
+    """
     if not path.is_file():
         raise ControllerError(
             f"controller: {path}: no such file; expected path/to/file.py:Class"
         )
     whole = path.resolve()
+    for name, module in list(sys.modules.items()):
+        file = str(vars(module).get("__file__"))
+        is_script = name == "__main__"
+        if (
+            file.endswith(whole.name)
+            and not is_script
+            and Path(file).resolve() == whole
+        ):
+            return module
     digest = hashlib.sha256(str(whole).encode()).hexdigest()[:8]
     name = f"surefoot_controller_{whole.stem}_{digest}"
-    if name in sys.modules:
-        return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, whole)
     assert spec is not None
     assert spec.loader is not None

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import os
 import re
-import sys
 import tomllib
 from collections.abc import Iterator
 from fnmatch import fnmatch
@@ -133,14 +132,6 @@ def test_nothing_is_imported_by_a_second_name() -> None:
             if isinstance(node, ast.Import | ast.ImportFrom):
                 tops = {name.partition(".")[0] for name in imported(node)}
                 assert not tops & set(LINKED), f"{path}, line {node.lineno}"
-    files: dict[str, str] = {}
-    for name, module in list(sys.modules.items()):
-        file = getattr(module, "__file__", None)
-        if not file or name == "__main__" or "site-packages" in Path(file).parts:
-            continue
-        if Path(file).resolve().is_relative_to(ROOT):
-            first = files.setdefault(os.path.realpath(file), name)
-            assert first == name
 
 
 def test_only_surefoot_lands_in_site_packages() -> None:

@@ -107,6 +107,7 @@ class Child:
             events: gets its progress, then its exit.
         """
         self.name, self.log = name, log
+        self._is_asked = False
         with log.open("wb") as stderr:
             self._process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "surefoot.cli", *arguments, "--child"],
@@ -138,8 +139,9 @@ class Child:
             return None
 
     def ask_to_end(self) -> None:
-        """Ask the process to end in order."""
-        if self.running:
+        """Ask the process to end in order; once, since twice means at once."""
+        if self.running and not self._is_asked:
+            self._is_asked = True
             self._process.send_signal(signal.SIGTERM)
 
     def stop(self) -> None:

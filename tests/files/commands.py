@@ -43,13 +43,14 @@ def run_here(*arguments: object) -> Outcome:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    out, err = console._stdout.file, console._stderr.file
+    # Not what `file` gives: that is the present stream, which is gone in the next test.
+    out, err = console._stdout._file, console._stderr._file
     console._stdout.file = console._stderr.file = io.StringIO()
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             yield
     finally:
-        console._stdout.file, console._stderr.file = out, err
+        console._stdout._file, console._stderr._file = out, err
 
 
 def assert_refused_in_one_line(outcome: Outcome, name: str) -> None:
