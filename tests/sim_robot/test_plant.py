@@ -1,16 +1,22 @@
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import msgspec
+import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.plant import Plant
+from tests.awkward_robot import Drawing, make_awkward, placement
 
 PERIOD_S = 0.001
 PUSH = {
@@ -246,3 +252,24 @@ def test_contacts_do_not_buzz(make_plant: Callable[..., Plant], walker: Robot) -
         plant.step(walker.nominal)
         forces.append(plant.truth().F_left[2])
     assert np.std(forces) < 1e-2
+
+
+@pytest.mark.parametrize("turn", [None, (1.3, 0.4, -2.8)])
+def test_it_leans_from_its_nominal_attitude_whatever_the_yaw(
+    walker: Robot, tmp_path: Path, turn: tuple[float, float, float] | None
+) -> None:
+    """Also a robot whose base link has other axes than up and ahead."""
+    robot = walker
+    if turn is not None:
+        drawing = Drawing(base=placement((0.0, 0.0, 0.0), turn))
+        robot = make_awkward(tmp_path, drawing).robot
+    table = {"name": "test", "duration_s": 1.0}
+    plant = Plant(robot, scenario_from_table(table, source="test"), seed=0)
+    assert plant.view.upright == pytest.approx(1.0, abs=1e-9)
+    lean, yaw = 0.2, 1.3
+    world_from_upright = pin.rpy.rpyToMatrix(0.0, lean, yaw)
+    quat = np.empty(4)
+    mujoco.mju_mat2Quat(quat, (world_from_upright @ robot.R_upright_base).flatten())
+    plant.data.qpos[3:7] = quat
+    mujoco.mj_kinematics(plant.world.model, plant.data)
+    assert plant.view.upright == pytest.approx(math.cos(lean))

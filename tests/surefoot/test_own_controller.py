@@ -45,7 +45,7 @@ def held() -> str:
         STAY,
         f"{HERE / 'own_controllers.py'}:StayWithRobot",
     ],
-    ids=str,
+    ids=("object", "class", "with robot", "with settings", "file", "other file"),
 )
 def test_an_object_a_class_or_a_name_runs(controller: object, held: str) -> None:
     run = sf.simulate("walker", SCENARIO, controller=controller)
