@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple
@@ -134,7 +135,7 @@ class SnapshotAssembler:
         """
         self._sensors = sensors
         self._in_order = in_order
-        self._was_partial = False
+        self._partial_since_s = math.inf
         self._tick = NEVER
         self._complete_ns = 0
         self._layout = SnapshotLayout(joint_count)
@@ -167,7 +168,7 @@ class SnapshotAssembler:
         """Forget everything: the robot has begun anew."""
         for sensor in self._sensors:
             sensor.restart()
-        self._was_partial = False
+        self._partial_since_s = math.inf
         self._tick = NEVER
 
     def _next_tick(self, deadline: float) -> int | None:
@@ -178,14 +179,16 @@ class SnapshotAssembler:
             head = last.inbox.peek_wait(limit)
             if head is not None:
                 self._complete_ns = time.perf_counter_ns()
-                self._was_partial = False
+                self._partial_since_s = math.inf
                 if head.tick > self._tick:
                     return self._choose(last)
                 last.take()  # late by ticks that have long been answered
                 continue
-            if last.inbox.was_interrupted or time.monotonic() >= deadline:
+            if last.inbox.was_interrupted:
                 return None
             self._doubt(last)
+            if time.monotonic() >= deadline:
+                return None
 
     def _last_sensor(self) -> SensorReader[Any]:
         """The last one sent of those that are alive."""
@@ -201,13 +204,17 @@ class SnapshotAssembler:
         return min(tick for tick in ticks if tick > self._tick)
 
     def _doubt(self, last: SensorReader[Any]) -> None:
-        """Give the last sensor up if others have come twice without it."""
+        """Give the last sensor up once others have long come without it."""
         others = (s for s in self._sensors if s is not last)
-        is_partial = any(s.inbox.peek() is not None for s in others)
+        now_s = time.monotonic()
         last.is_lost = False
-        if is_partial and self._was_partial:
+        if not any(s.inbox.peek() is not None for s in others):
+            self._partial_since_s = math.inf
+        elif now_s - self._partial_since_s >= last.patience_s:
+            self._partial_since_s = math.inf
             last.give_up()
-        self._was_partial = is_partial and not last.is_lost
+        else:
+            self._partial_since_s = min(self._partial_since_s, now_s)
 
     def _join(self, tick: int, messages: Sequence[Message]) -> SnapshotReading:
         snapshot = self._layout.join(tick, messages)
