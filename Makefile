@@ -4,6 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out/demo
+JOBS ?= 2
 
 # Small matrices: threads in the linear algebra only cost time and its tail.
 export OPENBLAS_NUM_THREADS := 1
@@ -16,6 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 help:
 	@echo "make demo    install into .venv and run the moving-platform demo"
 	@echo "make test    install into .venv, check style, types and layers, run the tests"
+	@echo "             (two at a time; JOBS=1 one by one)"
 	@echo "make quick   the tests without closed loops, processes and browser: a minute"
 	@echo "make lint    style, types and layers only"
 	@echo "make format  let ruff rewrite the code"
@@ -55,7 +57,7 @@ lint: $(STAMP)
 	$(BIN)/lint-imports --no-cache
 
 test: $(STAMP) lint
-	$(BIN)/python -m pytest -q
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal
 
 quick: $(STAMP)
 	$(BIN)/python -m pytest -q -m "not (closed_loop or process or browser or slow)"

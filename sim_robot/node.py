@@ -100,9 +100,10 @@ def run_robot(
             cut_off = ModeCause.NO_COMMANDER, "nobody took command in time"
             if stop.is_set:
                 cut_off = ModeCause.STOPPED, stop.cause
-        report = gate.report()
+        report, commander = gate.report(), gate.modes.lease.holder
         gate.modes.finish(*(cut_off or simulated.own_end))
         server.publish_status(now_s=simulated.time_s, at_once=True)
+        server.see_off(commander)
         result = simulated.result(
             real_time_factor=simulated.time_s / elapsed_s if elapsed_s else 0.0,
             round_trip_ms=loop.round_trip.distribution(),

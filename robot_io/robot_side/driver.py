@@ -118,6 +118,8 @@ def run_driver(
             "%d ticks, %d skipped; sensors to servos %.3f, p99 %.3f, max %.3f ms",
             *(tick, pacer.skipped, times.median, times.p99, times.max),
         )
+        commander = gate.modes.lease.holder
         gate.modes.finish(ModeCause.STOPPED, stop.cause)
         server.publish_status(now_s=time.monotonic() - begin_s, at_once=True)
+        server.see_off(commander)
     return stop.cause

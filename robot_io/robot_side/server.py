@@ -29,6 +29,8 @@ from surefoot.schemas.topics import TICK_SENSORS
 COMMANDS_KEPT = 256
 STATUS_PERIOD_S = 0.02
 IDLE_POLL_S = 0.01
+SEE_OFF_S = 1.0
+"""Longest wait for a commander to leave once the run is over [s]."""
 FLUSHED_TICKS = 4
 """Ticks are flushed while the newest answer is no older: one that does not come says
 that Zenoh's sender may have no processor, and each flush takes one of its few batches
@@ -137,6 +139,20 @@ class RobotServer:
                 return False
             self._services.wait(IDLE_POLL_S)
         return False
+
+    def see_off(self, commander: str, *, timeout_s: float = SEE_OFF_S) -> None:
+        """Wait until a commander that was told of the end has left the bus.
+
+        What it said before has then been passed on to whoever looks on.
+
+        Args:
+            commander: its name; empty for nobody.
+            timeout_s: how long to wait at most [s].
+        """
+        end_s = time.monotonic() + timeout_s
+        while self._services.is_present(commander) and time.monotonic() < end_s:
+            self._services.wait(IDLE_POLL_S)
+            self._services.serve(now_s=0.0)
 
     def serve_requests(self, *, now_s: float) -> None:
         """Answer what was asked since last time; costs nothing when nothing was.

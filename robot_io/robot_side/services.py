@@ -74,6 +74,7 @@ class RobotServices:
         self._gate = gate
         self._asked: deque[_Asked] = deque()
         self._gone: deque[str] = deque()
+        self._present: set[str] = set()
         self._something_came = threading.Event()
         for name, answer in (
             ("mode", self._answer_mode),
@@ -88,6 +89,10 @@ class RobotServices:
     def wait(self, timeout_s: float) -> None:
         """Wait until something came in, at most this long [s]."""
         self._something_came.wait(timeout_s)
+
+    def is_present(self, who: str) -> bool:
+        """Whether a stabilizer of this name is on the bus."""
+        return who in self._present
 
     def serve(self, *, now_s: float) -> bool:
         """Answer all that has come in.
@@ -123,8 +128,12 @@ class RobotServices:
         return on_query
 
     def _on_presence(self, key: str, is_there: bool) -> None:
-        if not is_there:
-            self._gone.append(key.rsplit("/", 1)[-1])
+        who = key.rsplit("/", 1)[-1]
+        if is_there:
+            self._present.add(who)
+        else:
+            self._present.discard(who)
+            self._gone.append(who)
             self._notice()
 
     def _notice(self) -> None:
