@@ -42,8 +42,6 @@ force_noise_n = 2.0
 moment_noise_nm = 0.1
 gyro_noise_rad_s = 0.002
 accel_noise_m_s2 = 0.05
-[delay]
-command_ms = 1.0
 """
 
 

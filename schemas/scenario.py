@@ -196,12 +196,12 @@ class Sensors(FileStruct, frozen=True, kw_only=True):
 
 
 class Delay(FileStruct, frozen=True, kw_only=True):
-    """Transport delays, in whole milliseconds at 1 kHz."""
+    """Transport delays, in whole ticks of the robot."""
 
     sensor_ms: NonNegative = 0.0
     """From measuring to sending."""
-    command_ms: NonNegative = 1.0
-    """From a tick's sensors to the servos: the least is the next tick."""
+    command_ms: NonNegative | None = None
+    """From a tick's sensors to the servos; absent: one tick of the robot."""
 
 
 class ModelError(FileStruct, frozen=True, kw_only=True):

@@ -114,13 +114,13 @@ class SimulatedRobot:
         Raises:
             ScenarioError: the scenario fits neither the robot nor its ticks.
         """
-        period_s = robot.period_s
-        self._delay = CommandDelay(
-            whole_ticks(
-                scenario.delay.command_ms / MS_PER_S, period_s, what="delay.command_ms"
-            ),
-            posture=robot.nominal,
-        )
+        period_s, delay_ms = robot.period_s, scenario.delay.command_ms
+        delay_ticks = 1
+        if delay_ms is not None:
+            delay_ticks = whole_ticks(
+                delay_ms / MS_PER_S, period_s, what="delay.command_ms"
+            )
+        self._delay = CommandDelay(delay_ticks, posture=robot.nominal)
         self.plant = Plant(robot, scenario, seed=seed)
         self._faults = SensorFaults(scenario.fault, period_s=period_s)
         self._sensed: Snapshot | None = None

@@ -59,3 +59,21 @@ def run_surefoot(
         timeout=patience_s,
         check=False,
     )
+
+
+def cut_short(name: str, folder: Path, duration_s: float) -> Path:
+    """A shipped scenario that ends earlier.
+
+    Args:
+        name: of the scenario.
+        folder: gets a file of that name.
+        duration_s: how long it takes [s].
+    """
+    shipped = REPOSITORY / "sim_robot" / "scenarios" / f"{name}.toml"
+    lines = [
+        f"duration_s = {duration_s}" if line.startswith("duration_s") else line
+        for line in shipped.read_text().splitlines()
+    ]
+    path = folder / shipped.name
+    path.write_text("\n".join(lines))
+    return path

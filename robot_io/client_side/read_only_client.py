@@ -84,7 +84,8 @@ class ReadOnlyClient(ABC):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the bus."""
+        """Close the bus; what the robot said last stays known."""
+        self._hear_farewell()
         self._stack.close()
 
     def connect(self, *, timeout_s: float) -> None:
@@ -145,7 +146,7 @@ class ReadOnlyClient(ABC):
         on one key then comes under another one.
         """
         self._keep_unread()
-        self._farewell = None
+        self._hear_farewell()
         self._stack.close()
         with contextlib.suppress(RobotUnreachableError), ExitStack() as stack:
             self._open(stack, DIAL_S)
@@ -163,6 +164,11 @@ class ReadOnlyClient(ABC):
         if is_lasting and lost_s is not None:
             spans.append(time.monotonic() - lost_s)
         return Absences(len(spans), sum(spans), is_lasting)
+
+    def _hear_farewell(self) -> None:
+        """Take in the last word there is, before the session is closed."""
+        self._said_farewell()
+        self._farewell = None
 
     def _said_farewell(self) -> bool:
         status = None if self._farewell is None else self._farewell.poll()

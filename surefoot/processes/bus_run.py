@@ -37,7 +37,7 @@ _START_S = 60.0
 """Longest wait for a robot process to come up on a busy machine [s]."""
 READY_S = 30.0
 """How long the page may take to come up, on a busy machine [s]."""
-_READY_S = 20.0
+_READY_S = 60.0
 """Longest wait for the recorder before the stabilizer starts [s]."""
 _FINISH_S = 60.0
 """Longest time for the recorder to finish its file after the run [s]."""

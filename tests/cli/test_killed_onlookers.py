@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import Surefoot, command, environment
+from tests.command import Surefoot, command, cut_short, environment
 from tests.support import PATIENCE_S, free_port, wait_until
-from tests.surefoot.playback.conftest import fast_platform
 from tests.surefoot.recording.mcap_reading import messages_of_cut_off
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
@@ -32,7 +31,7 @@ def process_of(log: Path) -> int | None:
 def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
-    words = ("run", fast_platform(tmp_path, DURATION_S), "--json")
+    words = ("run", cut_short("moving-platform-fast", tmp_path, DURATION_S), "--json")
     bare = json.loads(surefoot(*words).stdout)
     folder = tmp_path / "out"
     watched = subprocess.Popen(

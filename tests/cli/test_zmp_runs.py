@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.cli.test_whole_body_runs import MOVING
-from tests.command import Surefoot
+from tests.command import Surefoot, cut_short
 
 ZMP = ("--controller", "zmp")
 
@@ -52,6 +52,9 @@ def test_unknown_settings_list_the_shipped_ones(
     assert "zmp-stock, zmp-tuned" in done.stderr
 
 
-def test_slow_platform_is_survived_with_the_tuned_settings(surefoot: Surefoot) -> None:
-    result = run(surefoot, "moving-platform-slow", "--inline")
+def test_slow_platform_is_survived_with_the_tuned_settings(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    scenario = cut_short("moving-platform-slow", tmp_path, 8.0)
+    result = run(surefoot, scenario, "--inline")
     assert result["contact_lost_s"] == [0.0, 0.0]

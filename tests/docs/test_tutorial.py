@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.cli.app import app
+from surefoot.exit_codes import ExitCode
 from surefoot.sim_robot.catalogue import find_scenario
 from tests.command import environment
 from tests.support import PATIENCE_S
@@ -94,7 +95,11 @@ def test_each_command_does_what_it_should(folder: Path, words: list[str]) -> Non
         words = [*words, "--view-port", "0"]
     words = [f"{word}.toml" if word == SHIPPED else word for word in words]
     done = run(folder, words)
-    assert done.returncode == 0, done.stderr
+    if "--realtime" in words and done.returncode == ExitCode.FAILED:
+        # The robot holds, as it should, where a busy machine answers it too late.
+        assert "machine too slow" in done.stdout
+    else:
+        assert done.returncode == 0, done.stderr
     if "--out" in words:
         assert (folder / words[words.index("--out") + 1]).is_dir()
     if words[1] == "run":

@@ -155,3 +155,25 @@ def test_tools_of_the_bus_say_that_the_link_was_lost(
     assert tool.returncode == 1, told
     assert "the link to the robot was lost for" in told
     assert "Traceback" not in told
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("hz", "left_ankle_ft", "--for", 600), ("echo", "left_ankle_ft")],
+    ids=lambda words: words[0],
+)
+def test_tools_of_the_bus_end_well_with_a_robot_that_does(
+    words: tuple[object, ...], endpoints: Endpoints, tmp_path: Path
+) -> None:
+    robot = Robot()
+    log = tmp_path / "log"
+    with Cable(endpoints.connect[0]) as cable:
+        with talking_robot(endpoints, robot.say):
+            tool = start((*words, "--connect", cable.locator, "--wait", 60), log)
+            wait_until(lambda: len(cable._ends) > 0, what="the tool to dial")
+            begin = robot.tick
+            wait_until(lambda: robot.tick > begin + 700, what="the tool to hear")
+            robot.end()
+        tool.communicate(timeout=PATIENCE_S)
+    assert tool.returncode == 0, log.read_text()
+    assert "lost" not in log.read_text()

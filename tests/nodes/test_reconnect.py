@@ -124,8 +124,8 @@ def test_it_takes_over_again_when_the_robot_is_back(
             assert held.cause is ModeCause.RELEASED
             assert held.commander == ""
             second.signal(signal.SIGTERM)
-            # At most the last command, which the request to hold has overtaken.
-            assert set(second.result().result.refused) <= {"mode"}
+            # At most the last command, which hold or release have overtaken.
+            assert set(second.result().result.refused) <= {"mode", "lease"}
     assert (result.end, result.end_detail) == (EndReason.STOPPED, "SIGTERM")
     assert result.restarts == 1
 

@@ -22,7 +22,7 @@ LESS, OURS, GREATER = (
     RobotIdentity(instance, describe(WALKER))
     for instance in ("00000000", "77777777", "ffffffff")
 )
-STARTS = 8
+STARTS = 4
 
 
 class ScriptedBus:

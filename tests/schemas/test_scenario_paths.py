@@ -54,7 +54,7 @@ def test_every_plain_path_takes_its_own_value_back(scenario: Scenario) -> None:
         "platform.1.motion.1.rate_deg_s": 10.0,
         "push.0.force_n": [30.0, 40.0, 5.0],
         "push.0.force_n.1": 40.0,
-        "delay.command_ms": 1.0,
+        "delay.sensor_ms": 0.0,
     }
     assert set(plain) <= set(scenario_paths(scenario))
     assert override_scenario(scenario, plain) == scenario

@@ -37,7 +37,7 @@ def limited(walker: Robot, names: tuple[str, ...], half_rad: float) -> Robot:
 
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("controller", ["whole-body", "zmp"])
-@pytest.mark.parametrize("half_rad", [0.0, 0.005, 0.011])
+@pytest.mark.parametrize("half_rad", [0.0, 0.005])
 @pytest.mark.parametrize(
     "names", [("left_hip_yaw", "right_shoulder_roll"), ("right_ankle_roll",)]
 )
@@ -49,7 +49,7 @@ def test_it_balances_without_them(
     run = run_closed_loop(
         robot,
         controller=make_controller(controller, robot, ControllerSettings()),
-        duration_s=2.0,
+        duration_s=1.5,
         push=[{**PUSH, "duration_s": 0.1}],
         platform=[{"foot": "both", "motion": [MOTION]}],
     )

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from tests.command import REPOSITORY, Surefoot, run_surefoot
+from tests.command import Surefoot, cut_short, run_surefoot
 
-FAST = REPOSITORY / "sim_robot" / "scenarios" / "moving-platform-fast.toml"
 NOISE = """
 [sensors]
 force_noise_n = 2.0
@@ -17,17 +16,6 @@ gyro_noise_rad_s = 0.002
 accel_noise_m_s2 = 0.05
 """
 Check = Callable[..., tuple[int, dict[str, Any]]]
-
-
-def fast_platform(folder: Path, duration_s: float) -> Path:
-    """The shipped scenario, cut short."""
-    lines = [
-        f"duration_s = {duration_s}" if line.startswith("duration_s") else line
-        for line in FAST.read_text().splitlines()
-    ]
-    path = folder / "fast.toml"
-    path.write_text("\n".join(lines))
-    return path
 
 
 def standing(folder: Path, duration_s: float, more: str = "") -> Path:
@@ -48,7 +36,7 @@ def record_of(folder: Path, scenario: Path, *words: object) -> Path:
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The moving platform in lockstep, shortened; for tests that do not change it."""
     folder = tmp_path_factory.mktemp("recorded")
-    return record_of(folder, fast_platform(folder, 1.0))
+    return record_of(folder, cut_short("moving-platform-fast", folder, 1.0))
 
 
 @pytest.fixture

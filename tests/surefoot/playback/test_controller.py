@@ -8,11 +8,10 @@ from typing import Any
 
 import pytest
 
-from tests.command import Surefoot
+from tests.command import Surefoot, cut_short
 from tests.patient_robot import GENTLE, patient_robot_file
 from tests.surefoot.playback.conftest import (
     Check,
-    fast_platform,
     record_of,
     standing,
 )
@@ -70,7 +69,7 @@ def test_real_time_is_equal_with_the_ticks_that_were_answered(
     robot = patient_robot_file(tmp_path, hold_after_s=30.0, lease_s=60.0)
     gentle = [word for each in GENTLE for word in ("--set", each)]
     words = ("--realtime", "--robot", robot, "--controller", "whole-body", *gentle)
-    path = record_of(tmp_path, fast_platform(tmp_path, 1.5), *words)
+    path = record_of(tmp_path, cut_short("moving-platform-fast", tmp_path, 1.5), *words)
     code, found = check(path)
     assert code == 0, found
     ticks = [command["tick"] for command in commands(path)]
