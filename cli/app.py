@@ -13,6 +13,7 @@ from surefoot.cli.certs_command import certs
 from surefoot.cli.check_robot_command import check_robot
 from surefoot.cli.doctor_command import doctor
 from surefoot.cli.log_command import log
+from surefoot.cli.options import Command
 from surefoot.cli.record_command import record
 from surefoot.cli.relay_command import relay
 from surefoot.cli.replay_command import replay
@@ -61,22 +62,22 @@ def surefoot(
     """
 
 
-app.command()(run)
-app.command()(robot)
-app.command()(stabilizer)
-app.command()(view)
-app.command()(topics)
-app.command()(echo)
-app.command()(hz)
-app.command()(record)
-app.command()(replay)
+app.command(cls=Command)(run)
+app.command(cls=Command)(robot)
+app.command(cls=Command)(stabilizer)
+app.command(cls=Command)(view)
+app.command(cls=Command)(topics)
+app.command(cls=Command)(echo)
+app.command(cls=Command)(hz)
+app.command(cls=Command)(record)
+app.command(cls=Command)(replay)
 app.add_typer(log, name="log")
-app.command()(scenarios)
-app.command()(doctor)
-app.command()(sweep)
-app.command()(report)
-app.command()(reproduce)
-app.command()(router)
-app.command()(relay)
-app.command()(certs)
-app.command("check-robot")(check_robot)
+app.command(cls=Command)(scenarios)
+app.command(cls=Command)(doctor)
+app.command(cls=Command)(sweep)
+app.command(cls=Command)(report)
+app.command(cls=Command)(reproduce)
+app.command(cls=Command)(router)
+app.command(cls=Command)(relay)
+app.command(cls=Command)(certs)
+app.command("check-robot", cls=Command)(check_robot)

@@ -32,7 +32,7 @@ class ExportFormat(StrEnum):
     PARQUET = "parquet"
 
 
-@log.command()
+@log.command(cls=options.Command)
 def info(file: FileArgument, as_json: options.JsonOption = False) -> None:
     """Tell what a record or a run holds, and what is missing in it."""
     from surefoot.cli.console import print_json, print_table, print_text
@@ -67,7 +67,7 @@ def _tell_signals(place: Path, *, as_json: bool) -> None:
     print_text(f"{place}: {whole}, {told.ticks} ticks{lost}\n\n{signals.describe()}")
 
 
-@log.command()
+@log.command(cls=options.Command)
 def export(
     file: FileArgument,
     to: Annotated[

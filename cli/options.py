@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperArgument, TyperCommand
 
 from surefoot.cli.completion import (
     complete_controller,
@@ -15,6 +18,42 @@ from surefoot.cli.completion import (
 )
 from surefoot.cli.logs import log_note, log_warning
 from surefoot.errors import UsageError
+
+_WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
+
+
+class Command(TyperCommand):
+    """A command whose help has the words of a terminal, not those of Python."""
+
+    def __init__(self, *args: Any, help: str | None = None, **more: Any) -> None:
+        """Join the lines of each paragraph: the terminal breaks them where it ends."""
+        if help is not None:
+            help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(help))
+        super().__init__(*args, help=help, **more)
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """All parameters, those without a word for their value given one."""
+        params: list[Any] = super().get_params(ctx)
+        for param in params:
+            if isinstance(param, TyperArgument):
+                param.metavar = param.metavar or str(param.name).upper()
+                param.display_type_rich = _nothing  # type: ignore[method-assign]
+            elif param.metavar is None and param.is_flag:
+                param.metavar = ""
+            elif param.metavar is None:
+                kind = re.sub(r"^<(?:list\[)?|\]?>$", "", param.display_type(ctx))
+                param.metavar = _WORDS.get(kind, kind)
+        return params
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """The words after the command's name, without braces around what must be."""
+        return [re.sub(r"[{}]", "", word) for word in super().collect_usage_pieces(ctx)]
+
+
+def _nothing(ctx: Any) -> None:
+    """An argument's word says what it is."""
+    del ctx
+
 
 _BUS = "Bus"
 

@@ -127,7 +127,8 @@ def stabilizer(
         if as_json:
             print_json(result)
         else:
-            print_table(controller_table(result, controller))
+            table = controller_table(result, controller, is_realtime=not lockstep)
+            print_table(table)
             for name, times in result.histograms.items():
                 print_table(histogram_table(name, times))
     if child and result.end in _IN_ORDER:

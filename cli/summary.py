@@ -55,7 +55,8 @@ def run_table(result: RunResult) -> Table:
     _add_timing(table, result)
     table.add_row("controller tick", _times(result.tick_ms))
     _add_gate(table, result)
-    table.add_row("ticks skipped, answered late", _late(result))
+    if result.mode == "realtime":
+        table.add_row("ticks skipped, answered late", _late(result))
     table.add_row("QP failures", str(result.qp_failures))
     if result.lost_sensors:
         lost = ", ".join(f"{x} {plain(why)}" for x, why in result.lost_sensors.items())
@@ -83,7 +84,9 @@ def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Tab
     return table
 
 
-def controller_table(result: ControllerResult, name: str) -> Table:
+def controller_table(
+    result: ControllerResult, name: str, *, is_realtime: bool
+) -> Table:
     """The figures of the stabilizer alone."""
     table = _figures(f"{name}: {in_words(result.end, result.end_detail)}")
     table.add_row("ticks", str(result.ticks))
@@ -91,7 +94,8 @@ def controller_table(result: ControllerResult, name: str) -> Table:
     table.add_row("force error rms (left, right)", _row(result.force_error_rms_n, "N"))
     table.add_row("QP failures", str(result.qp_failures))
     table.add_row("stale snapshots", str(result.stale_snapshots))
-    table.add_row("ticks skipped, answered late", _late(result))
+    if is_realtime:
+        table.add_row("ticks skipped, answered late", _late(result))
     if result.restarts:
         table.add_row("started anew", f"{result.restarts} times")
     return table
@@ -164,10 +168,12 @@ def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
 
 def _add_timing(table: Table, result: RunResult | PlantResult) -> None:
     table.add_row("real-time factor", f"{result.real_time_factor:.2f}")
-    table.add_row("round trip", _times(result.round_trip_ms))
+    if result.round_trip_ms.max > 0.0:
+        table.add_row("round trip", _times(result.round_trip_ms))
     if result.end_to_end_ms.max > 0.0:
         table.add_row("sensors to servos", _times(result.end_to_end_ms))
-    table.add_row("period jitter", _times(result.period_jitter_ms))
+    if result.period_jitter_ms.max > 0.0:
+        table.add_row("period jitter", _times(result.period_jitter_ms))
 
 
 def _add_gate(table: Table, result: RunResult | PlantResult) -> None:

@@ -18,6 +18,7 @@ from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot_check import check_robot
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.key_names import nearest
 from surefoot.schemas.robot_file import Foot, RobotFile, ServoProfile
 from surefoot.schemas.toml_file import convert, read_toml
 from surefoot.schemas.topics import resolve_keys
@@ -164,9 +165,10 @@ def find_robot(name_or_path: str) -> Path:
     shipped = ROBOTS_DIR / name_or_path / f"{name_or_path}.toml"
     if shipped.is_file():
         return shipped
+    known = list_robots()
     raise RobotFileError(
-        f"no robot named {name_or_path!r}; shipped are {', '.join(list_robots())}, "
-        "or give the path of a robot file (.toml)"
+        f"no robot named {name_or_path!r}{nearest(name_or_path, known)}; shipped are "
+        f"{', '.join(known)}, or give the path of a robot file (.toml)"
     )
 
 

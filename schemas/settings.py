@@ -327,7 +327,8 @@ def build_settings(
         part[name] = value
     if overrides:
         source = f"{source} with --set" if table else "--set"
-    return convert(_spread(_with_preset(merged)), ControllerSettings, source=source)
+    table = _spread(_with_preset(merged), source=source)
+    return convert(table, ControllerSettings, source=source)
 
 
 def _with_preset(table: dict[str, Any]) -> dict[str, Any]:
@@ -341,7 +342,7 @@ def _with_preset(table: dict[str, Any]) -> dict[str, Any]:
     return table
 
 
-def _spread(table: dict[str, Any]) -> dict[str, Any]:
+def _spread(table: dict[str, Any], *, source: str) -> dict[str, Any]:
     """Repeat a single number for all axes of a setting."""
     for section in msgspec.structs.fields(ControllerSettings):
         part = table.get(section.name)
@@ -349,9 +350,17 @@ def _spread(table: dict[str, Any]) -> dict[str, Any]:
             continue
         for field in msgspec.structs.fields(section.type):
             value = part.get(field.name)
-            is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if is_number and isinstance(field.default, tuple):
-                part[field.name] = [value] * len(field.default)
+            if value is None or not isinstance(field.default, tuple):
+                continue
+            count, name = len(field.default), f"{section.name}.{field.name}"
+            if isinstance(value, (int, float)) and not isinstance(value, bool):
+                part[field.name] = [value] * count
+            elif not isinstance(value, (list, tuple)):
+                raise FileFormatError(
+                    f"{source}: {name}: got {value!r}, expected a number, or a list "
+                    f"of {count}",
+                    field=name,
+                )
     return table
 
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from surefoot.schemas import scenario as scenario_file
+from surefoot.schemas.key_names import nearest
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import ScenarioError
 
@@ -31,9 +32,10 @@ def find_scenario(name_or_path: str) -> Path:
         raise ScenarioError(f"{path}: no such scenario file")
     if name_or_path in list_scenarios():
         return SCENARIOS_DIR / f"{name_or_path}.toml"
+    shipped = list_scenarios()
     raise ScenarioError(
-        f"no scenario named {name_or_path!r}; shipped are "
-        f"{', '.join(list_scenarios())}, or give the path of a scenario file (.toml)"
+        f"no scenario named {name_or_path!r}{nearest(name_or_path, shipped)}; shipped "
+        f"are {', '.join(shipped)}, or give the path of a scenario file (.toml)"
     )
 
 

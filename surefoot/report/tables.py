@@ -78,8 +78,12 @@ def _parts(
 
 
 def _times(name: str, field: str) -> list[_Figure]:
-    def value_of(part: str) -> Callable[[RunResult], float]:
-        return lambda result: float(getattr(getattr(result, field), part))
+    def value_of(part: str) -> Callable[[RunResult], float | None]:
+        def value(result: RunResult) -> float | None:
+            times = getattr(result, field)
+            return float(getattr(times, part)) if times.max > 0.0 else None
+
+        return value
 
     return [
         _Figure(f"{name}, {part}", "ms", 3, value_of(part))
@@ -122,13 +126,15 @@ def sentence(result: RunResult) -> str:
 
 
 def figure_rows(results: list[RunResult]) -> list[Row]:
-    """Return all figures of runs, changes against the first one."""
+    """Return the figures that any of some runs has, changes against the first one."""
     rows = [
         Row(name, "", [Cell(said(result), "") for result in results])
         for name, said in _WORDS
     ]
     numbers = [
-        Row(figure.name, figure.unit, _cells(figure, results)) for figure in _FIGURES
+        Row(figure.name, figure.unit, _cells(figure, results))
+        for figure in _FIGURES
+        if any(figure.value(result) is not None for result in results)
     ]
     return [rows[0], *numbers, *rows[1:]]
 

@@ -44,23 +44,24 @@ class Asker:
         """Start the thread; it ends with the process."""
         self.notes: list[str] = []
         self._requests: Requests | None = None
-        self._queue: SimpleQueue[tuple[str, Request]] = SimpleQueue()
+        self._queue: SimpleQueue[tuple[str, Request, bool]] = SimpleQueue()
         threading.Thread(target=self._work, name="asker", daemon=True).start()
 
     def through(self, requests: Requests | None) -> None:
         """Ask this way from now on; None when there is no robot."""
         self._requests = requests
 
-    def ask(self, what: str, request: Request) -> None:
+    def ask(self, what: str, request: Request, *, by_hand: bool = True) -> None:
         """Queue a request.
 
         Args:
             what: in words, for the page and the log.
             request: called with the way to ask, on the asker's thread.
+            by_hand: whether a person asks, who wants to know that it is done.
         """
-        self._queue.put((what, request))
+        self._queue.put((what, request, by_hand))
 
-    def ask_now(self, what: str, request: Request) -> None:
+    def ask_now(self, what: str, request: Request, by_hand: bool = True) -> None:
         """Ask at once on the calling thread, past everything queued."""
         stamp_ns = time.monotonic_ns()
         requests = self._requests
@@ -74,7 +75,9 @@ class Asker:
         except (RobotIoError, SchemaError) as error:
             self._note(f"{what}: {error}")
         else:
-            self._note(f"{what}: done (asked at {stamp_ns} ns)", shown=f"{what}: done")
+            if by_hand:
+                told = f"{what}: done"
+                self._note(f"{told} (asked at {stamp_ns} ns)", shown=told)
 
     def _work(self) -> None:
         while True:

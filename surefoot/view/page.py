@@ -201,7 +201,7 @@ class LivePage:
             sight = observer.latest_messages()
             has_stabilizer = bool(observer.stabilizers)
             if has_stabilizer and not had_stabilizer:
-                self._asker.ask("present gains", self._gains.learn)
+                self._asker.ask("present gains", self._gains.learn, by_hand=False)
             elif had_stabilizer and not has_stabilizer:
                 self._gains.forget()
             had_stabilizer = has_stabilizer

@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
 import pytest
+import typer
 
+from surefoot.cli.app import app
 from tests.command import Surefoot, environment
 
 HEAVY = {
@@ -88,3 +91,21 @@ def test_unknown_commands_and_options_are_usage_errors(surefoot: Surefoot) -> No
         assert done.returncode == 2
         assert arguments[-1] in done.stderr
         assert done.stdout == ""
+
+
+def commands() -> list[tuple[str, ...]]:
+    """All of them, those below ``log`` included."""
+    found: list[tuple[str, ...]] = []
+    for name, command in typer.main.get_command(app).commands.items():
+        below = getattr(command, "commands", None)
+        found += [(name, each) for each in below] if below else [(name,)]
+    return found
+
+
+@pytest.mark.parametrize("words", commands(), ids=" ".join)
+def test_help_speaks_of_values_as_a_terminal_does(
+    surefoot: Surefoot, words: tuple[str, ...]
+) -> None:
+    done = surefoot(*words, "--help")
+    assert done.returncode == 0
+    assert not re.search(r"<[a-z]+[\[> ]|[{}]|int range", done.stdout)
