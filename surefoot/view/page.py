@@ -198,6 +198,7 @@ class LivePage:
         due_s = time.monotonic()
         had_stabilizer = False
         while not stop.is_set:
+            began_s = time.monotonic()
             sight = observer.latest_messages()
             has_stabilizer = bool(observer.stabilizers)
             if has_stabilizer and not had_stabilizer:
@@ -210,11 +211,10 @@ class LivePage:
             self._tell(sight, observer)
             if not observer.robot_is_here:
                 return  # dialed anew: a session that was cut off mixes up keys
-            due_s += FRAME_S
-            pause_s = due_s - time.monotonic()
-            if pause_s < 0.0:  # behind: leave frames out, never catch up in a burst
-                due_s, pause_s = time.monotonic(), 0.001
-            time.sleep(pause_s)  # the pace of the frames
+            now_s = time.monotonic()
+            # Behind: leave frames out, and the server as much time as a frame took.
+            due_s = max(due_s + FRAME_S, now_s + (now_s - began_s))
+            time.sleep(due_s - now_s)  # the pace of the frames
 
     def _draw(self, sight: LatestMessages) -> None:
         ticks = tuple(-1 if message is None else message.tick for message in sight)

@@ -15,6 +15,10 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    # No window has the focus: Chromium would give the page's process what others leave.
+    "--disable-renderer-backgrounding",
+    "--disable-backgrounding-occluded-windows",
+    "--disable-background-timer-throttling",
 )
 SIZE = {"width": 640, "height": 480}
 """Each pixel of a scene costs a software renderer: few will do."""
