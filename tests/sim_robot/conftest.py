@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
+import msgspec
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.sim_robot.plant import Plant
+
+
+def with_rate(robot: Robot, rate_hz: float) -> Robot:
+    """The same robot at another control rate."""
+    return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
 
 
 @pytest.fixture(scope="session")

@@ -2,10 +2,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -17,6 +15,7 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.plant import Plant
 from tests.awkward_robot import Drawing, make_awkward, placement
+from tests.sim_robot.conftest import with_rate
 
 PERIOD_S = 0.001
 PUSH = {
@@ -25,10 +24,6 @@ PUSH = {
     "start_s": 0.05,
     "duration_s": 0.1,
 }
-
-
-def with_rate(robot: Robot, rate_hz: float) -> Robot:
-    return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
 
 
 def test_tick_zero_is_at_rest_above_the_origin(

@@ -13,8 +13,10 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.result import Distribution, PlantResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.sensors import SNAPSHOT_FIELDS
+from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from tests.sim_robot.conftest import with_rate
 
 PERIOD_S = 0.001
 NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
@@ -235,3 +237,15 @@ def test_standing_still_reports_figures_in_file_units(make: Make) -> None:
     assert report.force_peak_n == pytest.approx([half, half], rel=1e-3)
     assert max(report.force_deviation_rms_n) < 0.1
     assert report.contact_lost_s == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("rate_hz", [200.0, 500.0])
+@pytest.mark.parametrize("name", list_scenarios())
+def test_shipped_scenarios_fit_robots_of_other_rates(
+    walker: Robot, name: str, rate_hz: float
+) -> None:
+    robot = with_rate(walker, rate_hz)
+    simulated = SimulatedRobot(robot, load_scenario(name), seed=0)
+    assert simulated.command_delay_ticks == 1
+    run(simulated, ticks=2)
+    assert simulated.time_s == pytest.approx(2.0 / rate_hz)
