@@ -13,7 +13,7 @@ from surefoot.cli.certs_command import certs
 from surefoot.cli.check_robot_command import check_robot
 from surefoot.cli.doctor_command import doctor
 from surefoot.cli.log_command import log
-from surefoot.cli.options import Command
+from surefoot.cli.options import Command, Group
 from surefoot.cli.record_command import record
 from surefoot.cli.relay_command import relay
 from surefoot.cli.replay_command import replay
@@ -29,6 +29,7 @@ from surefoot.cli.view_command import view
 
 app = typer.Typer(
     name="surefoot",
+    cls=Group,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -62,22 +63,16 @@ def surefoot(
     """
 
 
-app.command(cls=Command)(run)
-app.command(cls=Command)(robot)
-app.command(cls=Command)(stabilizer)
-app.command(cls=Command)(view)
-app.command(cls=Command)(topics)
-app.command(cls=Command)(echo)
-app.command(cls=Command)(hz)
-app.command(cls=Command)(record)
-app.command(cls=Command)(replay)
-app.add_typer(log, name="log")
-app.command(cls=Command)(scenarios)
-app.command(cls=Command)(doctor)
-app.command(cls=Command)(sweep)
-app.command(cls=Command)(report)
-app.command(cls=Command)(reproduce)
-app.command(cls=Command)(router)
-app.command(cls=Command)(relay)
-app.command(cls=Command)(certs)
-app.command("check-robot", cls=Command)(check_robot)
+_COMMANDS = (
+    *(run, robot, stabilizer, view),
+    *(topics, echo, hz, record, replay, log, scenarios, doctor),
+    *(sweep, report, reproduce),
+    *(router, relay, certs, check_robot),
+)
+"""In the order of the help."""
+
+for _command in _COMMANDS:
+    if isinstance(_command, typer.Typer):
+        app.add_typer(_command)
+    else:
+        app.command(_command.__name__.replace("_", "-"), cls=Command)(_command)

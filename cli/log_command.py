@@ -13,7 +13,12 @@ from surefoot.cli import options
 if TYPE_CHECKING:
     from surefoot.recording.read import Record
 
-log = typer.Typer(no_args_is_help=True, help="Look into records, and export them.")
+log = typer.Typer(
+    name="log",
+    cls=options.Group,
+    no_args_is_help=True,
+    help="Look into records, and export them.",
+)
 FileArgument = Annotated[
     Path,
     typer.Argument(

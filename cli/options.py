@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperArgument, TyperCommand
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from surefoot.cli.completion import (
     complete_controller,
@@ -22,18 +22,12 @@ from surefoot.errors import UsageError
 _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
 
 
-class Command(TyperCommand):
-    """A command whose help has the words of a terminal, not those of Python."""
-
-    def __init__(self, *args: Any, help: str | None = None, **more: Any) -> None:
-        """Join the lines of each paragraph: the terminal breaks them where it ends."""
-        if help is not None:
-            help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(help))
-        super().__init__(*args, help=help, **more)
+class _TerminalWords:
+    """Help that has the words of a terminal, not those of Python."""
 
     def get_params(self, ctx: Any) -> list[Any]:
         """All parameters, those without a word for their value given one."""
-        params: list[Any] = super().get_params(ctx)
+        params: list[Any] = super().get_params(ctx)  # type: ignore[misc]
         for param in params:
             if isinstance(param, TyperArgument):
                 param.metavar = param.metavar or str(param.name).upper()
@@ -47,7 +41,22 @@ class Command(TyperCommand):
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """The words after the command's name, without braces around what must be."""
-        return [re.sub(r"[{}]", "", word) for word in super().collect_usage_pieces(ctx)]
+        words: list[str] = super().collect_usage_pieces(ctx)  # type: ignore[misc]
+        return [re.sub(r"[{}]", "", word) for word in words]
+
+
+class Command(_TerminalWords, TyperCommand):
+    """A command of ``surefoot``."""
+
+    def __init__(self, *args: Any, help: str | None = None, **more: Any) -> None:
+        """Join the lines of each paragraph: the terminal breaks them where it ends."""
+        if help is not None:
+            help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(help))
+        super().__init__(*args, help=help, **more)
+
+
+class Group(_TerminalWords, TyperGroup):
+    """A command that has others below it."""
 
 
 def _nothing(ctx: Any) -> None:
