@@ -31,15 +31,15 @@ REPORT_FILES = (
 """Every folder of a report holds this file; a folder without it is not overwritten."""
 LEGEND = (
     (MEASURED, "measured force of the ground, 1 m per kN"),
-    (WANTED, "desired force, beside it; desired CoM"),
+    (WANTED, "desired force, beside it"),
+    (WANTED, "desired centre of mass"),
     (COM, "centre of mass"),
     (ZMP, "zero moment point, measured"),
     (POLYGON, "support polygon"),
 )
 _NO_RECORD = (
     "no record of the bus (run.mcap), as runs with --inline have none; its page lacks "
-    "what only the bus tells: measured and desired forces, the ankle's sensor, modes "
-    "and times."
+    "what only the bus tells: modes, and when each command came."
 )
 
 
