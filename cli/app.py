@@ -73,6 +73,6 @@ _COMMANDS = (
 
 for _command in _COMMANDS:
     if isinstance(_command, typer.Typer):
-        app.add_typer(_command)
+        app.add_typer(_command, name=_command.info.name)
     else:
         app.command(_command.__name__.replace("_", "-"), cls=Command)(_command)
