@@ -46,16 +46,18 @@ def patient(robot: Robot, **gate: float) -> Robot:
     return replace(robot, file=msgspec.structs.replace(robot.file, gate=changed))
 
 
-def patient_robot_file(folder: Path, **gate: float) -> Path:
-    """The same, as a robot file on top of the Walker's.
+def patient_robot_file(folder: Path, below: Path | None = None, **gate: float) -> Path:
+    """The same, as a robot file on top of another.
 
     Args:
         folder: gets ``patient.toml``.
+        below: the other one; the Walker's when None.
         gate: values of the gate's table that shall be others.
     """
     values = "\n".join(f"{key} = {value}" for key, value in {**GATE, **gate}.items())
     path = folder / "patient.toml"
-    path.write_text(f'extends = "{find_robot("walker")}"\n[gate]\n{values}\n')
+    below = below or find_robot("walker")
+    path.write_text(f'extends = "{below}"\n[gate]\n{values}\n')
     return path
 
 

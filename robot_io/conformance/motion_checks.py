@@ -107,9 +107,10 @@ def _left_share(probe: Probe, step: Array) -> float:
     probe.stream(LEG_RAMP_S + LEG_STAY_S, offset=_ramp(step, LEG_RAMP_S))
     recording = probe.stream(LEG_STAY_S, offset=lambda t: step)
     probe.stream(LEG_RAMP_S, offset=lambda t: step - _ramp(step, LEG_RAMP_S)(t))
+    robot = probe.robot
     left, right = (
-        recording.mean(ankle_sensor(foot.side).name, "force")[2]
-        for foot in (probe.robot.left, probe.robot.right)
+        normal @ recording.mean(ankle_sensor(foot.side).name, "force")
+        for foot, normal in zip(robot.file.foot, robot.sole_normals, strict=True)
     )
     return float(left - right)
 

@@ -33,7 +33,7 @@ class Skeleton:
         )
 
     def sole_height_rates(self, foot: Foot, q: Array) -> Array:
-        """Return the derivative of a sole's height in the base frame by each joint.
+        """Return the derivative of a sole's height by each joint, the base upright.
 
         Args:
             foot: which one.
@@ -59,5 +59,5 @@ class Skeleton:
                 turned = turned @ rotation(axis, float(q[i]))
         rates = np.zeros(robot.n_a)
         for i, axis_in_base, p_joint in moved:
-            rates[i] = np.cross(axis_in_base, p - p_joint)[2]
+            rates[i] = robot.R_upright_base[2] @ np.cross(axis_in_base, p - p_joint)
         return rates

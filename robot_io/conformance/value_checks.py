@@ -120,12 +120,15 @@ def _check_feet(robot: Robot, recording: Recording, findings: Findings) -> None:
     below_kg = sum(map(skeleton.mass_below_sensor_kg, robot.file.foot))
     weight_n = (skeleton.mass_kg - below_kg) * GRAVITY_M_S2
     ankles = [ankle_sensor(foot.side).name for foot in robot.file.foot]
-    loads = [float(recording.mean(ankle, "force")[2]) for ankle in ankles]
+    loads = [
+        float(normal @ recording.mean(ankle, "force"))
+        for ankle, normal in zip(ankles, robot.sole_normals, strict=True)
+    ]
     for ankle, load_n in zip(ankles, loads, strict=True):
         findings.add(
             f"{ankle}.sign",
             load_n > LEAST_SHARE * weight_n,
-            got=f"Fz {load_n:.1f} N",
+            got=f"{load_n:.1f} N along the sole's normal",
             expected="positive: the ground pushes the ankle up, by a share of "
             f"{weight_n:.0f} N",
         )
