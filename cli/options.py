@@ -23,7 +23,10 @@ _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": 
 
 
 class _TerminalWords:
-    """Help that has the words of a terminal, not those of Python."""
+    """Help that has the words of a terminal, not those of Python.
+
+    Stands before a class of Typer's, which a type checker cannot know.
+    """
 
     def get_params(self, ctx: Any) -> list[Any]:
         """All parameters, those without a word for their value given one."""
