@@ -278,7 +278,12 @@ def main() -> int:
         draw(grid)
         for axes in grid.flat:
             axes.grid(alpha=0.3)
-        grid[0, 0].legend(fontsize="small")
+        # Beside the plots: inside it would hide curves.
+        figure.legend(
+            *grid[0, 0].get_legend_handles_labels(),
+            loc="outside right upper",
+            fontsize="small",
+        )
         figure.savefig(arguments.folder / f"limit-{name}.svg", metadata={"Date": None})
 
     write("push", push, size=(9.0, 5.2), shape=(2, 2), sharex=True, sharey="row")

@@ -70,11 +70,11 @@ def draw(run: Path, picture: Path) -> None:
     force.plot(time_s, normals[:, 0], lw=0.8, color="#8e44ad", label="left")
     force.plot(time_s, normals[:, 1], lw=0.8, color="#e67e22", label="right")
     force.set_ylabel("normal force [N]")
-    force.set_ylim(0.0, 1.4 * normals.max())
+    force.set_ylim(bottom=0.0)
     force.set_xlabel("time [s]")
     for axes in (ground, com, force):
         axes.grid(alpha=0.3)
-        axes.legend(loc="upper left", ncols=3, fontsize=8)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
     figure.suptitle(f"{scenario.name}: {about['robot']}, {about['controller']}")
     figure.savefig(picture, dpi=110)
 

@@ -35,13 +35,17 @@ def main(plot: str | None = None, scenario: str = "moving-platform-slow") -> Non
         mpl.use("Agg")  # into a file, also where there is no screen
         import matplotlib.pyplot as plt
 
-        figure, axes = plt.subplots(2, sharex=True, figsize=(8, 5), layout="tight")
+        figure, axes = plt.subplots(
+            2, sharex=True, figsize=(8, 5), layout="constrained"
+        )
         for axis, side in zip(axes, ("left", "right"), strict=True):
             column = 0 if side == "left" else 1
             axis.plot(time_s, measured[:, column], label="measured")
             axis.plot(time_s, desired[:, column], label="desired", linewidth=1)
             axis.set_ylabel(f"{side} normal force [N]")
-        axes[0].legend(loc="upper right")
+        figure.legend(
+            *axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=2
+        )
         axes[1].set_xlabel("time [s]")
         figure.savefig(plot, dpi=120)
         print(f"wrote {plot}")

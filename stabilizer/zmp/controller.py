@@ -87,6 +87,7 @@ class ZmpController(BalanceController):
         )
         self._velocity: Vec3 = np.zeros(3)
         self._twist: Array = np.zeros(12)
+        self._wanted: Array | None = None
         self._velocity_blend = min(1.0, self._dt / zmp.com_velocity_cutoff_period_s)
         self._height = self.stance.com_height
         self._lift = 0.0
@@ -170,6 +171,7 @@ class ZmpController(BalanceController):
         if solution is not None and not solution.ok:
             self._keep_failure(solution)
             return solution.status
+        self._wanted = self.distribution.F
         shared = net_wrench(self.distribution.F, R, p, plane.origin)
         distributed = zero_moment_point(shared, plane, otherwise=nowhere)
         self.com_admittance.update(
@@ -199,7 +201,7 @@ class ZmpController(BalanceController):
     def _output(self) -> ControllerOutput:
         return ControllerOutput(
             q_command=self.commanded.q[N_BASE_V + 1 :][self.model.to_bus],
-            F_id=self.distribution.F,
+            F_id=self._wanted,
             com=self.measured.p_com,
             r=self._twist,
         )

@@ -66,6 +66,11 @@
   const isShown = (curve) =>
     !hidden.runs.has(curve.run) && !hidden.kinds.has(curve.kind);
 
+  // The first run is drawn first and widest: where runs coincide, it shows on both sides.
+  const widthOf = (curve) =>
+    (curve.dash === "solid" ? 1.4 : 1.2) +
+    (1.4 * (report.runs.length - 1 - curve.run)) / Math.max(report.runs.length - 1, 1);
+
   const traceOf = (panel, curve) => ({
     type: "scatter",
     mode: "lines",
@@ -76,7 +81,7 @@
     line: {
       color: curve.colour,
       dash: curve.dash,
-      width: curve.dash === "solid" ? 1.5 : 1.2,
+      width: widthOf(curve),
       shape: panel.words.length ? "hv" : "linear",
     },
   });

@@ -65,8 +65,10 @@ def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
                 label = "yaw" if names == "rpy" and index == 2 else label
                 axes.plot(time_s, values[::EVERY_TICKS, index], lw=0.9, label=label)
             axes.grid(alpha=0.3)
-            if row < 2:
-                axes.legend(fontsize="x-small", ncols=3, loc="upper left")
+            if column == len(runs) - 1:  # beside the last one: inside it hides curves
+                axes.legend(
+                    fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5)
+                )
         grid[0, column].set_title(variant)
         grid[-1, column].set_xlabel("time [s]")
     labels = ("base position [mm]", "base rotation [deg]", "force [N]", "moment [N m]")

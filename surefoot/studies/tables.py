@@ -58,6 +58,46 @@ class Curve:
         return success_limit(self.levels, self.rates)
 
 
+_UNITS = {
+    "deg_s": "deg/s",
+    "rad_s": "rad/s",
+    "m_s2": "m/s²",
+    "m_s": "m/s",
+    "n_s": "N s",
+    "nm": "N m",
+    "deg": "deg",
+    "hz": "Hz",
+    "rad": "rad",
+    "ms": "ms",
+    "kg": "kg",
+    "n": "N",
+    "m": "m",
+    "s": "s",
+}
+"""Ends of the names of values, longer ones first, and the units they stand for."""
+
+
+def short_name(name: str) -> str:
+    """Return a scenario's or controller's name as plots show it, without its folder."""
+    path, colon, law = name.partition(":")
+    return law if colon else Path(path).name.removesuffix(".toml")
+
+
+def value_in_words(path: str) -> str:
+    """Return what a path of a scenario's value stands for, with its unit.
+
+    Args:
+        path: such as ``platform.0.motion.1.amplitude_deg``.
+    """
+    *places, name = path.split(".")
+    for end, unit in _UNITS.items():
+        if name.endswith(f"_{end}"):
+            name = f"{name.removesuffix(f'_{end}')} [{unit}]"
+            break
+    where = " ".join("all" if place == "*" else place for place in places)
+    return f"{where}: {name}".removeprefix(": ").replace("_", " ")
+
+
 def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve]:
     """Return the curves of a scenario over one varied value, all else equal."""
     found: dict[str, list[tuple[float, float, float, float]]] = {}
@@ -66,7 +106,7 @@ def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve
         if group.scenario != scenario or name not in values:
             continue
         others = [f"{k} {v:g}" for k, v in values.items() if k != name]
-        label = ", ".join([group.variant, group.servo_profile, *others])
+        label = ", ".join([short_name(group.variant), group.servo_profile, *others])
         rate = summary.up / summary.runs
         point = (float(values[name]), rate, summary.up_from, summary.up_to)
         found.setdefault(label, []).append(point)
@@ -218,8 +258,8 @@ def write_summary(folder: Path, summaries: Summaries) -> None:
         return
     for scenario, name in sorted(varied):
         curves = curves_over(summaries, scenario=scenario, name=name)
-        svg = draw_curves(curves, xlabel=name, title=scenario, mark=None)
-        stem = Path(scenario).stem
+        stem = short_name(scenario)
+        svg = draw_curves(curves, xlabel=value_in_words(name), title=stem, mark=None)
         _write(folder / f"success-{stem}-{name.replace('*', 'all')}.svg", svg)
 
 

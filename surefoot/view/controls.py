@@ -155,7 +155,7 @@ class Gain(NamedTuple):
 
     Attributes:
         name: the setting.
-        label: what people call it, with unit.
+        label: short, so that it stays on one line of the panel; with unit.
         low: end of the slider.
         high: other end.
         step: of the slider.
@@ -171,13 +171,13 @@ class Gain(NamedTuple):
 
 
 GAINS = (
-    Gain("tsid.com_kp", "CoM stiffness [1/s²]", 5.0, 120.0, 1.0),
-    Gain("tsid.com_kd", "CoM damping [1/s]", 1.0, 40.0, 0.5),
-    Gain("tsid.base_kp", "Base stiffness [1/s²]", 10.0, 300.0, 5.0),
-    Gain("tsid.base_kd", "Base damping [1/s]", 2.0, 60.0, 1.0),
-    Gain("dik.k_force", "Foot stiffness |K|", 20.0, 200.0, 5.0, -1.0),
-    Gain("dik.com_gain", "CoM position gain [1/s]", 0.5, 6.0, 0.1),
-    Gain("dik.base_gain", "Base position gain [1/s]", 0.5, 6.0, 0.1),
+    Gain("tsid.com_kp", "CoM kp [s⁻²]", 5.0, 120.0, 1.0),
+    Gain("tsid.com_kd", "CoM kd [s⁻¹]", 1.0, 40.0, 0.5),
+    Gain("tsid.base_kp", "Base kp [s⁻²]", 10.0, 300.0, 5.0),
+    Gain("tsid.base_kd", "Base kd [s⁻¹]", 2.0, 60.0, 1.0),
+    Gain("dik.k_force", "Force |K| [s⁻¹]", 20.0, 200.0, 5.0, -1.0),
+    Gain("dik.com_gain", "CoM p [s⁻¹]", 0.5, 6.0, 0.1),
+    Gain("dik.base_gain", "Base p [s⁻¹]", 0.5, 6.0, 0.1),
 )
 
 
@@ -197,7 +197,9 @@ class GainSliders:
         self._moved: dict[str, float] = {}
         self._moved_at_s = 0.0
         self._handles: dict[str, Any] = {}
-        with gui.add_folder("Gains (ramped over 0.5 s, recorded)"):
+        with gui.add_folder(
+            "Gains (ramped over 0.5 s, recorded)", expand_by_default=False
+        ):
             for gain in GAINS:
                 self._handles[gain.name] = handle = gui.add_slider(
                     gain.label,

@@ -299,12 +299,12 @@ class LivePage:
         server.initial_camera.look_at = (0.0, -0.05, 0.5)
         self._status = gui.add_html("")
         add_controls(gui, self._asker)
-        with gui.add_folder("Plots"):
-            self._plots = [RollingPlot(gui, plot) for plot in PLOTS]
         add_push(gui, self._asker, self._robot)
         self._gains = GainSliders(gui, self._asker)
-        with gui.add_folder("Asked", expand_by_default=True):
+        with gui.add_folder("Asked"):
             self._notes = gui.add_markdown("nothing asked yet")
+        with gui.add_folder("Plots"):
+            self._plots = [RollingPlot(gui, plot) for plot in PLOTS]
         self._add_scene_options(gui)
 
     def _add_scene_options(self, gui: Any) -> None:

@@ -9,7 +9,9 @@ import numpy as np
 
 WINDOW_S = 12.0
 POINTS = 480
-HEIGHT_PX = 150
+HEIGHT_PX = 160
+PADDING_PX = (10, 14, 0, 0)
+"""Above and beside the curves, where half a label at an axis' end needs room."""
 
 
 class Curve(NamedTuple):
@@ -64,16 +66,20 @@ class RollingPlot:
         self._handle = gui.add_uplot(
             data=(np.array([0.0]), *(np.array([0.0]) for _ in range(width))),
             series=(
-                uplot.Series(label="t"),
+                uplot.Series(label="t [s]"),
                 *(
                     uplot.Series(label=curve.name, stroke=curve.colour, width=1.5)
                     for curve in plot.curves
                 ),
             ),
             scales={"x": uplot.Scale(time=False, auto=True)},
-            axes=(uplot.Axis(size=32), uplot.Axis(size=46)),
+            axes=(
+                uplot.Axis(size=28, label="t [s]", labelSize=14, labelGap=0),
+                uplot.Axis(size=46),
+            ),
             title=plot.title,
             height=HEIGHT_PX,
+            padding=PADDING_PX,
             legend=uplot.Legend(show=True, live=False),
         )
 

@@ -19,6 +19,7 @@ from surefoot.sim_robot.platforms import (
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene_state import (
     SceneState,
+    nominal_state,
     pressure_point,
     sole_corners,
     support_polygon,
@@ -115,13 +116,14 @@ class Scene:
         )
         self._zmp = scene.add_cylinder("/balance/zmp", 0.03, 0.006, ZMP, position=_AWAY)
         self._below = scene.add_icosphere("/balance/below", 0.014, COM, position=_AWAY)
+        self.update(nominal_state(robot, shape))
 
     def show_ghost(self, wanted: bool) -> None:
-        """Show or hides the commanded posture."""
+        """Show or hide the commanded posture."""
         self._ghost.visible = wanted
 
     def show_forces(self, wanted: bool) -> None:
-        """Show or hides the wrench arrows."""
+        """Show or hide the wrench arrows."""
         self._measured.visible = self._wanted.visible = wanted
 
     def update(self, state: SceneState) -> None:

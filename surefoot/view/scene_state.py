@@ -107,10 +107,33 @@ def state_of(
     )
 
 
+def nominal_state(robot: Robot, shape: RobotShape) -> SceneState:
+    """Return the robot in its nominal posture on level ground, as before any message.
+
+    Args:
+        robot: names the frames.
+        shape: where the soles are.
+    """
+    links = shape.poses(robot.nominal)
+    soles = [links[foot.sole_frame] for foot in robot.file.foot]
+    return SceneState(
+        base=_standing_base(LatestMessages(), robot, links, soles),
+        q=robot.nominal,
+        q_command=robot.nominal,
+        platforms=[],
+        F_meas=None,
+        F_id=None,
+        in_contact=(True, True),
+        com=None,
+        com_reference=None,
+    )
+
+
 def _standing_base(
     sight: LatestMessages, robot: Robot, links: dict[str, Mat], soles: list[Mat]
 ) -> Mat:
     base = np.eye(4)
+    base[:3, :3] = robot.R_upright_base
     if sight.imu is not None:
         unit = links[robot.file.imu.frame][:3, :3]
         attitude = Rotation.from_quat(sight.imu.quat_xyzw).as_matrix() @ unit.T

@@ -130,6 +130,7 @@ def test_nothing_comes_from_elsewhere(open_page: Any) -> None:
 def test_a_slider_changes_the_gain_and_the_log_has_it(
     open_page: Any, visit: Visit
 ) -> None:
+    open_page.get_by_text("Gains (ramped").click()
     slider = open_page.get_by_role("slider").nth(COM_STIFFNESS)
     assert slider.get_attribute("aria-valuenow") == "30"
     slider.focus()

@@ -164,3 +164,16 @@ def test_in_the_air_it_goes_on_and_finds_the_ground_again(
     for _ in range(GOOD_TICKS):
         output = controller.step(snapshot)
     assert output.in_contact == (True, True)
+
+
+def test_no_forces_are_desired_before_calibration_has_ended(
+    walker: Robot, snapshot: Snapshot
+) -> None:
+    controller = ZmpController(walker, SETTINGS)
+    controller.start(snapshot, walker.nominal)
+    first = controller.step(snapshot, None)
+    assert first.F_id is None
+    for _ in range(WARM_TICKS):
+        last = controller.step(snapshot, None)
+    assert last.F_id is not None
+    assert last.F_id[2] > 0.0

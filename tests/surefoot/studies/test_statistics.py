@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from surefoot.studies.summary import success_interval, success_limit
+from surefoot.studies.tables import short_name, value_in_words
 
 TOLERANCE = 1e-4
 
@@ -39,3 +40,32 @@ def test_limit_lies_where_half_the_runs_fall(
     assert success_limit([60.0, 120.0, 180.0], rates) == (
         None if limit is None else pytest.approx(limit)
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("tilt-sine-roll", "tilt-sine-roll"),
+        ("../of mine/my.ground.toml", "my.ground"),
+        ("zmp-tuned", "zmp-tuned"),
+        ("work/own.py:MyController", "MyController"),
+        ("package.module:Law", "Law"),
+    ],
+)
+def test_plots_name_things_without_their_folders(name: str, shown: str) -> None:
+    assert short_name(name) == shown
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("platform.0.motion.1.amplitude_deg", "platform 0 motion 1: amplitude [deg]"),
+        ("platform.*.motion.*.rate_m_s", "platform all motion all: rate [m/s]"),
+        ("push.0.impulse_n_s", "push 0: impulse [N s]"),
+        ("tilt_rate_deg_s", "tilt rate [deg/s]"),
+        ("sensors.accel_noise_m_s2", "sensors: accel noise [m/s²]"),
+        ("friction", "friction"),
+    ],
+)
+def test_axes_are_named_in_words_with_units(path: str, words: str) -> None:
+    assert value_in_words(path) == words
