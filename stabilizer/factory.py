@@ -70,6 +70,18 @@ def find_controller(name: str) -> ControllerMaker:
     """
     if name in CONTROLLERS:
         return _shipped(name)
+    return maker_of(name, find_target(name))
+
+
+def find_target(name: str) -> Any:
+    """Find the class of a controller from outside, or what else makes one.
+
+    Args:
+        name: as for :func:`find_controller`, but of no shipped one.
+
+    Raises:
+        ControllerError: there is no such controller.
+    """
     place, colon, attribute = name.rpartition(":")
     if colon:
         module = _module(place)
@@ -80,10 +92,10 @@ def find_controller(name: str) -> ControllerMaker:
                 f"controller {name!r}: {place} has no {attribute!r}"
                 f"{nearest(attribute, offered)}"
             )
-        return maker_of(name, target)
+        return target
     for entry in entry_points(group=ENTRY_POINTS):
         if entry.name == name:
-            return maker_of(name, entry.load())
+            return entry.load()
     known = controller_names()
     raise ControllerError(
         f"controller: got {name!r}{nearest(name, known)}; expected one of "

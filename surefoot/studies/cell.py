@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -179,11 +180,31 @@ def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
     )
 
 
-def run_cell(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Row:
-    """Run a cell and return its row: what was run, and the figures."""
+def run_cell(
+    cell: Cell, *, robot: str, overrides: tuple[str, ...], inputs: str | None = None
+) -> Row:
+    """Run a cell and return its row: what was run, and the figures.
+
+    Args:
+        cell: what to run.
+        robot: shipped name or path of a robot file.
+        overrides: texts ``section.name=value``.
+        inputs: fingerprint of these where the study was begun; None for any.
+
+    Raises:
+        UsageError: the inputs found here are others.
+    """
     from surefoot.runs import run_inline
+    from surefoot.studies.fingerprint import inputs_fingerprint
 
     plan = plan_of(cell, robot=robot, overrides=overrides)
+    here = inputs_fingerprint(plan)
+    if inputs not in (None, here):
+        raise UsageError(
+            f"{cell.group.case}: scenario, robot or settings on {platform.node()} are "
+            "not those that the study began with; a run with them would be mixed in. "
+            "Give this machine the same files, or begin another study"
+        )
     result = run_inline(plan).result
     figures = msgspec.to_builtins(result)
     group = cell.group
@@ -194,6 +215,7 @@ def run_cell(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Row:
         "variant": group.variant,
         "servo_profile": group.servo_profile,
         "seed": cell.seed,
+        "inputs": here,
         **{name: figures[name] for name in FIGURES},
     }
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from surefoot.progress import CountBar, no_bar
 from surefoot.studies.cell import Cell, plan_of, run_cell
+from surefoot.studies.fingerprint import inputs_fingerprint
 from surefoot.studies.store import StudyStore
 
 IDLE_S = 10
@@ -57,12 +58,17 @@ def execute(
 
     Raises:
         FileFormatError: a value does not fit its scenario; nothing has been run.
+        UsageError: kept runs are of another scenario, robot or settings.
     """
     from joblib import Parallel, delayed, parallel_config
 
+    inputs = {
+        group: inputs_fingerprint(plan_of(cell, robot=robot, overrides=overrides))
+        for group, cell in {cell.group: cell for cell in cells}.items()
+    }
+    for cell in cells:
+        store.check(cell, inputs[cell.group])
     missing = [cell for cell in cells if cell.key not in store.rows]
-    for cell in {cell.group: cell for cell in missing}.values():
-        plan_of(cell, robot=robot, overrides=overrides)
     workers = parallel_config(
         backend="loky",
         idle_worker_timeout=IDLE_S,
@@ -75,7 +81,9 @@ def execute(
     ):
         work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
         for row in work(
-            delayed(run_cell)(cell, robot=robot, overrides=overrides)
+            delayed(run_cell)(
+                cell, robot=robot, overrides=overrides, inputs=inputs[cell.group]
+            )
             for cell in missing
         ):
             store.add(row)

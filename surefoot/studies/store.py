@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 from types import TracebackType
@@ -13,11 +12,10 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.out_folder import make_out_folder
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.studies.cell import Row
+from surefoot.studies.cell import Cell, Row
+from surefoot.studies.fingerprint import about_code
 
 STUDY, RUNS = "study.json", "runs.jsonl"
-_PACKAGES = ("schemas", "robot_io", "stabilizer", "sim_robot")
-_SUFFIXES = (".py", ".toml", ".urdf")
 
 
 class StudyStore:
@@ -35,7 +33,8 @@ class StudyStore:
 
         Args:
             folder: made if need be.
-            about: what all runs share, such as overrides; the code is added.
+            about: what all runs share, such as overrides; code and packages are
+                added.
 
         Raises:
             UsageError: the folder holds runs of other code or settings, or something
@@ -45,7 +44,7 @@ class StudyStore:
         self.rows: dict[str, Row] = {}
         self._path = folder / RUNS
         self._file: BinaryIO | None = None
-        about = {**about, "code": code_fingerprint()}
+        about = {**about, **about_code()}
         self.about = about
         marker = folder / STUDY
         if marker.is_file():
@@ -82,6 +81,24 @@ class StudyStore:
         self._file.flush()
         self.rows[row["key"]] = row
 
+    def check(self, cell: Cell, inputs: str) -> None:
+        """See that a kept run of a cell, if there is one, is the run that is meant.
+
+        Args:
+            cell: what is to be run.
+            inputs: fingerprint of scenario, robot and settings as they are now.
+
+        Raises:
+            UsageError: it was made with others of the same name.
+        """
+        row = self.rows.get(cell.key)
+        if row is not None and row["inputs"] != inputs:
+            raise UsageError(
+                f"{self._path}: holds a run of {cell.group.case} from before its "
+                "scenario, robot or settings were changed; runs of both would be "
+                "mixed. Name another folder, or remove this one"
+            )
+
     def _compare(self, former: dict[str, Any], folder: Path) -> None:
         differing = [
             name
@@ -107,15 +124,3 @@ def read_rows(folder: Path) -> Iterable[Row]:
         except msgspec.DecodeError:
             continue
         yield row
-
-
-def code_fingerprint() -> str:
-    """Return the SHA-256 of everything in this package that a run depends on."""
-    root = Path(__file__).parents[2]
-    digest = hashlib.sha256()
-    for package in _PACKAGES:
-        for path in sorted((root / package).rglob("*")):
-            if path.suffix in _SUFFIXES:
-                digest.update(str(path.relative_to(root)).encode())
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
