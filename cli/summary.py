@@ -11,12 +11,14 @@ from rich.table import Table
 from rich.text import Text
 
 from surefoot.outcome import Judgement
+from surefoot.schemas.motions import ROTATIONS
 from surefoot.schemas.reasons import EndReason, in_words, plain
 from surefoot.schemas.result import (
     ControllerResult,
     Distribution,
     Histogram,
     PlantResult,
+    RecordedGround,
     RelayResult,
     RunResult,
 )
@@ -162,8 +164,18 @@ def _add_standing(
 
 def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
     peak = _row(result.force_peak_n, "N", since_s=0.2)
+    for ground in result.recorded_ground:
+        table.add_row(f"ground, {ground.file}", _recorded(ground))
     table.add_row("force peak (left, right)", peak)
     table.add_row("contact lost (left, right)", _row(result.contact_lost_s, "s"))
+
+
+def _recorded(ground: RecordedGround) -> str:
+    unit = "deg" if ground.axis in ROTATIONS else "m"
+    return (
+        f"{ground.axis} over {ground.stroke:.3g} {unit}, {ground.speed_max:.2g} "
+        f"{unit}/s, {ground.acceleration_max:.2g} {unit}/s^2"
+    )
 
 
 def _add_timing(table: Table, result: RunResult | PlantResult) -> None:

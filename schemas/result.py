@@ -59,6 +59,25 @@ COMMANDED = ModeReport(
 """Of a robot that was commanded to the end."""
 
 
+class RecordedGround(msgspec.Struct, frozen=True, kw_only=True):
+    """A recorded motion that the ground followed."""
+
+    file: str
+    """Its name, without the folder."""
+    sha256: str
+    """Of the file's content."""
+    platform: int
+    """Which platform of the scenario, from 0."""
+    axis: str
+    """Along or about which axis."""
+    stroke: float
+    """From the lowest to the highest place [m, or deg for tilts]."""
+    speed_max: float
+    """The largest [m/s or deg/s]."""
+    acceleration_max: float
+    """The largest [m/s^2 or deg/s^2]."""
+
+
 class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the simulated robot measured of its own truth.
 
@@ -103,6 +122,8 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     log_sha256: str
     pushes: list[PushEvent] = []
     """Pushes asked for during the run, besides the scenario's."""
+    recorded_ground: list[RecordedGround] = []
+    """Recorded motions of the scenario, as the ground did them."""
     end_to_end_ms: Distribution = NO_TIME
     """Stamp of the sensors to command applied, on the robot's side."""
     histograms: dict[str, Histogram] = {}
@@ -229,6 +250,8 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Folder of the run; null when none was asked for."""
     pushes: list[PushEvent] = []
     """Pushes asked for during the run, besides the scenario's."""
+    recorded_ground: list[RecordedGround] = []
+    """Recorded motions of the scenario, as the ground did them."""
     settings_changes: list[SettingsChange] = []
     """Changes of settings during the run."""
     end_to_end_ms: Distribution = NO_TIME

@@ -5,20 +5,20 @@ Angles are written in degrees and turned into radians here, at the border.
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import msgspec
+from msgspec.structs import replace
 
 from surefoot.schemas.arrays import Floats3
+from surefoot.schemas.motions import Motion, RecordedMotion
 from surefoot.schemas.robot_file import NonNegative, Positive
 from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS
 
-Axis = Literal["x", "y", "z", "roll", "pitch", "yaw"]
-ROTATIONS = ("roll", "pitch", "yaw")
 FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
 if TYPE_CHECKING:
     SensorName = str
@@ -55,99 +55,6 @@ class SensorFault(FileStruct, frozen=True, kw_only=True):
     def offset(self) -> float:
         """Offset of a jump."""
         return sensor(self.sensor).offset.size if self.size is None else self.size
-
-
-class _Motion(FileStruct, frozen=True, kw_only=True):
-    """What all motions share: an axis of the platform's top centre and a size."""
-
-    axis: Axis
-    """What moves, of the platform's top centre."""
-    amplitude_m: float | None = None
-    """Along x, y or z; for ramps and drops signed."""
-    amplitude_deg: float | None = None
-    """About roll, pitch or yaw; for ramps and drops signed."""
-    start_s: NonNegative = 0.0
-    """When it begins."""
-
-    def __post_init__(self) -> None:
-        """Check that the size has the unit of the axis."""
-        self._only_unit("amplitude", required=True)
-
-    @property
-    def is_rotation(self) -> bool:
-        """Whether the axis is a rotation."""
-        return self.axis in ROTATIONS
-
-    @property
-    def amplitude(self) -> float:
-        """Size in SI [m or rad]."""
-        return self._si("amplitude", "")
-
-    def _si(self, stem: str, per: str) -> float:
-        if self.is_rotation:
-            value = getattr(self, f"{stem}_deg{per}")
-            return math.radians(value) if value is not None else 0.0
-        value = getattr(self, f"{stem}_m{per}")
-        return float(value) if value is not None else 0.0
-
-    def _only_unit(self, stem: str, *, per: str = "", required: bool) -> None:
-        right, wrong = f"{stem}_m{per}", f"{stem}_deg{per}"
-        if self.is_rotation:
-            right, wrong = wrong, right
-        if getattr(self, wrong) is not None:
-            raise ValueError(f"axis {self.axis!r} takes `{right}`, got `{wrong}`")
-        if required and getattr(self, right) is None:
-            raise ValueError(f"axis {self.axis!r} needs `{right}`")
-
-
-class SineMotion(_Motion, frozen=True, kw_only=True, tag="sine", tag_field="kind"):
-    """Sine that fades in over its first period."""
-
-    frequency_hz: Positive
-    """Of the sine."""
-    phase_deg: float = 0.0
-    """Of the sine at its start."""
-
-
-class RampMotion(_Motion, frozen=True, kw_only=True, tag="ramp", tag_field="kind"):
-    """Constant rate to the amplitude, 20 ms blends at both ends."""
-
-    rate_m_s: Positive | None = None
-    """Magnitude of the rate along x, y or z."""
-    rate_deg_s: Positive | None = None
-    """Magnitude of the rate about roll, pitch or yaw."""
-
-    def __post_init__(self) -> None:
-        """Check units of amplitude and rate."""
-        super().__post_init__()
-        self._only_unit("rate", per="_s", required=True)
-
-    @property
-    def rate(self) -> float:
-        """Magnitude of the rate in SI [m/s or rad/s]."""
-        return self._si("rate", "_s")
-
-
-class DropMotion(_Motion, frozen=True, kw_only=True, tag="drop", tag_field="kind"):
-    """Falls to the amplitude: freely, or at a given rate."""
-
-    rate_m_s: Positive | None = None
-    """Magnitude of the rate along x, y or z; z falls freely without one."""
-    rate_deg_s: Positive | None = None
-    """Magnitude of the rate about roll, pitch or yaw."""
-
-    def __post_init__(self) -> None:
-        """Check units; only z can fall freely."""
-        super().__post_init__()
-        self._only_unit("rate", per="_s", required=self.axis != "z")
-
-    @property
-    def rate(self) -> float | None:
-        """Magnitude of the rate in SI, or None for a free fall."""
-        return self._si("rate", "_s") or None
-
-
-Motion = SineMotion | RampMotion | DropMotion
 
 
 class Platform(FileStruct, frozen=True, kw_only=True):
@@ -260,5 +167,48 @@ def scenario_from_table(raw: dict[str, Any], *, source: str) -> Scenario:
 
 
 def load_scenario(path: Path) -> Scenario:
-    """Read a scenario file; see :func:`scenario_from_table`."""
-    return scenario_from_table(read_toml(path), source=str(path))
+    """Read a scenario file; see :func:`scenario_from_table`.
+
+    Files it names are relative to it; here they get the path they have from anywhere.
+    """
+    scenario = scenario_from_table(read_toml(path), source=str(path))
+    folder = path.resolve().parent
+    return with_recordings(scenario, lambda motion: str(folder / motion.file))
+
+
+def recordings(scenario: Scenario) -> list[RecordedMotion]:
+    """Return the recorded motions of a scenario, in the order of the file."""
+    return [
+        motion
+        for platform in scenario.platform
+        for motion in platform.motion
+        if isinstance(motion, RecordedMotion)
+    ]
+
+
+def with_recordings(
+    scenario: Scenario, name_of: Callable[[RecordedMotion], str]
+) -> Scenario:
+    """Return a scenario whose recordings are read from elsewhere.
+
+    Args:
+        scenario: stays as it is.
+        name_of: says which file a recorded motion is read from.
+    """
+    if not recordings(scenario):
+        return scenario
+    return replace(
+        scenario,
+        platform=[
+            replace(
+                platform,
+                motion=[
+                    replace(motion, file=name_of(motion))
+                    if isinstance(motion, RecordedMotion)
+                    else motion
+                    for motion in platform.motion
+                ],
+            )
+            for platform in scenario.platform
+        ],
+    )

@@ -16,11 +16,15 @@ from typing import Any
 import msgspec
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.scenario import ROTATIONS, Scenario, scenario_from_table
+from surefoot.schemas.motions import ROTATIONS
+from surefoot.schemas.scenario import Scenario, scenario_from_table
 
 Table = dict[str, Any]
 _PACE, _TILT_RATE = "pace", "tilt_rate_deg_s"
 _NOT_SWEPT = ("name", "description")
+_PACED = ("frequency_hz", "rate_m_s", "rate_deg_s", "speed")
+"""Keys of motions that the pace is a factor on."""
+_TILTING = ("sine", "ramp", "drop")
 
 
 def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
@@ -55,7 +59,7 @@ def scenario_paths(scenario: Scenario) -> list[str]:
     moving = False
     for at, platform in enumerate(table["platform"]):
         for index, motion in enumerate(platform["motion"]):
-            moving = True
+            moving = moving or any(motion.get(key) is not None for key in _PACED)
             if motion["kind"] == "sine":
                 rate = "peak_rate_deg_s" if _turns(motion) else "peak_rate_m_s"
                 paths.append(f"platform.{at}.motion.{index}.{rate}")
@@ -179,7 +183,7 @@ def _set_tilt_rate(table: Table, rate: float) -> None:
     so that both end together and the rates add up, as vectors, to the one asked for.
     """
     for platform in table["platform"]:
-        ramps = [m for m in _horizontal(platform) if m["kind"] != "sine"]
+        ramps = [m for m in _horizontal(platform) if m["kind"] in ("ramp", "drop")]
         size = math.hypot(*(m["amplitude_deg"] for m in ramps))
         for motion in ramps:
             if size > 0.0 and motion["amplitude_deg"]:
@@ -190,17 +194,17 @@ def _set_tilt_rate(table: Table, rate: float) -> None:
 
 
 def _set_pace(table: Table, factor: float) -> None:
-    """Scale the speed of all motions; a free fall stays one."""
+    """Scale the speed of motions; free falls, seas and records stay as they are."""
     for platform in table["platform"]:
         for motion in platform["motion"]:
-            for key in ("frequency_hz", "rate_m_s", "rate_deg_s"):
+            for key in _PACED:
                 if motion.get(key) is not None:
                     motion[key] *= factor
 
 
 def _tilts(table: Table) -> Iterable[Table]:
     for platform in table["platform"]:
-        yield from _horizontal(platform)
+        yield from (m for m in _horizontal(platform) if m["kind"] in _TILTING)
 
 
 def _horizontal(platform: Table) -> list[Table]:

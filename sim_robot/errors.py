@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class SimulationError(RuntimeError):
     """The simulated robot cannot do what it was asked for."""
@@ -18,6 +21,19 @@ class ScenarioError(SimulationError, ValueError):
         """Keep the path of the offending key beside the message."""
         super().__init__(message)
         self.field = field
+
+
+@contextmanager
+def within(path: str) -> Iterator[None]:
+    """Put a path before the key that a :class:`ScenarioError` raised inside names.
+
+    Args:
+        path: such as ``platform[0].motion[1]``.
+    """
+    try:
+        yield
+    except ScenarioError as error:
+        raise ScenarioError(f"{path}.{error}", field=f"{path}.{error.field}") from error
 
 
 class CommandError(SimulationError, ValueError):

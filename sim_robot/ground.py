@@ -6,8 +6,10 @@ import mujoco
 import numpy as np
 
 from surefoot.schemas.arrays import Array
-from surefoot.sim_robot.motion import MotionLaw, motion_law
-from surefoot.sim_robot.platforms import PLATFORM_INERTIA
+from surefoot.sim_robot.errors import within
+from surefoot.sim_robot.motion import motion_law
+from surefoot.sim_robot.motion_law import MotionLaw
+from surefoot.sim_robot.platforms import PLATFORM_INERTIA, PlacedMotion
 from surefoot.sim_robot.ticks import SIM_STEP_S
 from surefoot.sim_robot.world import World
 
@@ -29,7 +31,7 @@ class Ground:
             ScenarioError: a motion cannot be done.
         """
         self._laws: list[tuple[MotionLaw, ...]] = [
-            tuple(motion_law(motion) for motion in motions)
+            tuple(_law(placed) for placed in motions)
             for platform in world.platforms
             for motions in platform.motions.values()
         ]
@@ -71,3 +73,8 @@ class Ground:
     def _write(self) -> None:
         self._qpos[:] = self._position
         self._qvel[:] = self._velocity
+
+
+def _law(placed: PlacedMotion) -> MotionLaw:
+    with within(placed.path):
+        return motion_law(placed.motion)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Vec3
-from surefoot.schemas.scenario import Axis, Motion, Scenario
+from surefoot.schemas.motions import Axis, Motion
+from surefoot.schemas.scenario import Scenario
 
 AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
 """Order of a platform's joints: R_world_platform = Rz(yaw) Ry(pitch) Rx(roll)."""
@@ -48,6 +50,13 @@ _JOINTS = {
 }
 
 
+class PlacedMotion(NamedTuple):
+    """A motion, and its path in the scenario file, for errors."""
+
+    path: str
+    motion: Motion
+
+
 @dataclass(frozen=True)
 class PlatformPlan:
     """A box of ground and how it moves.
@@ -68,7 +77,7 @@ class PlatformPlan:
     top_centre: Vec3
     half_size: Vec3
     box_centre: Vec3
-    motions: dict[Axis, tuple[Motion, ...]]
+    motions: dict[Axis, tuple[PlacedMotion, ...]]
 
 
 def plan_platforms(
@@ -88,11 +97,15 @@ def plan_platforms(
     soles = {"left": sole_left, "right": sole_right}
     soles["both"] = 0.5 * (sole_left + sole_right)
     plans = []
-    for platform in scenario.platform:
+    for at, platform in enumerate(scenario.platform):
+        placed = [
+            PlacedMotion(f"platform[{at}].motion[{index}]", motion)
+            for index, motion in enumerate(platform.motion)
+        ]
         motions = {
             axis: chosen
             for axis in AXES
-            if (chosen := tuple(m for m in platform.motion if m.axis == axis))
+            if (chosen := tuple(m for m in placed if m.motion.axis == axis))
         }
         plans.append(_plan(platform.foot, soles, motions=motions, in_scenario=True))
     feet = {platform.foot for platform in scenario.platform}
@@ -109,7 +122,7 @@ def _plan(
     foot: str,
     soles: dict[str, Vec3],
     *,
-    motions: dict[Axis, tuple[Motion, ...]],
+    motions: dict[Axis, tuple[PlacedMotion, ...]],
     in_scenario: bool,
 ) -> PlatformPlan:
     top_centre = soles[foot] * (1.0, 1.0, 0.0)

@@ -16,6 +16,7 @@ from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.metrics import Fall, PlantMetrics
 from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.sim_robot.run_record import RobotRecorder, RunDigest
 from surefoot.sim_robot.sensor_faults import SensorFaults
 from surefoot.sim_robot.ticks import whole_ticks
@@ -125,6 +126,7 @@ class SimulatedRobot:
         self._faults = SensorFaults(scenario.fault, period_s=period_s)
         self._sensed: Snapshot | None = None
         self._robot, self._period_s = robot, period_s
+        self._recorded_ground = recorded_ground(scenario)
         self._last_tick = math.ceil(
             scenario.duration_s / period_s - _RUN_LENGTH_TOLERANCE
         )
@@ -324,4 +326,5 @@ class SimulatedRobot:
             clipped=clipped,
             log_sha256=self._digest.hexdigest(),
             pushes=self._asked_pushes,
+            recorded_ground=self._recorded_ground,
         )

@@ -33,8 +33,12 @@ _HOMES = {
     "schemas.messages": ("Reference",),
     "schemas.result": ("RunResult",),
     "schemas.scenario": (
-        *("Scenario", "Platform", "SineMotion", "RampMotion", "DropMotion", "Push"),
+        *("Scenario", "Platform", "Push"),
         *("Sensors", "Delay", "ModelError", "SensorFault"),
+    ),
+    "schemas.motions": (
+        *("SineMotion", "RampMotion", "DropMotion"),
+        *("PrtsMotion", "SpectrumMotion", "RecordedMotion"),
     ),
     "schemas.settings": ("ControllerSettings",),
     "sim_robot.catalogue": ("list_scenarios", "load_scenario"),
@@ -100,17 +104,20 @@ if TYPE_CHECKING:
     from surefoot.schemas.errors import FileFormatError as FileFormatError
     from surefoot.schemas.errors import SchemaError as SchemaError
     from surefoot.schemas.messages import Reference as Reference
+    from surefoot.schemas.motions import DropMotion as DropMotion
+    from surefoot.schemas.motions import PrtsMotion as PrtsMotion
+    from surefoot.schemas.motions import RampMotion as RampMotion
+    from surefoot.schemas.motions import RecordedMotion as RecordedMotion
+    from surefoot.schemas.motions import SineMotion as SineMotion
+    from surefoot.schemas.motions import SpectrumMotion as SpectrumMotion
     from surefoot.schemas.result import RunResult as RunResult
     from surefoot.schemas.scenario import Delay as Delay
-    from surefoot.schemas.scenario import DropMotion as DropMotion
     from surefoot.schemas.scenario import ModelError as ModelError
     from surefoot.schemas.scenario import Platform as Platform
     from surefoot.schemas.scenario import Push as Push
-    from surefoot.schemas.scenario import RampMotion as RampMotion
     from surefoot.schemas.scenario import Scenario as Scenario
     from surefoot.schemas.scenario import SensorFault as SensorFault
     from surefoot.schemas.scenario import Sensors as Sensors
-    from surefoot.schemas.scenario import SineMotion as SineMotion
     from surefoot.schemas.settings import ControllerSettings as ControllerSettings
     from surefoot.signals import Signals as Signals
     from surefoot.signals import read_signals as read_signals

@@ -36,6 +36,7 @@ _ENDS = ("", ".partial")
 
 RUN_FILES = (
     *(MARKER, RESULT, SETTINGS, SCENARIO, RELAY, QP_FAILURE),
+    *("ground-[0-9].*", "ground-[0-9][0-9].*"),
     *(f"{name}{end}" for name in (TICKS, CONTROLLER_TICKS, RECORD) for end in _ENDS),
     *("robot.log", "stabilizer.log", "recorder.log", "relay.log", "view.log"),
     *("plant.json", "controller.json", "relay.json"),
@@ -63,6 +64,8 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
     again.
     """
     (folder / SCENARIO).write_text(plan.scenario_text, encoding="utf-8")
+    for file, name in plan.recordings.items():
+        shutil.copyfile(file, folder / name)
     (folder / SETTINGS).write_text(settings_text(plan.settings), encoding="utf-8")
     if plan.relay_path is not None:
         shutil.copyfile(plan.relay_path, folder / RELAY)

@@ -13,10 +13,17 @@ from surefoot.errors import UsageError
 from surefoot.robot_io.relay.catalogue import find_plan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan
-from surefoot.schemas.scenario import Scenario, load_scenario, scenario_from_table
+from surefoot.schemas.scenario import (
+    Scenario,
+    load_scenario,
+    recordings,
+    scenario_from_table,
+    with_recordings,
+)
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
-from surefoot.sim_robot.catalogue import find_scenario
+from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
+from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.stabilizer.factory import find_settings
 from surefoot.stabilizer.settings_check import check_settings
 
@@ -64,11 +71,25 @@ class RunPlan:
         return round(self.scenario.duration_s / self.robot.period_s)
 
     @property
+    def recordings(self) -> dict[str, str]:
+        """Files of recorded ground, and what they are called in the run's folder."""
+        files = dict.fromkeys(motion.file for motion in recordings(self.scenario))
+        return {
+            file: f"ground-{index}{Path(file).suffix}"
+            for index, file in enumerate(files)
+        }
+
+    @property
     def scenario_text(self) -> str:
-        """The scenario as TOML: its file as it stands, or written from the struct."""
-        if self.scenario_path is not None:
+        """The scenario as TOML: its file as it stands, or written from the struct.
+
+        A scenario with recordings names the copies in the run's folder.
+        """
+        copies = self.recordings
+        if self.scenario_path is not None and not copies:
             return self.scenario_path.read_text(encoding="utf-8")
-        return toml_text(struct_table(self.scenario))
+        scenario = with_recordings(self.scenario, lambda motion: copies[motion.file])
+        return toml_text(struct_table(scenario))
 
 
 def make_plan(
@@ -98,7 +119,7 @@ def make_plan(
 
     Raises:
         UsageError: a relay in lockstep.
-        ScenarioError: no such scenario.
+        ScenarioError: no such scenario, or no such recording of its ground.
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed, or settings contradict
             each other, the robot or the scenario.
@@ -107,6 +128,8 @@ def make_plan(
     path = None if isinstance(scenario, Scenario) else find_scenario(str(scenario))
     loaded = _checked(scenario) if isinstance(scenario, Scenario) else None
     world = loaded or load_scenario(_not_none(path))
+    with naming_scenario(path or Path(world.name)):
+        recorded_ground(world)
     model = _robot(robot, servo_profile)
     resolved = resolve_settings(settings, overrides=overrides)
     check_settings(resolved, model, duration_s=world.duration_s)

@@ -98,6 +98,7 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         log_sha256=plant.log_sha256,
         out=None if out is None else str(out),
         pushes=plant.pushes,
+        recorded_ground=plant.recorded_ground,
         settings_changes=controller.settings_changes,
         end_to_end_ms=plant.end_to_end_ms,
         skipped_ticks=controller.skipped_ticks,

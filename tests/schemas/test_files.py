@@ -9,13 +9,8 @@ import pytest
 
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Endpoints
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.scenario import (
-    DropMotion,
-    RampMotion,
-    Scenario,
-    SineMotion,
-    load_scenario,
-)
+from surefoot.schemas.motions import DropMotion, RampMotion, SineMotion
+from surefoot.schemas.scenario import Scenario, load_scenario
 from surefoot.schemas.toml_file import load
 
 DEPLOY = Path(__file__).parents[2] / "deploy"

@@ -5,7 +5,8 @@ import math
 import pytest
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.scenario import Scenario, SineMotion, scenario_from_table
+from surefoot.schemas.motions import SineMotion
+from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.scenario_paths import (
     override_scenario,
     parse_override,

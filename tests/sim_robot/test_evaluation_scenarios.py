@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from surefoot.schemas.scenario import RampMotion, SineMotion
+from surefoot.schemas.motions import RampMotion, SineMotion
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 
 NOISY = load_scenario("moving-platform-slow").sensors

@@ -4,9 +4,15 @@ import math
 
 import pytest
 
-from surefoot.schemas.scenario import DropMotion, Motion, RampMotion, SineMotion
+from surefoot.schemas.motions import (
+    BLEND_S,
+    DropMotion,
+    Motion,
+    RampMotion,
+    SineMotion,
+)
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.motion import BLEND_S, GRAVITY_M_S2, motion_law
+from surefoot.sim_robot.motion import GRAVITY_M_S2, motion_law
 
 START_S = 0.3
 DERIVATIVE_STEP_S = 1e-6

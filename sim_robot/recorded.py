@@ -1,0 +1,216 @@
+"""Recorded motions of the ground: integrated, freed of drift, and looked up."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import butter, detrend, sosfiltfilt
+
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.motions import Quantity, RecordedMotion
+from surefoot.schemas.result import RecordedGround
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.errors import ScenarioError, within
+from surefoot.sim_robot.ground_records import GroundRecord, read_record
+from surefoot.sim_robot.motion_law import FASTEST_HZ, MotionLaw
+from surefoot.sim_robot.ticks import SIM_STEP_S
+
+_FILTER_ORDER = 2
+"""Of the high-pass, which runs forwards and backwards: twice that in all."""
+_PADDING_PERIODS = 3.0
+"""Zeros before and after a record, in periods of the high-pass."""
+
+
+@dataclass(frozen=True)
+class RecordedTrack:
+    """A recorded motion as the platform does it, at every step of the simulation.
+
+    Attributes:
+        sha256: of the file.
+        position: (n,) [m or rad]; begins at zero.
+        velocity: (n,) its derivative; begins and ends at zero.
+        acceleration: (n,) the derivative of that.
+    """
+
+    sha256: str
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+def recorded_law(motion: RecordedMotion) -> MotionLaw:
+    """Make the motion of a file: cubic between the simulation's steps.
+
+    Raises:
+        ScenarioError: the file cannot be read, or is no motion.
+    """
+    track = recorded_track(motion)
+    position, velocity = track.position, track.velocity
+    start_s, last = motion.start_s, len(position) - 1
+    end = float(position[last])
+
+    def law(time_s: float) -> tuple[float, float]:
+        since = (time_s - start_s) / SIM_STEP_S
+        if since <= 0.0:
+            return 0.0, 0.0
+        index = int(since)
+        if index >= last:
+            return end, 0.0
+        u = since - index
+        p, p_next = position.item(index), position.item(index + 1)
+        v = velocity.item(index) * SIM_STEP_S
+        v_next = velocity.item(index + 1) * SIM_STEP_S
+        # Hermite: p + v u + b u^2 + a u^3.
+        rise = p_next - p
+        a, b = v + v_next - 2.0 * rise, 3.0 * rise - 2.0 * v - v_next
+        return (
+            p + u * (v + u * (b + u * a)),
+            (v + u * (2.0 * b + 3.0 * u * a)) / SIM_STEP_S,
+        )
+
+    return law
+
+
+def recorded_track(motion: RecordedMotion) -> RecordedTrack:
+    """Read a recorded motion and work out how the platform moves.
+
+    The record is laid on the simulation's steps, drift is taken off, what is missing is
+    integrated or differentiated, and the velocity is faded in and out.
+
+    Raises:
+        ScenarioError: the file cannot be read, or is no motion; ``field`` is the key.
+    """
+    try:
+        changed_ns = Path(motion.file).stat().st_mtime_ns
+    except OSError:
+        changed_ns = 0  # reading it says what is wrong
+    return _track(motion, changed_ns)
+
+
+@lru_cache(maxsize=8)
+def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
+    """The same; read anew when the file was changed."""
+    del changed_ns
+    record = read_record(motion)
+    times, values = _cut(record, motion)
+    try:
+        factor = motion.si_factor(motion.units or record.units, record.quantity)
+    except ValueError as error:
+        raise ScenarioError(f"units: {error}", field="units") from error
+    v, a = _velocity(
+        record.quantity,
+        times,
+        motion.scale * factor * values,
+        drift_hz=motion.drift_of(record.quantity),
+    )
+    v, a = _faded(v, a, blend_s=motion.blend)
+    # Corrected trapezoid: exact for a velocity that is cubic between two steps.
+    steps = 0.5 * SIM_STEP_S * (v[1:] + v[:-1])
+    steps += SIM_STEP_S**2 / 12.0 * (a[:-1] - a[1:])
+    p = np.concatenate(([0.0], np.cumsum(steps)))
+    return RecordedTrack(hashlib.sha256(record.content).hexdigest(), p, v, a)
+
+
+def recorded_ground(scenario: Scenario) -> list[RecordedGround]:
+    """What the recorded motions of a scenario are, in the order of its file.
+
+    Raises:
+        ScenarioError: a file cannot be read, or is no motion.
+    """
+    grounds = []
+    for index, platform in enumerate(scenario.platform):
+        for at, motion in enumerate(platform.motion):
+            if isinstance(motion, RecordedMotion):
+                with within(f"platform[{index}].motion[{at}]"):
+                    track = recorded_track(motion)
+                per_unit = math.degrees(1.0) if motion.is_rotation else 1.0
+                grounds.append(
+                    RecordedGround(
+                        file=Path(motion.file).name,
+                        sha256=track.sha256,
+                        platform=index,
+                        axis=motion.axis,
+                        stroke=per_unit * float(np.ptp(track.position)),
+                        speed_max=per_unit * float(np.abs(track.velocity).max()),
+                        acceleration_max=per_unit
+                        * float(np.abs(track.acceleration).max()),
+                    )
+                )
+    return grounds
+
+
+def _cut(record: GroundRecord, motion: RecordedMotion) -> tuple[Array, Array]:
+    """Return times from zero [s] and values of the part that is wanted."""
+    times = record.times - record.times[0]
+    until = times[-1] if motion.to_s is None else motion.to_s
+    chosen = (times >= motion.from_s - 1e-9) & (times <= until + 1e-9)
+    if np.count_nonzero(chosen) < 4:
+        raise ScenarioError(
+            f"from_s: {motion.file} lasts {times[-1]:g} s; from {motion.from_s:g} s to "
+            f"{until:g} s there are {np.count_nonzero(chosen)} samples, expected at "
+            "least 4",
+            field="from_s",
+        )
+    times, values = times[chosen], record.values[chosen]
+    rate_hz = (len(times) - 1) / (times[-1] - times[0])
+    if rate_hz > 2.0 * FASTEST_HZ * (1.0 + 1e-6):
+        raise ScenarioError(
+            f"file: {motion.file} has {rate_hz:g} samples a second, expected at most "
+            f"{2.0 * FASTEST_HZ:g}, the simulation's rate: what is faster than half of "
+            "that cannot be shown; low-pass the record and sample it anew",
+            field="file",
+        )
+    return times - times[0], values
+
+
+def _velocity(
+    quantity: Quantity, times: Array, values: Array, *, drift_hz: float
+) -> tuple[Array, Array]:
+    """Return velocity and acceleration at every step, each (n,) in SI."""
+    grid = SIM_STEP_S * np.arange(round(times[-1] / SIM_STEP_S) + 1)
+    if quantity == "position":
+        spline = CubicSpline(times, values)
+        v, a = spline(grid, 1), spline(grid, 2)
+        return _without_drift(v, drift_hz), _without_drift(a, drift_hz)
+    measured = np.interp(grid, times, values)
+    if drift_hz > 0.0:
+        # An offset would be a step at both ends, and ring there.
+        measured = detrend(measured, type="constant")
+    padding = round(_PADDING_PERIODS / drift_hz / SIM_STEP_S) if drift_hz > 0.0 else 0
+    measured = np.pad(measured, padding)
+    if quantity == "acceleration":
+        a = _without_drift(measured, drift_hz)
+        steps = 0.5 * SIM_STEP_S * (a[1:] + a[:-1])
+        v = np.concatenate(([0.0], np.cumsum(steps)))
+    else:
+        v = _without_drift(measured, drift_hz)
+        a = np.gradient(v, SIM_STEP_S)
+    inner = slice(padding, padding + len(grid))
+    return v[inner], a[inner]
+
+
+def _without_drift(values: Array, drift_hz: float) -> Array:
+    """High-pass without a phase: Butterworth, forwards and backwards."""
+    if drift_hz <= 0.0:
+        return values
+    sections = butter(
+        _FILTER_ORDER, drift_hz, btype="highpass", fs=1.0 / SIM_STEP_S, output="sos"
+    )
+    filtered: Array = sosfiltfilt(sections, values)
+    return filtered
+
+
+def _faded(v: Array, a: Array, *, blend_s: float) -> tuple[Array, Array]:
+    """Fade a velocity in and out; also its derivative."""
+    count = len(v)
+    u = np.arange(count) * SIM_STEP_S / blend_s
+    begin, end = np.minimum(u, 1.0), np.minimum(u[::-1], 1.0)
+    share = begin**2 * (3.0 - 2.0 * begin) * end**2 * (3.0 - 2.0 * end)
+    slope = np.gradient(share, SIM_STEP_S)
+    return share * v, share * a + slope * v

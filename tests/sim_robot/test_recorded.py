@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+from scipy.integrate import cumulative_simpson, cumulative_trapezoid
+
+from surefoot.schemas.motions import STANDARD_GRAVITY, RecordedMotion
+from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.motion import motion_law
+from surefoot.sim_robot.recorded import recorded_track
+
+RATE_HZ = 100.0
+LENGTH_S = 20.0
+TIMES = np.arange(round(LENGTH_S * RATE_HZ) + 1) / RATE_HZ
+# A shake of 0.1 m that begins and ends at rest, and its derivatives.
+_ENVELOPE = np.sin(math.pi * TIMES / LENGTH_S) ** 4
+POSITION = 0.1 * _ENVELOPE * np.sin(math.tau * 0.8 * TIMES)
+VELOCITY = np.gradient(POSITION, 1.0 / RATE_HZ, edge_order=2)
+ACCELERATION = np.gradient(VELOCITY, 1.0 / RATE_HZ, edge_order=2)
+
+
+def _csv(path: Path, values: np.ndarray, *, heading: str = "") -> str:
+    lines = [f"{t:.6f},{v:.12g}" for t, v in zip(TIMES, values, strict=True)]
+    path.write_text(heading + "\n".join(lines) + "\n")
+    return str(path)
+
+
+def _motion(file: str, **keys: object) -> RecordedMotion:
+    return RecordedMotion(axis="x", file=file, **keys)  # type: ignore[arg-type]
+
+
+def _on(motion: RecordedMotion, times: np.ndarray) -> np.ndarray:
+    law = motion_law(motion)
+    return np.array([law(float(t))[0] for t in times])
+
+
+def test_without_drift_removal_it_is_scipys_integral(tmp_path: Path) -> None:
+    file = _csv(tmp_path / "a.csv", ACCELERATION)
+    moved = _on(_motion(file, quantity="acceleration", drift_hz=0.0), TIMES)
+    velocity = cumulative_trapezoid(ACCELERATION, TIMES, initial=0.0)
+    expected = cumulative_simpson(velocity, x=TIMES, initial=0.0)
+    assert moved == pytest.approx(expected, abs=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "values"),
+    [("position", POSITION), ("velocity", VELOCITY), ("acceleration", ACCELERATION)],
+)
+def test_the_same_shake_from_any_quantity(
+    tmp_path: Path, quantity: str, values: np.ndarray
+) -> None:
+    moved = _on(_motion(_csv(tmp_path / "a.csv", values), quantity=quantity), TIMES)
+    assert moved == pytest.approx(POSITION, abs=2e-3)
+
+
+def test_offset_and_slow_drift_of_the_sensor_do_not_move_the_ground(
+    tmp_path: Path,
+) -> None:
+    wrong = ACCELERATION + 9.81 + 0.02 * np.sin(math.tau * 0.01 * TIMES)
+    moved = _on(
+        _motion(_csv(tmp_path / "a.csv", wrong), quantity="acceleration"), TIMES
+    )
+    middle = slice(300, -300)
+    assert moved[middle] == pytest.approx(POSITION[middle], abs=8e-3)
+    _, last = motion_law(_motion(str(tmp_path / "a.csv"), quantity="acceleration"))(
+        LENGTH_S + 1.0
+    )
+    assert last == 0.0
+
+
+def test_velocity_is_the_derivative_and_has_no_jump(tmp_path: Path) -> None:
+    file = _csv(tmp_path / "a.csv", np.cos(TIMES))  # begins at full speed
+    law = motion_law(_motion(file, quantity="velocity", start_s=0.5, drift_hz=0.0))
+    assert law(0.5) == (0.0, 0.0)
+    for index in range(2000):
+        time_s = 0.45 + 0.00137 + 1e-3 * index
+        (before, _), (_, velocity), (after, _) = (
+            law(time_s + shift) for shift in (-1e-6, 0.0, 1e-6)
+        )
+        assert velocity == pytest.approx((after - before) / 2e-6, abs=1e-4)
+    assert law(0.5 + 0.010)[1] == pytest.approx(0.5, abs=0.02)
+    assert law(0.5 + 0.021)[1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_peer_and_knet_say_units_and_step_themselves(tmp_path: Path) -> None:
+    numbers = ACCELERATION / STANDARD_GRAVITY
+    rows = "\n".join(
+        "  ".join(f"{v: .9E}" for v in row) for row in numbers[:2000].reshape(-1, 5)
+    )
+    peer = tmp_path / "shake.AT2"
+    peer.write_text(
+        "PEER NGA STRONG MOTION DATABASE RECORD\nSynthetic, 2026, here, 90\n"
+        f"ACCELERATION TIME SERIES IN UNITS OF G\nNPTS=   2000, DT=   .0100 SEC\n{rows}"
+    )
+    counts = np.rint(1e2 * ACCELERATION / 3920.0 * 6170801).astype(int)
+    heading = [
+        "Origin Time       2026/11/26 12:00:00",
+        *(f"Line {index}" for index in range(9)),
+        "Sampling Freq(Hz) 100Hz",
+        "Duration Time(s)  20",
+        "Dir.              E-W",
+        "Scale Factor      3920(gal)/6170801",
+        "Max. Acc. (gal)   250",
+        "Last Correction   2026/11/26 12:00:00",
+        "Memo.",
+    ]
+    rows = "\n".join(
+        "".join(f"{v:9d}" for v in row) for row in counts[:2000].reshape(-1, 8)
+    )
+    knet = tmp_path / "shake.EW"
+    knet.write_text("\n".join([*heading, rows]))
+    text = _csv(tmp_path / "a.csv", ACCELERATION, heading="time_s,ax\n")
+    expected = _on(_motion(text, quantity="acceleration"), TIMES[:1900])
+    for file in (peer, knet):
+        assert _on(_motion(str(file)), TIMES[:1900]) == pytest.approx(
+            expected, abs=1e-3
+        )
+
+
+def test_a_channel_of_an_mcap_file_at_its_own_stamps(tmp_path: Path) -> None:
+    path = tmp_path / "deck.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        schema = writer.register_schema("imu", "jsonschema", b"{}")
+        channel = writer.register_channel("/imu", "json", schema)
+        for time_s, value in zip(TIMES, ACCELERATION, strict=True):
+            stamp = 5_000_000_000 + round(1e9 * time_s)
+            message = {"stamp_ns": stamp, "linear_acceleration": [value, 0.0, 9.81]}
+            late = stamp + 1_000_000 * (stamp // 10_000_000 % 7)
+            writer.add_message(channel, late, json.dumps(message).encode(), late)
+        writer.finish()
+    here = {"quantity": "acceleration", "channel": "/imu"}
+    moved = _on(_motion(str(path), field="linear_acceleration.0", **here), TIMES)
+    assert moved == pytest.approx(POSITION, abs=2e-3)
+    with pytest.raises(ScenarioError, match="it has /imu"):
+        motion_law(_motion(str(path), field="x", **{**here, "channel": "/gps"}))
+    with pytest.raises(ScenarioError, match="no 'angular_velocity'"):
+        motion_law(_motion(str(path), field="angular_velocity.0", **here))
+
+
+def test_units_scale_and_cut(tmp_path: Path) -> None:
+    file = _csv(tmp_path / "p.csv", 1e3 * POSITION)
+    motion = _motion(
+        file, quantity="position", units="mm", scale=-0.5, from_s=5.0, to_s=15.0
+    )
+    moved = _on(motion, TIMES[:1000])
+    expected = -0.5 * (POSITION[500:1500] - POSITION[500])
+    assert moved == pytest.approx(expected, abs=5e-3)
+    assert np.ptp(recorded_track(motion).position) == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("text", "keys", "field", "words"),
+    [
+        ("0,0\n1,1\n", {"quantity": "position"}, "file", "2 samples"),
+        ("0,0\n1,1\n1,1\n2,1\n", {"quantity": "position"}, "file", "rising"),
+        ("0,0\n1,a\n2,1\n3,1\n", {"quantity": "position"}, "file", "in each line"),
+        ("0,0\n1,1\n2,1\n3,1\n", {}, "quantity", "missing"),
+        ("t,a\n0,0\n", {"quantity": "position", "column": "b"}, "column", "t, a"),
+    ],
+)
+def test_a_bad_file_is_named_with_the_key(
+    tmp_path: Path, text: str, keys: dict[str, str], field: str, words: str
+) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(ScenarioError, match=words) as caught:
+        motion_law(_motion(str(path), **keys))
+    assert caught.value.field == field
+
+
+def test_sampled_faster_than_the_simulation_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "fast.csv"
+    path.write_text("".join(f"{index / 4000.0},0\n" for index in range(100)))
+    with pytest.raises(ScenarioError, match="at most 1000"):
+        motion_law(_motion(str(path), quantity="position"))
+
+
+def test_a_file_that_was_changed_is_read_anew(tmp_path: Path) -> None:
+    motion = _motion(_csv(tmp_path / "p.csv", POSITION), quantity="position")
+    before = recorded_track(motion)
+    _csv(tmp_path / "p.csv", 2.0 * POSITION, heading="t,x\n")
+    after = recorded_track(motion)
+    assert after.sha256 != before.sha256
+    assert np.ptp(after.position) == pytest.approx(2.0 * np.ptp(before.position))
