@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import msgspec
 from msgspec.structs import replace
 
-from surefoot.schemas.arrays import Floats3
+from surefoot.schemas.arrays import Floats3, Pair
 from surefoot.schemas.motions import Motion, RecordedMotion
 from surefoot.schemas.robot_file import NonNegative, Positive
 from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS
 
+PositiveNumber = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
 FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
 if TYPE_CHECKING:
     SensorName = str
@@ -64,6 +65,45 @@ class Platform(FileStruct, frozen=True, kw_only=True):
     """Which foot stands on it."""
     motion: list[Motion] = []
     """They add up."""
+    size_m: (
+        Annotated[list[PositiveNumber], msgspec.Meta(min_length=2, max_length=2)] | None
+    ) = None
+    """Along x and y; absent: 0.8 by 0.9 under both feet, 0.6 by 0.4 or so under one.
+    Under one foot it ends at the middle between the feet."""
+
+
+class Tile(FileStruct, frozen=True, kw_only=True):
+    """A block of ground that stands still, instead of the flat floor at its place.
+
+    Tiles may overlap. Where there are tiles, the floor goes on around them for as far
+    as a walk needs, unless there are platforms.
+    """
+
+    center_m: Pair
+    """Middle of its top: x, y in the world; the robot starts between its feet at 0, 0
+    and looks along x."""
+    size_m: Annotated[list[PositiveNumber], msgspec.Meta(min_length=2, max_length=2)]
+    """Along x and y."""
+    height_m: Annotated[float, msgspec.Meta(ge=-0.3, le=1.0)] = 0.0
+    """Of the middle of its top, over the floor."""
+    roll_deg: Annotated[float, msgspec.Meta(ge=-45.0, le=45.0)] = 0.0
+    """Tilt about x."""
+    pitch_deg: Annotated[float, msgspec.Meta(ge=-45.0, le=45.0)] = 0.0
+    """Tilt about y; positive goes down ahead."""
+    friction: Positive | None = None
+    """Friction coefficient [1]; that of the scenario when absent."""
+    stiffness_n_m: Annotated[float, msgspec.Meta(ge=5e3, le=1e6)] | None = None
+    """Of soft ground under a whole sole; firm when absent."""
+    damping_n_s_m: NonNegative | None = None
+    """Of soft ground under a whole sole; absent: half of critical for
+    half the robot's mass."""
+
+    def __post_init__(self) -> None:
+        """Check that only soft ground has damping."""
+        if self.damping_n_s_m is not None and self.stiffness_n_m is None:
+            raise ValueError(
+                "`damping_n_s_m` needs `stiffness_n_m`: firm ground takes neither"
+            )
 
 
 class Push(FileStruct, frozen=True, kw_only=True):
@@ -133,6 +173,8 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     """Friction coefficient of all ground [1]."""
     platform: list[Platform] = []
     """Moving ground; firm level ground where there is none."""
+    tile: list[Tile] = []
+    """Blocks of uneven, soft or slippery ground that stand still."""
     push: list[Push] = []
     """Forces on links."""
     sensors: Sensors = Sensors()

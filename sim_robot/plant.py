@@ -192,6 +192,7 @@ class Plant:
     def _lies(self, why: str) -> RobotFileError:
         return RobotFileError(
             f"{self._name}: does not stand in its nominal posture: {why}; expected it "
-            f"to stand on level ground for {SETTLE_S:g} s before the run: correct the "
-            "joints' `nominal` in the robot file, or the scenario's [model_error]"
+            f"to stand still for {SETTLE_S:g} s before the run: correct the joints' "
+            "`nominal` in the robot file, or the scenario's [model_error] and the "
+            "[[tile]] under its feet"
         )

@@ -92,7 +92,8 @@ def plan_platforms(
 
     Returns:
         The platforms of the scenario in its order, then fixed ground for the feet
-        it does not mention. All tops are at z = 0 at rest.
+        it does not mention. All tops are at z = 0 at rest. None where there are tiles
+        only: these have a floor around them.
     """
     soles = {"left": sole_left, "right": sole_right}
     soles["both"] = 0.5 * (sole_left + sole_right)
@@ -107,8 +108,18 @@ def plan_platforms(
             for axis in AXES
             if (chosen := tuple(m for m in placed if m.motion.axis == axis))
         }
-        plans.append(_plan(platform.foot, soles, motions=motions, in_scenario=True))
+        plans.append(
+            _plan(
+                platform.foot,
+                soles,
+                motions=motions,
+                in_scenario=True,
+                size_m=platform.size_m,
+            )
+        )
     feet = {platform.foot for platform in scenario.platform}
+    if not feet and scenario.tile:
+        return ()
     if not feet:
         return (_plan("both", soles, motions={}, in_scenario=False),)
     if "both" not in feet:
@@ -124,6 +135,7 @@ def _plan(
     *,
     motions: dict[Axis, tuple[PlacedMotion, ...]],
     in_scenario: bool,
+    size_m: list[float] | None = None,
 ) -> PlatformPlan:
     top_centre = soles[foot] * (1.0, 1.0, 0.0)
     half_length, half_width = SHARED_HALF_SIZE_M
@@ -135,6 +147,10 @@ def _plan(
         half_length = SINGLE_HALF_LENGTH_M
         half_width = 0.5 * (SINGLE_OUTWARD_M - inner)
         y_centre = outward * 0.5 * (SINGLE_OUTWARD_M + inner)
+    if size_m is not None:
+        wider = 0.5 * size_m[1] - half_width
+        half_length, half_width = 0.5 * size_m[0], 0.5 * size_m[1]
+        y_centre += wider if y_centre > 0.0 else -wider if y_centre < 0.0 else 0.0
     return PlatformPlan(
         name=f"ground_{foot}",
         in_scenario=in_scenario,
@@ -182,8 +198,23 @@ def add_platform(
             axis=direction,
             armature=PLATFORM_INERTIA,
         )
+    let_soles_touch(spec, plan.name, robot=robot, friction=friction)
+
+
+def let_soles_touch(
+    spec: mujoco.MjSpec, geom: str, *, robot: Robot, friction: float
+) -> None:
+    """Let both soles, and nothing else, touch a geom of the ground firmly.
+
+    Args:
+        spec: the world, with the robot and the geom in it.
+        geom: its name.
+        robot: whose soles touch it.
+        friction: between them.
+    """
     for foot in (robot.left, robot.right):
-        pair = spec.add_pair(geomname1=plan.name, geomname2=foot.sole_frame, condim=3)
+        pair = spec.add_pair(geomname1=geom, geomname2=foot.sole_frame, condim=3)
+        pair.name = f"{geom} {foot.sole_frame}"
         pair.friction[:] = [friction, friction, 0.0, 0.0, 0.0]
         pair.solref[:] = [CONTACT_TIME_CONSTANT_S, 1.0]
         pair.solimp[:] = CONTACT_IMPEDANCE

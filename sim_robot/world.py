@@ -16,6 +16,13 @@ from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.platforms import PlatformPlan, add_platform, plan_platforms
 from surefoot.sim_robot.robot_spec import ANKLES, UNITS, refusing, robot_spec
 from surefoot.sim_robot.scenery import add_scenery
+from surefoot.sim_robot.still_ground import (
+    StillGround,
+    add_still_ground,
+    plan_still_ground,
+    rise_under,
+    soften,
+)
 from surefoot.sim_robot.ticks import SIM_STEP_S
 
 TANGENTIAL_STIFFNESS_RATIO = 10.0
@@ -30,7 +37,8 @@ class World:
     Attributes:
         model: MuJoCo model; actuators are in bus order, the robot's degrees of
             freedom come first, the platforms' after them.
-        platforms: the ground, in the order of ``ground_bodies``.
+        platforms: the ground that may move, in the order of ``ground_bodies``.
+        still: the ground that never does: tiles, and the floor around them.
         base_height: base origin above the ground with flat soles in the nominal
             posture [m].
         base_quat_wxyz: (4,) world from base link in the nominal posture.
@@ -48,6 +56,7 @@ class World:
 
     model: mujoco.MjModel
     platforms: tuple[PlatformPlan, ...]
+    still: tuple[StillGround, ...]
     base_height: float
     base_quat_wxyz: Array
     base_up: Vec3
@@ -84,6 +93,9 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     platforms = plan_platforms(scenario, sole_left=soles[0], sole_right=soles[1])
     for plan in platforms:
         add_platform(spec, plan, robot=robot, friction=scenario.friction)
+    still = plan_still_ground(scenario)
+    for ground in still:
+        add_still_ground(spec, ground, robot=robot)
     _set_options(spec)
     if scenery:
         add_scenery(spec, platforms)
@@ -92,12 +104,14 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     _scale_masses(model, robot, scale=scenario.model_error.mass_scale)
     base_body = _body_id(model, robot.file.base_link)
     _forget_platform_inertia(model, robot)
+    soften(model, still, robot=robot)
     joints = [model.joint(name) for name in robot.joint_names]
     feet = (robot.left, robot.right)
     return World(
         model=model,
         platforms=platforms,
-        base_height=base_height,
+        still=still,
+        base_height=base_height + rise_under(still, soles, robot=robot),
         base_quat_wxyz=_nominal_quat(robot),
         base_up=robot.R_upright_base[2].copy(),
         base_body=base_body,

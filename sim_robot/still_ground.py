@@ -1,0 +1,214 @@
+"""Ground that stands still: tiles, and the floor that goes on around them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Mat, Vec3
+from surefoot.schemas.scenario import Scenario, Tile
+from surefoot.sim_robot.platforms import let_soles_touch
+from surefoot.sim_robot.ticks import SIM_STEP_S
+
+FLOOR_M = ((-3.0, 12.0), (-6.0, 6.0))
+"""From where to where the floor goes along x and y: as far as a walk needs [m]."""
+FLOOR_THICKNESS_M = 0.06
+BELOW_M = 0.3
+"""Tiles are blocks that reach so far below the floor, and below their own top [m]."""
+CORNERS = 4
+"""A sole that lies flat is held at so many points."""
+
+
+@dataclass(frozen=True)
+class StillGround:
+    """A block whose top the soles stand on.
+
+    Attributes:
+        name: ``tile_0`` and so on, then ``floor_0`` and so on.
+        top_centre: (3,) middle of the top [m, world].
+        R_world_top: (3, 3) its attitude.
+        size: (3,) along its own axes [m].
+        friction: of the soles on it.
+        stiffness_n_m: under a whole sole; None for firm ground.
+        damping_n_s_m: the same; None for half of critical damping.
+    """
+
+    name: str
+    top_centre: Vec3
+    R_world_top: Mat
+    size: Vec3
+    friction: float
+    stiffness_n_m: float | None = None
+    damping_n_s_m: float | None = None
+
+    def height_at(self, x: float, y: float) -> float | None:
+        """Height of the top at a place [m]; None where it is not."""
+        normal = self.R_world_top[:, 2]
+        dx, dy = x - self.top_centre[0], y - self.top_centre[1]
+        dz = -(normal[0] * dx + normal[1] * dy) / normal[2]
+        place = self.R_world_top.T @ (dx, dy, dz)
+        if (np.abs(place[:2]) > 0.5 * self.size[:2]).any():
+            return None
+        return float(self.top_centre[2] + dz)
+
+
+def plan_still_ground(scenario: Scenario) -> tuple[StillGround, ...]:
+    """Lay out the tiles, and the floor where there is none.
+
+    Args:
+        scenario: its tiles; where it has none there is no such ground, and where it has
+            platforms there is no floor.
+    """
+    tiles = tuple(
+        _tile(index, tile, friction=scenario.friction)
+        for index, tile in enumerate(scenario.tile)
+    )
+    if not tiles or scenario.platform:
+        return tiles
+    return (*tiles, *_floor(tiles, friction=scenario.friction))
+
+
+def add_still_ground(spec: mujoco.MjSpec, ground: StillGround, *, robot: Robot) -> None:
+    """Add a block that only the soles touch."""
+    x, y, z, w = Rotation.from_matrix(ground.R_world_top).as_quat()
+    is_tile = ground.name.startswith("tile")
+    spec.worldbody.add_geom(
+        name=ground.name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=0.5 * ground.size,
+        pos=ground.top_centre - 0.5 * ground.size[2] * ground.R_world_top[:, 2],
+        quat=[w, x, y, z],
+        contype=0,
+        conaffinity=0,
+        rgba=[0.66, 0.70, 0.75, 1.0] if is_tile else [0.80, 0.82, 0.85, 1.0],
+    )
+    let_soles_touch(spec, ground.name, robot=robot, friction=ground.friction)
+
+
+def rise_under(
+    grounds: tuple[StillGround, ...], soles: tuple[Vec3, Vec3], *, robot: Robot
+) -> float:
+    """How much higher the robot must start so that neither sole is in the ground [m].
+
+    Args:
+        grounds: tiles and floor.
+        soles: (3,) centres of left and right sole at the start [m]; only x and y count.
+        robot: sizes of its soles.
+    """
+    heights = [
+        height
+        for sole, foot in zip(soles, (robot.left, robot.right), strict=True)
+        for along, across in itertools.product((-1.0, 0.0, 1.0), repeat=2)
+        for ground in grounds
+        if (
+            height := ground.height_at(
+                sole[0] + along * foot.half_length_m,
+                sole[1] + across * foot.half_width_m,
+            )
+        )
+        is not None
+    ]
+    return max(heights, default=0.0)
+
+
+def soften(
+    model: mujoco.MjModel, grounds: tuple[StillGround, ...], *, robot: Robot
+) -> None:
+    """Give soft ground its stiffness and damping [N/m, N s/m].
+
+    MuJoCo's contact solves J a + R f = a_ref with a_ref = -b v - k r at depth r and,
+    for an impedance d, R = (1 - d) / (d m), 1 / m its estimate of what a unit force
+    accelerates. With k = K R and b = C R that is a force of K r + C v and a mass 1 / R
+    that moves along. The impedance makes this mass as small as is stable with steps of
+    the simulation. All is shared by the sole's corners.
+
+    Args:
+        model: compiled, with its final masses; changed in place.
+        grounds: tiles and floor.
+        robot: whose soles stand on them.
+    """
+    half_mass = 0.5 * float(model.body(robot.file.base_link).subtreemass[0])
+    for ground in grounds:
+        if ground.stiffness_n_m is None:
+            continue
+        stiffness, damping = ground.stiffness_n_m, ground.damping_n_s_m
+        if damping is None:
+            damping = math.sqrt(stiffness * half_mass)
+        mass = max(damping * SIM_STEP_S, stiffness * SIM_STEP_S**2)
+        for foot in (robot.left, robot.right):
+            pair = model.pair(f"{ground.name} {foot.sole_frame}")
+            moved = float(model.body(foot.sole_frame).invweight0[0])
+            impedance = 1.0 / (1.0 + CORNERS / (mass * moved))
+            # R = CORNERS / mass, and K and C have the share of a corner. A negative
+            # solref holds -k d^2 and -b d; what acts at depth r is k d r.
+            pair.solref[:] = (
+                -stiffness / mass * impedance,
+                -damping / mass * impedance,
+            )
+            pair.solimp[:] = (impedance, impedance, 0.001, 0.5, 2.0)
+
+
+def _tile(index: int, tile: Tile, *, friction: float) -> StillGround:
+    angles = [tile.pitch_deg, tile.roll_deg]
+    return StillGround(
+        name=f"tile_{index}",
+        top_centre=np.array([*tile.center_m, tile.height_m]),
+        R_world_top=Rotation.from_euler("YX", angles, degrees=True).as_matrix(),
+        size=np.array([*tile.size_m, BELOW_M + max(tile.height_m, 0.0)]),
+        friction=friction if tile.friction is None else tile.friction,
+        stiffness_n_m=tile.stiffness_n_m,
+        damping_n_s_m=tile.damping_n_s_m,
+    )
+
+
+def _floor(
+    tiles: tuple[StillGround, ...], *, friction: float
+) -> tuple[StillGround, ...]:
+    """Return the floor less the tiles' footprints, as few rectangles as rows allow."""
+    xs = sorted({*FLOOR_M[0], *(e for tile in tiles for e in _extent(tile, 0))})
+    ys = sorted({*FLOOR_M[1], *(e for tile in tiles for e in _extent(tile, 1))})
+    boxes: list[list[float]] = []  # x from, x to, y from, y to
+    for x, x_next in itertools.pairwise(xs):
+        strips: list[list[float]] = []
+        for y, y_next in itertools.pairwise(ys):
+            middle = 0.5 * (x + x_next), 0.5 * (y + y_next)
+            if any(_covers(tile, *middle) for tile in tiles):
+                continue
+            if strips and strips[-1][3] == y:
+                strips[-1][3] = y_next
+            else:
+                strips.append([x, x_next, y, y_next])
+        for strip in strips:
+            same = [b for b in boxes if b[1] == x and b[2:] == strip[2:]]
+            if same:
+                same[0][1] = x_next
+            else:
+                boxes.append(strip)
+    return tuple(
+        StillGround(
+            name=f"floor_{index}",
+            top_centre=np.array([0.5 * (x + x_to), 0.5 * (y + y_to), 0.0]),
+            R_world_top=np.eye(3),
+            size=np.array([x_to - x, y_to - y, FLOOR_THICKNESS_M]),
+            friction=friction,
+        )
+        for index, (x, x_to, y, y_to) in enumerate(boxes)
+    )
+
+
+def _extent(tile: StillGround, axis: int) -> tuple[float, float]:
+    """From where to where a tile's place goes along an axis, within the floor [m]."""
+    centre, half = float(tile.top_centre[axis]), 0.5 * float(tile.size[axis])
+    low, high = FLOOR_M[axis]
+    return min(max(centre - half, low), high), min(max(centre + half, low), high)
+
+
+def _covers(tile: StillGround, x: float, y: float) -> bool:
+    within_x, within_y = _extent(tile, 0), _extent(tile, 1)
+    return within_x[0] < x < within_x[1] and within_y[0] < y < within_y[1]

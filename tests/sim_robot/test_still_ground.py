@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.still_ground import FLOOR_M, plan_still_ground
+
+WEIGHT_TOLERANCE_N = 2.0
+
+
+def _scenario(*tiles: dict[str, Any], **more: Any) -> Scenario:
+    raw = {"name": "tiles", "duration_s": 1.0, "tile": list(tiles), **more}
+    return scenario_from_table(raw, source="here")
+
+
+def _stands(robot: Robot, *tiles: dict[str, Any], **more: Any) -> Plant:
+    plant = Plant(robot, _scenario(*tiles, **more), seed=0)
+    weight = sum(plant.view.vertical_forces)
+    assert weight == pytest.approx(plant.world.weight, abs=WEIGHT_TOLERANCE_N)
+    return plant
+
+
+def _area_without(tiles: list[dict[str, Any]], *, samples: int = 4000) -> float:
+    """Share of random places on the floor that no tile is under."""
+    random = np.random.default_rng(5)
+    places = random.uniform([-0.5, -1.0], [2.0, 1.0], (samples, 2))
+    free = 0
+    grounds = plan_still_ground(_scenario(*tiles))
+    floor = [g for g in grounds if g.name.startswith("floor")]
+    for x, y in places:
+        on_floor = sum(g.height_at(x, y) is not None for g in floor)
+        on_tile = any(
+            abs(x - t["center_m"][0]) < 0.5 * t["size_m"][0]
+            and abs(y - t["center_m"][1]) < 0.5 * t["size_m"][1]
+            for t in tiles
+        )
+        assert on_floor == (0 if on_tile else 1)
+        free += not on_tile
+    return free / samples
+
+
+def test_floor_goes_on_around_tiles_and_never_under_them() -> None:
+    tiles = [
+        {"center_m": [0.4, 0.1], "size_m": [0.3, 0.3], "height_m": 0.02},
+        {"center_m": [0.5, 0.2], "size_m": [0.3, 0.3], "height_m": -0.02},
+        {"center_m": [1.2, -0.4], "size_m": [0.5, 0.2], "roll_deg": 3.0},
+    ]
+    assert 0.8 < _area_without(tiles) < 1.0
+
+
+def test_floor_is_as_large_as_a_walk_needs() -> None:
+    ground = plan_still_ground(
+        _scenario({"center_m": [1.0, 0.0], "size_m": [0.3, 0.3], "height_m": 0.02})
+    )
+    for x, y in ((FLOOR_M[0][1] - 0.1, 0.0), (0.0, 5.0), (-2.5, -5.0), (1.0, 0.5)):
+        assert any(g.height_at(x, y) == 0.0 for g in ground)
+
+
+def test_no_tiles_no_such_ground() -> None:
+    assert plan_still_ground(_scenario()) == ()
+
+
+def test_stands_on_a_tile_at_its_height(walker: Robot) -> None:
+    tile = {"center_m": [0.0, 0.0], "size_m": [1.0, 1.0], "height_m": 0.12}
+    plant = _stands(walker, tile)
+    assert plant.view.sole_left[2] == pytest.approx(0.12, abs=1e-4)
+
+
+def test_each_foot_stands_on_a_tile_of_its_own(walker: Robot) -> None:
+    sizes = {"size_m": [0.6, 0.4], "height_m": 0.05}
+    left = {"center_m": [0.0, 0.25], **sizes}
+    right = {"center_m": [0.0, -0.25], **sizes}
+    plant = _stands(walker, left, right)
+    for sole in (plant.view.sole_left, plant.view.sole_right):
+        assert sole[2] == pytest.approx(0.05, abs=1e-4)
+
+
+def test_tilted_ground_tilts_the_sole_as_written(walker: Robot) -> None:
+    tilt = {"center_m": [0.0, 0.0], "size_m": [1.0, 1.0], "pitch_deg": 1.5}
+    plant = _stands(walker, tilt)
+    tile = plant.world.still[0]
+    assert tile.height_at(0.2, 0.0) == pytest.approx(-0.2 * math.tan(math.radians(1.5)))
+    ahead = {"center_m": [0.0, 0.0], "size_m": [1.0, 1.0], "roll_deg": 4.0}
+    rolled = plan_still_ground(_scenario(ahead))[0]
+    assert rolled.height_at(0.0, 0.2) == pytest.approx(
+        0.2 * math.tan(math.radians(4.0))
+    )
+    assert plant.view.sole_tilts[0] > math.radians(1.2)
+
+
+@pytest.mark.parametrize("stiffness", [2e4, 1e5, 1e6])
+@pytest.mark.parametrize("damping", [None, 500.0])
+def test_soft_ground_gives_way_by_force_over_stiffness(
+    walker: Robot, stiffness: float, damping: float | None
+) -> None:
+    tile: dict[str, Any] = {
+        "center_m": [0.0, 0.0],
+        "size_m": [1.0, 1.0],
+        "stiffness_n_m": stiffness,
+    }
+    if damping is not None:
+        tile["damping_n_s_m"] = damping
+    plant = _stands(walker, tile)
+    depth = -float(plant.view.sole_left[2])
+    assert depth == pytest.approx(plant.view.normal_forces[0] / stiffness, rel=0.02)
+
+
+def test_a_slippery_tile_lets_the_sole_slide(walker: Robot) -> None:
+    def slid(friction: float) -> float:
+        tile = {
+            "center_m": [0.0, 0.0],
+            "size_m": [2.0, 2.0],
+            "pitch_deg": 1.0,
+            "friction": friction,
+        }
+        plant = Plant(walker, _scenario(tile), seed=0)
+        begin = float(plant.view.sole_left[0])
+        for _ in range(200):
+            plant.step(walker.nominal)
+        return float(plant.view.sole_left[0]) - begin
+
+    assert slid(0.005) > 0.01
+    assert abs(slid(0.7)) < 1e-3
+
+
+def test_tiles_beside_a_platform_have_no_floor() -> None:
+    scenario = _scenario(
+        {"center_m": [1.0, 0.0], "size_m": [0.5, 0.5]},
+        platform=[{"foot": "both", "size_m": [1.5, 1.2]}],
+    )
+    assert [ground.name for ground in plan_still_ground(scenario)] == ["tile_0"]
+
+
+def test_a_platform_has_the_size_that_was_asked_for(walker: Robot) -> None:
+    platform = {"foot": "both", "size_m": [3.0, 2.0]}
+    plant = Plant(walker, _scenario(platform=[platform]), seed=0)
+    assert plant.world.platforms[0].half_size[:2] == pytest.approx([1.5, 1.0])
+    left = {"foot": "left", "size_m": [0.5, 0.8]}
+    single = Plant(walker, _scenario(platform=[left]), seed=0).world.platforms[0]
+    inner_edge = single.top_centre[1] + single.box_centre[1] - single.half_size[1]
+    assert inner_edge == pytest.approx(0.01)
+
+
+def test_firm_ground_has_no_damping_of_its_own() -> None:
+    with pytest.raises(FileFormatError, match="needs `stiffness_n_m`"):
+        _scenario({"center_m": [0, 0], "size_m": [1, 1], "damping_n_s_m": 10.0})
