@@ -13,6 +13,7 @@ from surefoot.cli.certs_command import certs
 from surefoot.cli.check_robot_command import check_robot
 from surefoot.cli.doctor_command import doctor
 from surefoot.cli.log_command import log
+from surefoot.cli.margins_command import margins
 from surefoot.cli.options import Command, Group
 from surefoot.cli.record_command import record
 from surefoot.cli.relay_command import relay
@@ -65,7 +66,7 @@ def surefoot(
 
 _COMMANDS = (
     *(run, robot, stabilizer, view),
-    *(topics, echo, hz, record, replay, log, scenarios, doctor),
+    *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
     *(sweep, report, reproduce),
     *(router, relay, certs, check_robot),
 )

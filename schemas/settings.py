@@ -178,6 +178,9 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
     """Fastest search for the ground."""
     reload_s: Positive = 0.15
     """A foot just back takes its full share after this time."""
+    stiffness_n_m: Positive = 1e7
+    """How stiff one sole and its ground are along its normal, for the margins: hard
+    ground by default; a rubber sole is far softer [N/m]."""
 
     def __post_init__(self) -> None:
         """Refuse thresholds in the wrong order."""

@@ -49,6 +49,8 @@ _HOMES = {
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
         *("ChildFailedError", "RunInterrupted", "UnknownSignalError"),
     ),
+    "schemas.margins": ("AxisMargin", "LoopMargins"),
+    "loop_margins": ("compute_margins",),
     "controllers": ("make_controller", "list_controllers", "drive"),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
@@ -85,6 +87,7 @@ if TYPE_CHECKING:
     from surefoot.errors import SurefootError as SurefootError
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
+    from surefoot.loop_margins import compute_margins as compute_margins
     from surefoot.playback.replay import ReplayOutcome as ReplayOutcome
     from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record
@@ -103,6 +106,8 @@ if TYPE_CHECKING:
     from surefoot.runs import simulate as simulate
     from surefoot.schemas.errors import FileFormatError as FileFormatError
     from surefoot.schemas.errors import SchemaError as SchemaError
+    from surefoot.schemas.margins import AxisMargin as AxisMargin
+    from surefoot.schemas.margins import LoopMargins as LoopMargins
     from surefoot.schemas.messages import Reference as Reference
     from surefoot.schemas.motions import DropMotion as DropMotion
     from surefoot.schemas.motions import PrtsMotion as PrtsMotion

@@ -49,6 +49,7 @@ def examine() -> Iterator[Diagnosis]:
     for name, check in (
         ("linear algebra", _computing),
         ("bus, disk, pictures", _surroundings),
+        ("margins", _robots),
     ):
         yield from _try(name, check)
 
@@ -79,6 +80,12 @@ def _surroundings() -> Iterator[Diagnosis]:
     yield from surroundings.check_disk()
     yield surroundings.check_pictures()
     yield surroundings.check_browser()
+
+
+def _robots() -> Iterator[Diagnosis]:
+    from surefoot.cli.doctor.robots import check_margins
+
+    yield from check_margins()
 
 
 def _try(name: str, check: Callable[[], Iterator[Diagnosis]]) -> Iterator[Diagnosis]:

@@ -30,6 +30,9 @@ class ForceFeedback:
         r: (12,) desired twists of left and right sole, sole frames.
         ground_twist: (12,) low-passed sole twists with the servos' lag made up for,
             sole frames.
+        minus_K_inv: (12,) diagonal of -K^-1.
+        blend: of the low-pass, per tick.
+        lead: of the feed-forward, in ticks.
     """
 
     def __init__(
@@ -54,7 +57,7 @@ class ForceFeedback:
                 loop through the feet is slower by it, so K grows with it.
         """
         self._lag_s = lag_s
-        self._minus_K_inv = np.zeros(12)
+        self.minus_K_inv = np.zeros(12)
         self._half_sizes = half_sizes
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
@@ -65,8 +68,8 @@ class ForceFeedback:
         self._turn_recovery = period_s / ground.edge_recovery_s
         self._share = [1.0, 1.0]
         self._turn_share = [[1.0, 1.0], [1.0, 1.0]]
-        self._blend = -math.expm1(-2.0 * math.pi * ground.cutoff_hz * period_s)
-        self._lead = (ground.lead_s + lag_s) / period_s
+        self.blend = -math.expm1(-2.0 * math.pi * ground.cutoff_hz * period_s)
+        self.lead = (ground.lead_s + lag_s) / period_s
         self._low_passed = np.zeros(12)
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
@@ -77,7 +80,7 @@ class ForceFeedback:
     def retune(self, dik: DikSettings, ground: GroundSettings) -> None:
         """Take new gains; limits and filters stay as they were built."""
         stiffer = 1.0 + self._lag_s / dik.k_lag_s
-        self._minus_K_inv[:] = -1.0 / (stiffer * np.array(dik.k_force * 2))
+        self.minus_K_inv[:] = -1.0 / (stiffer * np.array(dik.k_force * 2))
         self._leak = dik.stance_leak
         self._ground_gain = ground.gain
 
@@ -117,13 +120,13 @@ class ForceFeedback:
         for side, rows in enumerate(SOLE_ROWS):
             if not in_contact[side]:
                 e_F[rows] = 0.0
-        np.multiply(e_F, self._minus_K_inv, out=self._scaled)
+        np.multiply(e_F, self.minus_K_inv, out=self._scaled)
         dynamics.Lambda_c_inv.dot(self._scaled, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
         np.maximum(self.r, -self._yield_limit, out=self.r)
-        change = self._blend * (dynamics.v_sole - self._low_passed)
+        change = self.blend * (dynamics.v_sole - self._low_passed)
         self._low_passed += change
-        np.multiply(change, self._lead, out=self.ground_twist)
+        np.multiply(change, self.lead, out=self.ground_twist)
         self.ground_twist += self._low_passed
         for side, rows in enumerate(SOLE_ROWS):
             F = F_meas[rows].tolist()
@@ -184,7 +187,7 @@ class ForceFeedback:
         speed = (
             dynamics.Lambda_c_inv[index, index]
             * (self._contact.search_force_n - normal)
-            * self._minus_K_inv[index]
+            * self.minus_K_inv[index]
         )
         speed = min(max(speed, 0.0), self._contact.descent_limit_m_s)
         self.r[rows] = 0.0

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from surefoot.loop_margins import compute_margins
 from surefoot.out_folder import OutFolder
 from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves
@@ -18,6 +19,7 @@ from surefoot.report.run_data import RunData
 from surefoot.report.scene_page import frame_rows, scene_page
 from surefoot.report.tables import figure_rows, sentence, setting_rows
 from surefoot.report.video import draw_animation, draw_video
+from surefoot.schemas.settings import setting_names
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP
 
@@ -150,8 +152,21 @@ def _head(run: RunData) -> dict[str, Any]:
         "command": shlex.join(about.get("command", [])),
         "has_record": heard is not None,
         "gap": gap,
+        "margins": "; ".join(_margins(run)),
         "logs": run.logs,
     }
+
+
+def _margins(run: RunData) -> list[str]:
+    """Say what the loop of a run bears; only the whole-body stabilizer's is known."""
+    if run.result.controller != "whole-body":
+        return []
+    names = [name for name in setting_names() if name in run.settings]
+    return compute_margins(
+        run.robot,
+        settings={name: run.settings[name] for name in names},
+        delay_ms=run.scenario.delay.command_ms,
+    ).in_words()
 
 
 def _versions(runs: list[RunData]) -> dict[str, list[str]]:

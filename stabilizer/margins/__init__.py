@@ -1,0 +1,1 @@
+"""How far a robot's loops are from swaying, told before it stands."""

@@ -1,0 +1,227 @@
+"""The whole loop, linear: both QPs, the wrench law and the robot on its feet.
+
+What the controller does with small deviations is asked of its own parts, so that a
+changed law or weight changes its margins too. Taken to be without fault: the state
+estimate. Left out: joints above the legs are not commanded.
+
+The loop is cut where the wrench errors e_F enter the law: a factor there is one on
+1 / |K|.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.dynamics import SOLE_ROWS
+from surefoot.stabilizer.margins.linear_plant import (
+    DIFFERENCE,
+    LinearPlant,
+    linear_plant,
+)
+from surefoot.stabilizer.model import N_BASE_V
+
+BOTH = [True, True]
+
+
+class LoopMatrices(NamedTuple):
+    """x_next = A x + B e with e = C x, the (12,) wrench errors."""
+
+    A: Mat
+    B: Mat
+    C: Mat
+
+
+@dataclass(frozen=True)
+class LinearController:
+    """What the controller does with small deviations; x as the plant's first 2 n_v.
+
+    F_id = F_x x;  v_J = v_x x + v_q q_command + v_r r, of the legs' joints;
+    r = r_e (F - F_id) + r_x x + share (low + lead change), change = blend (J v - low).
+
+    Attributes:
+        F_x: (12, 2 n_v).
+        v_x: (n_legs, 2 n_v).
+        v_q: (n_legs, n_legs).
+        v_r: (n_legs, 12).
+        r_e: (12, 12) of wrench errors.
+        r_x: (12, 2 n_v) pull of the feet to the stance.
+        twist: (12, 2 n_v) twists of the soles.
+        ground: (12,) parts of them fed forward.
+        blend: of the low-pass, per tick.
+        lead: in ticks.
+    """
+
+    F_x: Mat
+    v_x: Mat
+    v_q: Mat
+    v_r: Mat
+    r_e: Mat
+    r_x: Mat
+    twist: Mat
+    ground: Array
+    blend: float
+    lead: float
+
+
+class LinearLoop:
+    """Plant and controller, to be closed with any delay and any gains.
+
+    Attributes:
+        period_s: from tick to tick [s].
+    """
+
+    def __init__(self, robot: Robot, settings: ControllerSettings) -> None:
+        """Linearise both in the nominal stance.
+
+        Args:
+            robot: with its servo profile.
+            settings: resolved.
+        """
+        self.period_s = robot.period_s
+        controller = WholeBodyController(robot, settings)
+        model, dynamics = controller.model, controller.dynamics
+        dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+        F_mean = _wrenches(controller).copy()
+        self.plant: LinearPlant = linear_plant(
+            robot,
+            model,
+            dynamics,
+            F_mean=F_mean,
+            contact_stiffness=settings.contact.stiffness_n_m,
+            lag_s=robot.servo_profile.lag_s,
+        )
+        self.law = _linear_controller(controller, settings, self.plant.legs)
+
+    def cut(self, delay_ticks: int, *, missed: bool = False) -> LoopMatrices:
+        """Return the loop cut at the wrench errors; closed it is A + B C.
+
+        Its state is the plant's, the low-passed sole twists, the commands of the last
+        ticks, newest first, and what the servos followed in the last tick.
+
+        Args:
+            delay_ticks: from the reading to the step its answer acts in.
+            missed: no answer comes to act in this tick; the servos go on as before.
+        """
+        plant, law, dt = self.plant, self.law, self.period_s
+        n_p, m, past = len(plant.A), len(plant.legs), max(1, delay_ticks)
+        low = slice(n_p, n_p + 12)
+        sent = [slice(at, at + m) for at in range(low.stop, low.stop + m * past, m)]
+        newest, due = sent[0], sent[-1]
+        before = slice(due.stop, due.stop + m)
+        n = before.stop
+        A, B, C = np.zeros((n, n)), np.zeros((n, 12)), np.zeros((12, n))
+        state = slice(0, 2 * plant.n_v)
+        C[:, :n_p] = plant.C
+        C[:, state] -= law.F_x
+        A[low, state] = law.blend * law.twist
+        A[low, low] = (1.0 - law.blend) * np.eye(12)
+        # r feeds forward low + (1 + lead) blend (J v - low), by the law of this tick.
+        fed = (1.0 + law.lead) * law.blend
+        forward = law.v_r * law.ground
+        A[newest, state] = law.v_x + law.v_r @ law.r_x + fed * forward @ law.twist
+        A[newest, low] = (1.0 - fed) * forward
+        A[newest, newest] = law.v_q
+        A[newest] *= dt
+        A[newest, newest] += np.eye(m)
+        B[newest] = dt * law.v_r @ law.r_e
+        for later, sooner in zip(sent[1:], sent, strict=False):
+            A[later, sooner] = np.eye(m)
+        if missed:
+            A[before, before] = np.eye(m)
+        elif delay_ticks == 0:
+            A[before], B[before] = A[newest], B[newest]
+        else:
+            A[before, due] = np.eye(m)
+        A[:n_p] = plant.B @ A[before]
+        B[:n_p] = plant.B @ B[before]
+        A[:n_p, :n_p] += plant.A
+        return LoopMatrices(A, B, C)
+
+
+def _wrenches(controller: WholeBodyController) -> Array:
+    """F_id at the present state of its dynamics, (12,)."""
+    dynamics, stance = controller.dynamics, controller.stance
+    stance.compare_base(_rotation(dynamics.q))
+    weight = controller.model.mass * 9.81
+    controller.tsid.solve(
+        dynamics, stance, in_contact=BOTH, allowed=np.full(2, 2.0 * weight)
+    )
+    return controller.tsid.F_id
+
+
+def _rotation(q: Array) -> Mat:
+    R: Mat = pin.Quaternion(q[3:7]).toRotationMatrix()
+    return R
+
+
+def _linear_controller(
+    controller: WholeBodyController,
+    settings: ControllerSettings,
+    legs: NDArray[np.intp],
+) -> LinearController:
+    model, dynamics = controller.model, controller.dynamics
+    stance, dik = controller.stance, controller.dik
+    n_v, q_0 = model.n_v, dynamics.q.copy()
+    zero_r, q_command = np.zeros(12), model.nominal.copy()
+
+    def joints(r: Array, q_command: Array) -> Array:
+        x = dik.solve(dynamics, stance, r=r, q_command=q_command).x
+        v: Array = x[N_BASE_V:][legs].copy()
+        return v
+
+    F_x, v_x = np.empty((12, 2 * n_v)), np.empty((len(legs), 2 * n_v))
+    r_x = np.zeros((12, 2 * n_v))
+    leak = settings.dik.stance_leak
+    for i in range(2 * n_v):
+        found = []
+        for sign in (DIFFERENCE, -DIFFERENCE):
+            step = np.zeros(2 * n_v)
+            step[i] = sign
+            q = pin.integrate(model.pin_model, q_0, step[:n_v])
+            dynamics.update(q, step[n_v:])
+            F = _wrenches(controller).copy()
+            pull = np.zeros(12)
+            for side, rows in enumerate(SOLE_ROWS):
+                offset = stance.p_sole[side] - dynamics.p_sole[side]
+                pull[rows.start : rows.start + 2] = (
+                    leak * (offset @ dynamics.R_world_sole[side])[:2]
+                )
+            found.append((F, joints(zero_r, q_command), pull))
+        for into, plus, minus in zip((F_x, v_x, r_x), *found, strict=True):
+            into[:, i] = (plus - minus) / (2.0 * DIFFERENCE)
+    dynamics.update(q_0, np.zeros(n_v))
+    stance.compare_base(_rotation(q_0))
+    v_r, v_q = np.empty((len(legs), 12)), np.empty((len(legs), len(legs)))
+    for i in range(12):
+        r = np.zeros(12)
+        r[i] = DIFFERENCE
+        v_r[:, i] = (joints(r, q_command) - joints(-r, q_command)) / (2.0 * DIFFERENCE)
+    for i, leg in enumerate(legs):
+        step = np.zeros(model.n_a)
+        step[leg] = DIFFERENCE
+        change = joints(zero_r, q_command + step) - joints(zero_r, q_command - step)
+        v_q[:, i] = change / (2.0 * DIFFERENCE)
+    law = controller.law
+    twist = np.zeros((12, 2 * n_v))
+    twist[:, n_v:] = dynamics.J_contact
+    return LinearController(
+        F_x=F_x,
+        v_x=v_x,
+        v_q=v_q,
+        v_r=v_r,
+        r_e=dynamics.Lambda_c_inv * law.minus_K_inv,
+        r_x=r_x,
+        twist=twist,
+        ground=np.array(settings.ground.gain * 2),
+        blend=law.blend,
+        lead=law.lead,
+    )

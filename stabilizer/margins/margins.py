@@ -1,0 +1,219 @@
+"""Gain, phase and delay margin of every foot axis, and of all of them together.
+
+The loop is cut at the wrench errors: a factor there is one on 1 / |K|, which is how
+much a foot yields. For one axis the other eleven stay closed. All at once: the common
+factor and the common delay that make the whole loop sway, and the disk margin, which
+any factor or phase within it, different on every axis, leaves stable.
+
+References: P. Seiler, A. Packard and P. Gahinet, An introduction to disk margins,
+IEEE Control Systems Magazine 40 (2020).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import schur, solve_triangular
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.margins import AxisMargin, LoopMargins
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.margins.linear_loop import LinearLoop, LoopMatrices
+
+AXES = ("x", "y", "z", "roll", "pitch", "yaw")
+FREQUENCIES = 300
+LOWEST_HZ = 0.5
+"""Below it there is only the slow way of the feet back to the stance."""
+GROWTH_PER_S = 0.1
+"""Motions that grow more slowly are no swaying: the feet's way along the ground."""
+MOST_TICKS = 200
+LARGEST_FACTOR = 1e3
+BISECTIONS = 12
+BALANCING_ROUNDS = 5
+MS_PER_S = 1e3
+
+
+def compute_margins(
+    robot: Robot, settings: ControllerSettings, *, delay_ticks: int = 1
+) -> LoopMargins:
+    """Compute all margins of the whole-body stabilizer on a robot that stands.
+
+    Args:
+        robot: with its servo profile.
+        settings: resolved.
+        delay_ticks: from the reading to the step its answer acts in.
+
+    Returns:
+        What the loop bears.
+    """
+    loop = LinearLoop(robot, settings)
+    period_s, matrices = loop.period_s, loop.cut(delay_ticks)
+    limit = 1.0 + GROWTH_PER_S * period_s
+
+    def is_calm(matrix: Mat) -> bool:
+        return bool(np.abs(np.linalg.eigvals(matrix)).max() <= limit)
+
+    def bears_delay(ticks: int) -> bool:
+        A, B, C = loop.cut(ticks)
+        return is_calm(A + B @ C)
+
+    def bears_factor(factor: float) -> bool:
+        A, B, C = matrices
+        return is_calm(A + factor * B @ C)
+
+    stable = bears_factor(1.0)
+    omegas = np.geomspace(2.0 * np.pi * LOWEST_HZ, np.pi / period_s, FREQUENCIES)[:-1]
+    S = _sensitivities(matrices, np.exp(1j * omegas * period_s))
+    gain = _largest_factor(bears_factor)
+    delay = _last_true(bears_delay, first=delay_ticks)
+    disk = min(2.0, 2.0 / max(_structured_norms(2.0 * S - np.eye(12))))
+    if not stable:
+        disk, gain, delay = 0.0, _smaller_factor(bears_factor), -1
+    axes = [
+        _axis(1.0 - 1.0 / S[:, i, i], omegas, side=side, axis=axis, stable=stable)
+        for i, (side, axis) in enumerate(
+            (side, axis) for side in ("left", "right") for axis in AXES
+        )
+    ]
+    return LoopMargins(
+        robot=robot.file.name,
+        servo_profile=robot.file.servo.profile,
+        rate_hz=robot.file.rate_hz,
+        delay_ms=MS_PER_S * period_s * delay_ticks,
+        stable=stable,
+        gain_db=_decibel(gain),
+        disk=disk,
+        disk_gain_db=_decibel((2.0 + disk) / (2.0 - disk)) if disk < 2.0 else None,
+        disk_phase_deg=math.degrees(2.0 * math.atan(0.5 * disk)),
+        loop_delay_ms=MS_PER_S * period_s * delay,
+        missed_ticks=_missed(loop, delay_ticks, is_calm) if stable else 0,
+        axes=axes,
+    )
+
+
+def _sensitivities(matrices: LoopMatrices, points: Array) -> Array:
+    """(I - G)^-1 at points of the unit circle, (points, 12, 12); G from e to e."""
+    A, B, C = matrices
+    # Delays have no full set of eigenvectors, but a triangular form.
+    T, Z = schur(A, output="complex")
+    left, right, eye = C @ Z, Z.conj().T @ B, np.eye(len(A))
+    S = np.empty((len(points), 12, 12), dtype=complex)
+    for k, point in enumerate(points):
+        S[k] = np.eye(12) - left @ solve_triangular(point * eye - T, right)
+    inverse: Array = np.linalg.inv(S)
+    return inverse
+
+
+def _structured_norms(matrices: Array) -> list[float]:
+    """Upper bounds of mu for one complex number on each axis, by balancing."""
+    bounds = []
+    for matrix in np.abs(matrices):
+        scale = np.ones(12)
+        for _ in range(BALANCING_ROUNDS):
+            for i in range(12):
+                scaled = matrix * scale[:, None] / scale
+                row = math.sqrt((scaled[i] ** 2).sum() - scaled[i, i] ** 2)
+                column = math.sqrt((scaled[:, i] ** 2).sum() - scaled[i, i] ** 2)
+                if row > 0.0 and column > 0.0:
+                    scale[i] *= math.sqrt(column / row)
+        bounds.append(scale)
+    scales = np.array(bounds)
+    scaled = matrices * scales[:, :, None] / scales[:, None, :]
+    norms: list[float] = np.linalg.norm(scaled, ord=2, axis=(1, 2)).tolist()
+    return norms
+
+
+def _axis(g: Array, omegas: Array, *, side: str, axis: str, stable: bool) -> AxisMargin:
+    """Margins of one axis: g(j omega) from its error back to it, others closed."""
+    if not stable:
+        return AxisMargin(foot=side, axis=axis)
+    factors = [1.0 / real for real in _real_crossings(g) if 0.0 < real < 1.0]
+    phases, delays = [], []
+    size = np.abs(g)
+    for k in np.flatnonzero((size[:-1] - 1.0) * (size[1:] - 1.0) < 0.0).tolist():
+        share = (1.0 - size[k]) / (size[k + 1] - size[k])
+        angle = math.remainder(_between(np.angle(g), k, share), math.tau)
+        omega = omegas[k] + share * (omegas[k + 1] - omegas[k])
+        phases.append(abs(angle))
+        delays.append(float(angle % math.tau) / float(omega))
+    return AxisMargin(
+        foot=side,
+        axis=axis,
+        gain_db=_decibel(min(factors)) if factors else None,
+        phase_deg=math.degrees(min(phases)) if phases else None,
+        delay_ms=MS_PER_S * min(delays) if delays else None,
+    )
+
+
+def _real_crossings(g: Array) -> list[float]:
+    """Real parts of g where it crosses the real axis, and at its end."""
+    imag, real = g.imag, g.real
+    crossings = [float(real[-1])]
+    for k in np.flatnonzero(imag[:-1] * imag[1:] < 0.0).tolist():
+        share = -imag[k] / (imag[k + 1] - imag[k])
+        crossings.append(float(real[k] + share * (real[k + 1] - real[k])))
+    return crossings
+
+
+def _between(angles: Array, k: int, share: float) -> float:
+    turn = math.remainder(angles[k + 1] - angles[k], math.tau)
+    return float(angles[k] + share * turn)
+
+
+def _largest_factor(bears: Callable[[float], bool]) -> float:
+    """Return the factor from which on the loop sways, above 1; inf when none does."""
+    low, high = 1.0, 1.5
+    while bears(high):
+        low, high = high, 1.5 * high
+        if high > LARGEST_FACTOR:
+            return math.inf
+    return _bisect(bears, low, high)
+
+
+def _smaller_factor(bears: Callable[[float], bool]) -> float:
+    """Return the factor, below 1, at which a loop that sways would be calm."""
+    low, high = 1.0 / 1.5, 1.0
+    while not bears(low):
+        low, high = low / 1.5, low
+        if low < 1.0 / LARGEST_FACTOR:
+            return 0.0
+    return _bisect(bears, low, high)
+
+
+def _bisect(bears: Callable[[float], bool], low: float, high: float) -> float:
+    for _ in range(BISECTIONS):
+        middle = math.sqrt(low * high)
+        if bears(middle):
+            low = middle
+        else:
+            high = middle
+    return math.sqrt(low * high)
+
+
+def _last_true(bears: Callable[[int], bool], *, first: int) -> int:
+    ticks = first
+    while ticks < MOST_TICKS and bears(ticks + 1):
+        ticks += 1
+    return ticks
+
+
+def _missed(loop: LinearLoop, delay_ticks: int, is_calm: Callable[[Mat], bool]) -> int:
+    """Return the longest train of missed ticks it bears, one answered between."""
+    A, B, C = loop.cut(delay_ticks)
+    answered = A + B @ C
+    A, B, C = loop.cut(delay_ticks, missed=True)
+    train, missed = answered, A + B @ C
+    for count in range(MOST_TICKS):
+        train = missed @ train
+        if not is_calm(train):
+            return count
+    return MOST_TICKS
+
+
+def _decibel(factor: float) -> float | None:
+    if factor <= 0.0 or math.isinf(factor):
+        return None
+    return 20.0 * math.log10(factor)
