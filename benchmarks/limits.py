@@ -27,7 +27,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.signals import memory_sinks
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.factory import make_controller
-from surefoot.studies.cell import Cell, Group, Row, plan_of, run_cell
+from surefoot.studies.cell import Cell, Group, Row, run_cell
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
 NOISE = "sensors.accel_noise_m_s2"
@@ -226,7 +226,7 @@ def push(grid: Any) -> None:
 
 
 def _record(group: Group) -> dict[str, Array]:
-    plan = plan_of(Cell(group, seed=0), robot="walker", overrides=())
+    plan = Cell(group, seed=0).plan(robot="walker", overrides=())
     sim = Simulation.of_plan(plan, sinks=memory_sinks())
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
     return dict(sim.signals)

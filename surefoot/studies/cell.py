@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import msgspec
 
@@ -14,6 +15,11 @@ from surefoot.run_plan import resolve_settings
 from surefoot.schemas.key_names import nearest
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.factory import controller_names, find_controller
+
+if TYPE_CHECKING:
+    from surefoot.run_plan import RunPlan
+    from surefoot.schemas.result import RunResult
+    from surefoot.schemas.scenario import Scenario
 
 Row = dict[str, Any]
 FIGURES = (
@@ -50,6 +56,28 @@ class Group(NamedTuple):
         return f"{self.scenario} ({words})" if words else self.scenario
 
 
+class Work(Protocol):
+    """One run of a study: a :class:`Cell`, or a benchmark's."""
+
+    @property
+    def key(self) -> str:
+        """Unique in a study, and readable."""
+
+    @property
+    def case(self) -> str:
+        """What is run, in words."""
+
+    @property
+    def group(self) -> Hashable:
+        """The same for runs that differ by their seed only."""
+
+    def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
+        """Its plan."""
+
+    def run(self, plan: RunPlan) -> Row:
+        """Run its plan; what was run, and the figures."""
+
+
 @dataclass(frozen=True)
 class Cell:
     """What is run, and with which seed.
@@ -69,6 +97,54 @@ class Cell:
         values = ",".join(f"{name}={value!r}" for name, value in group.values)
         parts = (group.scenario, values, group.variant, group.servo_profile)
         return "|".join((*parts, str(self.seed)))
+
+    @property
+    def case(self) -> str:
+        """What is run, in words."""
+        return self.group.case
+
+    def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
+        """Return the run's plan, as ``surefoot run --inline`` would make it.
+
+        Raises:
+            FileFormatError: a value does not fit the scenario, or settings contradict
+                each other, the robot or the scenario.
+        """
+        from surefoot.schemas.scenario import load_scenario
+        from surefoot.schemas.scenario_paths import override_scenario
+        from surefoot.sim_robot.catalogue import find_scenario
+
+        group = self.group
+        path = find_scenario(group.scenario)
+        return plan_in(
+            override_scenario(load_scenario(path), dict(group.values)),
+            path,
+            variant=group.variant,
+            servo_profile=group.servo_profile,
+            seed=self.seed,
+            robot=robot,
+            overrides=overrides,
+        )
+
+    def run(self, plan: RunPlan) -> Row:
+        """Run its plan; what was run, and the figures."""
+        from surefoot.runs import run_inline
+
+        group = self.group
+        return {
+            "scenario": group.scenario,
+            "values": dict(group.values),
+            "variant": group.variant,
+            "servo_profile": group.servo_profile,
+            "seed": self.seed,
+            **figures_of(run_inline(plan).result),
+        }
+
+
+def figures_of(result: RunResult) -> Row:
+    """Return the figures of a run that studies keep, as built-in types."""
+    figures = msgspec.to_builtins(result)
+    return {name: figures[name] for name in FIGURES}
 
 
 @dataclass(frozen=True)
@@ -146,42 +222,53 @@ def find_variant(name: str) -> Variant:
     return Variant(name, name, about="default settings")
 
 
-def plan_of(cell: Cell, *, robot: str, overrides: tuple[str, ...]) -> Any:
-    """Return the run's plan, as ``surefoot run --inline`` would make it.
+def plan_in(
+    scenario: Scenario,
+    path: Path | None,
+    *,
+    variant: str,
+    servo_profile: str,
+    seed: int,
+    robot: str,
+    overrides: tuple[str, ...],
+) -> RunPlan:
+    """Return the plan of a run in a scenario.
+
+    Args:
+        scenario: with all its values.
+        path: of its file; None when it was built in Python.
+        variant: see :func:`find_variant`.
+        servo_profile: of the robot file.
+        seed: of the sensor noise.
+        robot: shipped robot or a robot file.
+        overrides: settings, texts ``section.name=value``.
 
     Raises:
-        FileFormatError: a value does not fit the scenario, or settings contradict
-            each other, the robot or the scenario.
+        FileFormatError: settings contradict each other, the robot or the scenario.
     """
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_plan import RunPlan
-    from surefoot.schemas.scenario import load_scenario
-    from surefoot.schemas.scenario_paths import override_scenario
-    from surefoot.sim_robot.catalogue import find_scenario
     from surefoot.stabilizer.settings_check import check_settings
 
-    group = cell.group
-    path = find_scenario(group.scenario)
-    variant = find_variant(group.variant)
-    scenario = override_scenario(load_scenario(path), dict(group.values))
-    model = load_robot(robot, servo_profile=group.servo_profile)
-    settings = variant.resolve(group.servo_profile, extra=overrides)
+    found = find_variant(variant)
+    model = load_robot(robot, servo_profile=servo_profile)
+    settings = found.resolve(servo_profile, extra=overrides)
     check_settings(settings, model, duration_s=scenario.duration_s)
     return RunPlan(
         scenario=scenario,
-        scenario_name=path.stem,
+        scenario_name=scenario.name if path is None else path.stem,
         scenario_path=path,
         robot=model,
         robot_name=robot,
-        controller=variant.controller,
+        controller=found.controller,
         settings=settings,
-        seed=cell.seed,
+        seed=seed,
         mode="inline",
     )
 
 
 def run_cell(
-    cell: Cell, *, robot: str, overrides: tuple[str, ...], inputs: str | None = None
+    cell: Work, *, robot: str, overrides: tuple[str, ...], inputs: str | None = None
 ) -> Row:
     """Run a cell and return its row: what was run, and the figures.
 
@@ -194,30 +281,17 @@ def run_cell(
     Raises:
         UsageError: the inputs found here are others.
     """
-    from surefoot.runs import run_inline
     from surefoot.studies.fingerprint import inputs_fingerprint
 
-    plan = plan_of(cell, robot=robot, overrides=overrides)
+    plan = cell.plan(robot=robot, overrides=overrides)
     here = inputs_fingerprint(plan)
     if inputs not in (None, here):
         raise UsageError(
-            f"{cell.group.case}: scenario, robot or settings on {platform.node()} are "
+            f"{cell.case}: scenario, robot or settings on {platform.node()} are "
             "not those that the study began with; a run with them would be mixed in. "
             "Give this machine the same files, or begin another study"
         )
-    result = run_inline(plan).result
-    figures = msgspec.to_builtins(result)
-    group = cell.group
-    return {
-        "key": cell.key,
-        "scenario": group.scenario,
-        "values": dict(group.values),
-        "variant": group.variant,
-        "servo_profile": group.servo_profile,
-        "seed": cell.seed,
-        "inputs": here,
-        **{name: figures[name] for name in FIGURES},
-    }
+    return {"key": cell.key, "inputs": here, **cell.run(plan)}
 
 
 def group_of(row: Row) -> Group:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 
 from surefoot.progress import CountBar, no_bar
-from surefoot.studies.cell import Cell, plan_of, run_cell
+from surefoot.studies.cell import Work, run_cell
 from surefoot.studies.fingerprint import inputs_fingerprint
 from surefoot.studies.store import StudyStore
 
@@ -36,7 +36,7 @@ def end_with(parent: int) -> None:
 
 
 def execute(
-    cells: Sequence[Cell],
+    cells: Sequence[Work],
     store: StudyStore,
     *,
     robot: str,
@@ -63,7 +63,7 @@ def execute(
     from joblib import Parallel, delayed, parallel_config
 
     inputs = {
-        group: inputs_fingerprint(plan_of(cell, robot=robot, overrides=overrides))
+        group: inputs_fingerprint(cell.plan(robot=robot, overrides=overrides))
         for group, cell in {cell.group: cell for cell in cells}.items()
     }
     for cell in cells:

@@ -45,18 +45,18 @@ def about_code() -> dict[str, str]:
 
 
 @cache
-def code_fingerprint() -> str:
-    """Return the SHA-256 of the code that a run depends on."""
+def code_fingerprint(root: str = ROOT) -> str:
+    """Return the SHA-256 of the code that a run, or a module, depends on."""
     digest = hashlib.sha256()
-    for name, tree in sorted(code_of_a_run().items()):
+    for name, tree in sorted(code_of_a_run(root).items()):
         digest.update(f"{name}\n{ast.dump(_without_docstrings(tree))}\n".encode())
     return digest.hexdigest()
 
 
-def code_of_a_run() -> dict[str, ast.Module]:
+def code_of_a_run(root: str = ROOT) -> dict[str, ast.Module]:
     """Return the modules that a run imports, from whatever depth, by name."""
     found: dict[str, ast.Module] = {}
-    waiting = [ROOT]
+    waiting = [root]
     while waiting:
         name = waiting.pop()
         path = None if name in found or _is_elsewhere(name) else _file_of(name)

@@ -9,7 +9,7 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array
 from surefoot.studies import paper as d
-from surefoot.studies.cell import Cell, Group, plan_of
+from surefoot.studies.cell import Cell, Group
 
 SHOWN = {
     "moving-platform-slow": "One platform, slow",
@@ -28,7 +28,7 @@ def record(scenario: str, variant: str) -> dict[str, Array]:
     from surefoot.stabilizer.factory import make_controller
 
     cell = Cell(Group(scenario, (), variant, d.IDEAL), seed=0)
-    plan = plan_of(cell, robot="walker", overrides=())
+    plan = cell.plan(robot="walker", overrides=())
     sim = Simulation.of_plan(plan, sinks=memory_sinks())
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
     return dict(sim.signals)

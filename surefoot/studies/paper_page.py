@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import platform
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +11,7 @@ from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.run_plan import settings_text
 from surefoot.studies import paper as d
 from surefoot.studies.cell import VARIANTS
+from surefoot.studies.page import inline_svg, render
 from surefoot.studies.paper_findings import Claim, Evidence, claims, goals
 from surefoot.studies.tables import (
     COLUMNS,
@@ -27,7 +24,6 @@ from surefoot.studies.tables import (
 )
 
 TEMPLATE = Path(__file__).parent / "paper.html.j2"
-PACKAGES = ("surefoot", "mujoco", "pin", "piqp", "numpy", "scipy")
 FIGURES = "figures"
 
 
@@ -45,23 +41,12 @@ def write_report(
     Returns:
         The page.
     """
-    import jinja2
-
     evidence = Evidence(summaries)
     paper, own = claims(evidence), goals(evidence)
-    environment = jinja2.Environment(
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
     used = list(dict.fromkeys(group.variant for group in summaries))
     runs = [summary.runs for summary in summaries.values()]
-    page = template.render(
-        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        versions={name: version(name) for name in PACKAGES},
-        python=platform.python_version(),
+    page = render(
+        TEMPLATE,
         code=about.get("code", "")[:12],
         runs=sum(runs),
         seeds=max(runs, default=0),
@@ -105,18 +90,13 @@ def _curves(summaries: Summaries) -> list[str]:
                 title=scenario,
                 mark=(d.PAPER_LIMIT_DEG_S, "paper"),
             )
-            pages.append(_inline(svg))
+            pages.append(inline_svg(svg))
     return pages
 
 
 def _figures(folder: Path) -> list[str]:
     paths = sorted((folder / FIGURES).glob("*.svg"))
-    return [_inline(path.read_bytes()) for path in paths]
-
-
-def _inline(svg: bytes) -> str:
-    """Make the names inside a drawing unique, so that two drawings do not clash."""
-    return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
+    return [inline_svg(path.read_bytes()) for path in paths]
 
 
 def _markdown(paper: list[Claim], own: list[Claim], summaries: Summaries) -> str:

@@ -12,7 +12,7 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.out_folder import make_out_folder
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.studies.cell import Cell, Row
+from surefoot.studies.cell import Row, Work
 from surefoot.studies.fingerprint import about_code
 
 STUDY, RUNS = "study.json", "runs.jsonl"
@@ -81,7 +81,7 @@ class StudyStore:
         self._file.flush()
         self.rows[row["key"]] = row
 
-    def check(self, cell: Cell, inputs: str) -> None:
+    def check(self, cell: Work, inputs: str) -> None:
         """See that a kept run of a cell, if there is one, is the run that is meant.
 
         Args:
@@ -94,7 +94,7 @@ class StudyStore:
         row = self.rows.get(cell.key)
         if row is not None and row["inputs"] != inputs:
             raise UsageError(
-                f"{self._path}: holds a run of {cell.group.case} from before its "
+                f"{self._path}: holds a run of {cell.case} from before its "
                 "scenario, robot or settings were changed; runs of both would be "
                 "mixed. Name another folder, or remove this one"
             )

@@ -11,7 +11,7 @@ import pytest
 
 from surefoot.errors import UsageError
 from surefoot.studies import fingerprint
-from surefoot.studies.cell import Cell, Group, plan_of, run_cell
+from surefoot.studies.cell import Cell, Group, run_cell
 from surefoot.studies.execute import execute
 from surefoot.studies.fingerprint import code_of_a_run, inputs_fingerprint
 from surefoot.studies.store import StudyStore
@@ -51,7 +51,7 @@ def cell(scenario: Path, controller: str = "hold") -> Cell:
 
 
 def inputs(cell: Cell, *overrides: str) -> str:
-    return inputs_fingerprint(plan_of(cell, robot="walker", overrides=overrides))
+    return inputs_fingerprint(cell.plan(robot="walker", overrides=overrides))
 
 
 def test_code_of_a_run_is_plant_controller_and_settings() -> None:
