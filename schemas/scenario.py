@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from surefoot.schemas.arrays import Floats3, Pair
 from surefoot.schemas.motions import Motion, RecordedMotion
 from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.rods import Rod
 from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS
@@ -177,6 +178,8 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     """Blocks of uneven, soft or slippery ground that stand still."""
     push: list[Push] = []
     """Forces on links."""
+    rod: list[Rod] = []
+    """Rods that push, pull or strike links."""
     sensors: Sensors = Sensors()
     """Noise and offsets."""
     delay: Delay = Delay()

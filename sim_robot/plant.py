@@ -16,6 +16,7 @@ from surefoot.sim_robot.errors import CommandError
 from surefoot.sim_robot.ground import Ground
 from surefoot.sim_robot.metrics import Fall, FallDetector
 from surefoot.sim_robot.pushes import Pushes
+from surefoot.sim_robot.rods import RodAtWork
 from surefoot.sim_robot.sensors import SensorSuite
 from surefoot.sim_robot.servos import Servos
 from surefoot.sim_robot.state_view import PlantView
@@ -69,7 +70,7 @@ class Plant:
             robot.servo_profile, posture=robot.nominal, step_s=SIM_STEP_S
         )
         self._ground = Ground(self.world, self.data)
-        self._pushes = Pushes(scenario.push, self.world)
+        self._pushes = Pushes(scenario.push, self.world, rods=scenario.rod)
         self._sensors = SensorSuite(
             self.world,
             self.data,
@@ -95,6 +96,11 @@ class Plant:
     def fell(self) -> bool:
         """Whether the robot lies, or leans too far to come back, at this tick."""
         return self._fallen.check()
+
+    @property
+    def rods(self) -> list[RodAtWork]:
+        """Rods of the scenario, in its order; for reading."""
+        return self._pushes.rods.at_work
 
     def diagnose_fall(self) -> Fall:
         """How one knows that the robot fell; only after it did."""

@@ -10,8 +10,10 @@ import numpy as np
 
 from surefoot.schemas.arrays import Vec3
 from surefoot.schemas.messages import PushRequest
+from surefoot.schemas.rods import Rod
 from surefoot.schemas.scenario import Push
 from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.rods import Rods
 from surefoot.sim_robot.ticks import SIM_STEP_S
 from surefoot.sim_robot.world import World
 
@@ -23,10 +25,20 @@ class Pushes:
     """Applies the scenario's pushes at the centres of mass, in world axes.
 
     A push acts on whole simulation steps; pushes that overlap add up.
+
+    Attributes:
+        rods: of the scenario, at work.
     """
 
-    def __init__(self, pushes: list[Push], world: World) -> None:
+    def __init__(
+        self, pushes: list[Push], world: World, *, rods: list[Rod] | None = None
+    ) -> None:
         """Look up the bodies.
+
+        Args:
+            pushes: of the scenario.
+            world: with the robot.
+            rods: of the scenario; their forces are added.
 
         Raises:
             ScenarioError: a body does not exist or has no mass.
@@ -48,6 +60,8 @@ class Pushes:
             body = valid[push.body]
             self._windows.append((first, last, body, np.array(push.force_n)))
             self._bodies.append(body)
+        self.rods = Rods(rods or [], world.model, valid)
+        self._bodies += [rod.body for rod in self.rods.at_work]
 
     def add(self, push: PushRequest, *, first_step: int) -> None:
         """Add a push that somebody asks for during the run.
@@ -84,13 +98,14 @@ class Pushes:
 
     def apply(self, data: mujoco.MjData, step: int) -> None:
         """Set the forces for simulation step ``step``, counted from zero."""
-        if not self._windows:
+        if not self._bodies:
             return
         for body in self._bodies:
             data.xfrc_applied[body] = 0.0
         for first, last, body, force in self._windows:
             if first <= step < last:
                 data.xfrc_applied[body, :3] += force
+        self.rods.apply(data, step)
 
 
 def _bodies_with_mass(world: World) -> dict[str, int]:
