@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from surefoot.cli.bench_command import bench
 from surefoot.cli.bus.echo_command import echo
 from surefoot.cli.bus.hz_command import hz
 from surefoot.cli.bus.topics_command import topics
@@ -67,7 +68,7 @@ def surefoot(
 _COMMANDS = (
     *(run, robot, stabilizer, view),
     *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
-    *(sweep, report, reproduce),
+    *(sweep, report, reproduce, bench),
     *(router, relay, certs, check_robot),
 )
 """In the order of the help."""

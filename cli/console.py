@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import msgspec
 from rich.console import Console, RenderableType
@@ -77,7 +78,7 @@ def print_text(text: str) -> None:
 
 
 def print_json(
-    value: msgspec.Struct | Sequence[msgspec.Struct | dict[str, object]],
+    value: msgspec.Struct | dict[str, Any] | Sequence[msgspec.Struct | dict[str, Any]],
 ) -> None:
     """Print a result for scripts: one JSON text on one line, nothing else."""
     sys.stdout.write(msgspec.json.encode(value).decode() + "\n")

@@ -40,6 +40,7 @@ _HOMES = {
         *("SineMotion", "RampMotion", "DropMotion"),
         *("PrtsMotion", "SpectrumMotion", "RecordedMotion"),
     ),
+    "schemas.rods": ("ForceRod", "DisplacementRod", "StrikeRod"),
     "schemas.settings": ("ControllerSettings",),
     "sim_robot.catalogue": ("list_scenarios", "load_scenario"),
     "sim_robot.errors": ("ScenarioError",),
@@ -60,11 +61,14 @@ _HOMES = {
     "studies.study": ("Study", "study"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+_MODULES = ("bench",)
 
-__all__ = sorted(_HOME_OF)
+__all__ = sorted([*_HOME_OF, *_MODULES])
 
 
 def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        return import_module(f"surefoot.{name}")
     home = _HOME_OF.get(name)
     if home is None:
         raise AttributeError(f"module 'surefoot' has no attribute {name!r}")
@@ -78,6 +82,7 @@ def __dir__() -> list[str]:
 
 
 if TYPE_CHECKING:
+    from surefoot import bench as bench
     from surefoot.controllers import drive as drive
     from surefoot.controllers import list_controllers as list_controllers
     from surefoot.controllers import make_controller as make_controller
@@ -116,6 +121,9 @@ if TYPE_CHECKING:
     from surefoot.schemas.motions import SineMotion as SineMotion
     from surefoot.schemas.motions import SpectrumMotion as SpectrumMotion
     from surefoot.schemas.result import RunResult as RunResult
+    from surefoot.schemas.rods import DisplacementRod as DisplacementRod
+    from surefoot.schemas.rods import ForceRod as ForceRod
+    from surefoot.schemas.rods import StrikeRod as StrikeRod
     from surefoot.schemas.scenario import Delay as Delay
     from surefoot.schemas.scenario import ModelError as ModelError
     from surefoot.schemas.scenario import Platform as Platform

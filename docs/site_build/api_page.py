@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Iterator
+from operator import attrgetter
 from typing import Any
 
 import msgspec
@@ -29,6 +30,7 @@ _TITLES = {
     "struct": "Structs",
     "error": "Errors",
     "type": "Types",
+    "module": "Modules",
 }
 _COLUMNS = ("name", "type", "unit", "range", "default", "text")
 
@@ -51,6 +53,8 @@ def _of_kind(kind: str) -> Iterator[str]:
 
 
 def _kind(value: Any) -> str:
+    if inspect.ismodule(value):
+        return "module"
     if not inspect.isclass(value):
         return "function" if callable(value) and hasattr(value, "__name__") else "type"
     if issubclass(value, BaseException):
@@ -59,7 +63,7 @@ def _kind(value: Any) -> str:
 
 
 def _entry(name: str, kind: str) -> str:
-    value = getattr(surefoot, name)
+    value = attrgetter(name)(surefoot)
     parts = [f"### `{name}`\n"]
     is_constructed = kind == "class" and _is_constructed(value)
     if kind == "function" or is_constructed:
@@ -75,6 +79,9 @@ def _entry(name: str, kind: str) -> str:
     parts += [section for _, section in doc.sections]
     if kind == "class":
         parts += _methods(name, value)
+    if kind == "module":
+        inner = [f"{name}.{member}" for member in value.__all__]
+        parts += [_entry(n, _kind(attrgetter(n)(surefoot))) for n in inner]
     return "\n".join(parts)
 
 

@@ -1,0 +1,159 @@
+"""``surefoot bench``: benchmarks that others measure robots and people by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from surefoot.cli import options
+
+if TYPE_CHECKING:
+    from rich.console import RenderableType
+
+    from surefoot.bench.text_table import TextTable
+
+bench = typer.Typer(
+    name="bench",
+    cls=options.Group,
+    no_args_is_help=True,
+    help="Measure a robot as others measure robots and people.",
+)
+QuickOption = Annotated[
+    bool,
+    typer.Option(
+        "--quick", help="Some minutes of it: fewer cases, controllers and servos."
+    ),
+]
+ControllersOption = Annotated[
+    str | None,
+    typer.Option(
+        "--controllers",
+        metavar="NAMES",
+        help="Comma-separated: whole-body, zmp-tuned, zmp, paper, zmp-stock, hold.",
+    ),
+]
+ServosOption = Annotated[
+    str | None,
+    typer.Option(
+        "--servo-profile",
+        metavar="NAMES",
+        help="Comma-separated, of the robot file; ideal and harmonic when not given.",
+    ),
+]
+OUT_HELP = "Folder of runs, page and YAML files; a former one goes on."
+
+
+@bench.command(cls=options.Command)
+def comtest(
+    quick: QuickOption = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help=OUT_HELP)] = Path(
+        "out/comtest"
+    ),
+    controllers: ControllersOption = None,
+    servo_profiles: ServosOption = None,
+    protocols: Annotated[
+        str,
+        typer.Option(metavar="NAMES", help="Comma-separated: transient, sinus, prts."),
+    ] = "transient,sinus,prts",
+    axes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAMES",
+            help="Comma-separated: pitch, roll, x, y; all when not given.",
+        ),
+    ] = None,
+    sizes_deg: Annotated[
+        str | None,
+        typer.Option(
+            "--sizes",
+            metavar="DEG",
+            help="Comma-separated, from lowest to highest; 0.5 to 16 when not given. A "
+            "translation goes as far as such a tilt moves a stiff body.",
+        ),
+    ] = None,
+    speed: Annotated[
+        float, typer.Option(help="Of the ternary sequence; 5 is five times as fast.")
+    ] = 1.0,
+    cycles: Annotated[
+        int, typer.Option(min=3, help="Of the ternary sequence; the first is left out.")
+    ] = 3,
+    robot: options.RobotOption = "walker",
+    overrides: options.SetOption = None,
+    jobs: options.JobsOption = 0,
+    as_json: options.JsonOption = False,
+) -> None:
+    """COMTEST: steps, sines and a ternary sequence of the ground, next to people.
+
+    Gain, phase and coherence at eleven frequencies with 95 % bands, the score D against
+    113 trials of people, figures of steps; OUT/index.html, comtest.json and EUROBENCH's
+    YAML files. Whole, it takes hours; ended early, it goes on where it was.
+    """
+    from surefoot.bench import comtest as measure
+    from surefoot.bench.sway_results import sway_tables
+    from surefoot.cli.console import count_bar, print_json, print_note, print_table
+
+    found = measure(
+        robot,
+        quick=quick,
+        controllers=_names(controllers),
+        servo_profiles=_names(servo_profiles),
+        protocols=_names(protocols) or (),  # type: ignore[arg-type]
+        axes=_names(axes),  # type: ignore[arg-type]
+        sizes_deg=_numbers(sizes_deg, option="--sizes"),
+        speed=speed,
+        cycles=cycles,
+        settings=_settings(overrides),
+        jobs=jobs,
+        out=out,
+        bar=count_bar,
+    )
+    if as_json:
+        print_json(found.as_dict())
+    else:
+        print_table(_tables(sway_tables(found.results)))
+        print_note(f"open {out / 'index.html'}")
+
+
+def _names(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",")]
+
+
+def _numbers(text: str | None, *, option: str) -> list[float] | None:
+    """Read a list of numbers.
+
+    Raises:
+        UsageError: it is none.
+    """
+    from surefoot.errors import UsageError
+
+    if text is None:
+        return None
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError as error:
+        raise UsageError(
+            f"{option} {text!r}: expected numbers with commas between, such as 2,8"
+        ) from error
+
+
+def _settings(overrides: Iterable[str] | None) -> dict[str, Any]:
+    from surefoot.schemas.scenario_paths import parse_override
+
+    return dict(parse_override(text, option="--set") for text in overrides or ())
+
+
+def _tables(tables: Iterable[TextTable]) -> RenderableType:
+    from rich.console import Group
+    from rich.markup import escape
+    from rich.table import Table
+
+    shown = []
+    for table in tables:
+        drawn = Table(*table.columns, title=table.title, title_justify="left")
+        for row in table.rows:
+            drawn.add_row(*map(escape, row))
+        shown.append(drawn)
+    return Group(*shown)

@@ -1,0 +1,191 @@
+"""COMTEST: how a robot stands on ground that moves, next to people.
+
+The protocols of arXiv 2104.11935 and 2110.14395, ``standing on a moving surface`` of
+EUROBENCH.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from surefoot.bench.bench_page import can_draw
+from surefoot.bench.bench_runs import bench_runs, everyone
+from surefoot.bench.subject import Subject, subject_of
+from surefoot.bench.sway_cells import (
+    AXES,
+    PROTOCOLS,
+    Protocol,
+    Stimulus,
+    SwayAxis,
+    sway_cell,
+)
+from surefoot.bench.sway_results import SwayResult, sway_result, sway_tables
+from surefoot.bench.sway_yaml import write_sway_yaml
+from surefoot.errors import UsageError
+from surefoot.progress import CountBar, no_bar
+from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.schemas.key_names import nearest
+
+SIZES_DEG = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+QUICK_SIZES_DEG = (8.0,)
+FREQUENCIES_HZ = (0.15, 0.4, 0.9, 1.35, 2.2)
+QUICK_FREQUENCIES_HZ = (0.4, 0.9, 2.2)
+QUICK_AXES: tuple[SwayAxis, ...] = ("pitch", "x")
+LEAST_CYCLES = 3
+
+
+@dataclass(frozen=True)
+class Comtest:
+    """What COMTEST found.
+
+    Attributes:
+        robot: shipped name or path of its file.
+        subject: its measures.
+        results: one a run.
+        folder: that keeps everything; None when nothing is kept.
+    """
+
+    robot: str
+    subject: Subject
+    results: list[SwayResult]
+    folder: Path | None = None
+
+    def table(self) -> str:
+        """Return the results as Markdown tables."""
+        return "\n".join(t.markdown() for t in sway_tables(self.results))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as built-in types, for JSON."""
+        return {
+            "benchmark": "comtest",
+            "robot": self.robot,
+            "subject": vars(self.subject),
+            "results": [result.as_dict() for result in self.results],
+            "out": None if self.folder is None else str(self.folder),
+        }
+
+
+def comtest(
+    robot: str = "walker",
+    *,
+    quick: bool = False,
+    controllers: Sequence[str] | None = None,
+    servo_profiles: Sequence[str] | None = None,
+    protocols: Sequence[Protocol] = PROTOCOLS,
+    axes: Sequence[SwayAxis] | None = None,
+    sizes_deg: Sequence[float] | None = None,
+    frequencies_hz: Sequence[float] | None = None,
+    speed: float = 1.0,
+    cycles: int = LEAST_CYCLES,
+    settings: Mapping[str, Any] | None = None,
+    jobs: int = 0,
+    out: str | Path | None = None,
+    bar: CountBar = no_bar,
+) -> Comtest:
+    """Measure how a robot stands on moving ground, with COMTEST's three protocols.
+
+    Steps of the ground, sines, and a ternary sequence whose frequency response is held
+    against that of people; about pitch and roll and along x and y.
+
+    Args:
+        robot: shipped name or path of a robot file.
+        quick: some minutes of it: one size, pitch and x, fewer sines, two controllers
+            and ideal servos, where these are not given.
+        controllers: ``whole-body``, ``zmp-tuned``, ``zmp`` or any name as on the
+            command line.
+        servo_profiles: of the robot file; ``ideal`` and ``harmonic`` when None.
+        protocols: ``transient``, ``sinus``, ``prts``.
+        axes: ``pitch``, ``roll``, ``x``, ``y``.
+        sizes_deg: from the lowest to the highest, 0.5 to 16 when None; a translation
+            goes as far as a tilt of this size moves a stiff body's centre of mass.
+        frequencies_hz: of the sines.
+        speed: of the ternary sequence.
+        cycles: of the ternary sequence, three or more; the first does not count.
+        settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
+        jobs: processes; 0 for one per processor.
+        out: a folder that keeps runs, page and YAML files; None keeps nothing.
+        bar: shows how many runs are done.
+
+    Raises:
+        UsageError: a name is unknown or a number out of range, or the folder holds
+            something else.
+    """
+    axes = axes or (QUICK_AXES if quick else AXES)
+    sizes = sizes_deg or (QUICK_SIZES_DEG if quick else SIZES_DEG)
+    sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
+    _check(protocols, PROTOCOLS, what="protocol")
+    _check(axes, AXES, what="axis")
+    if cycles < LEAST_CYCLES:
+        raise UsageError(f"cycles: got {cycles}, expected {LEAST_CYCLES} or more")
+    for what, values in (("size", sizes), ("frequency", sines), ("speed", [speed])):
+        if not all(value > 0.0 for value in values):
+            raise UsageError(f"{what}: got {min(values):g}, expected more than 0")
+    stimuli = list(_stimuli(protocols, axes, sizes, sines, speed, cycles))
+    under = everyone(controllers, servo_profiles, quick=quick)
+    subject = subject_of(robot)
+    cells = [
+        sway_cell(stimulus, who, height_m=subject.com_height_m)
+        for stimulus in stimuli
+        for who in under
+    ]
+    with bench_runs(
+        "comtest",
+        seen_by=sway_cell.__module__,
+        robot=robot,
+        settings=settings,
+        jobs=jobs,
+        out=out,
+        bar=bar,
+    ) as runs:
+        rows = runs.rows(cells, title="comtest")
+    results = [sway_result(cell, row) for cell, row in zip(cells, rows, strict=True)]
+    found = Comtest(robot, subject, results, None if out is None else Path(out))
+    if found.folder is not None:
+        _write(found, found.folder)
+    return found
+
+
+def _stimuli(
+    protocols: Sequence[Protocol],
+    axes: Sequence[SwayAxis],
+    sizes_deg: Sequence[float],
+    frequencies_hz: Sequence[float],
+    speed: float,
+    cycles: int,
+) -> Iterator[Stimulus]:
+    for protocol, axis, size in product(protocols, axes, sizes_deg):
+        if protocol == "sinus":
+            for frequency_hz in frequencies_hz:
+                yield Stimulus(protocol, axis, size, frequency_hz=frequency_hz)
+        elif protocol == "prts":
+            yield Stimulus(protocol, axis, size, speed=speed, cycles=cycles)
+        else:
+            yield Stimulus(protocol, axis, size)
+
+
+def _check(names: Sequence[str], valid: Sequence[str], *, what: str) -> None:
+    for name in names:
+        if name not in valid:
+            raise UsageError(
+                f"{what}: got {name!r}{nearest(name, valid)}; expected one of "
+                f"{', '.join(valid)}"
+            )
+
+
+def _write(found: Comtest, folder: Path) -> None:
+    """Write the figures for programs, for EUROBENCH and as a page."""
+    text = msgspec.json.format(msgspec.json.encode(found.as_dict()))
+    for name, data in (("comtest.json", text), ("results.md", found.table().encode())):
+        with atomic_file(folder / name) as file:
+            file.write(data)
+    write_sway_yaml(folder / "eurobench", found.results)
+    if can_draw():
+        from surefoot.bench.sway_page import write_sway_page
+
+        write_sway_page(folder, found.results, robot=found.robot, subject=found.subject)

@@ -1,0 +1,192 @@
+"""Frequency response of sway to a periodic motion of the ground, with its bands.
+
+Spectra cycle by cycle, cross and auto spectra averaged over cycles and over groups of
+odd harmonics, as in arXiv 2104.11935 and 2110.14395.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from surefoot.schemas.arrays import Array
+
+Complex = NDArray[np.complex128]
+
+HARMONICS = tuple(range(1, 50, 2))
+"""Odd ones: a ternary sequence has no energy at the others."""
+GROUPS = (
+    *((1,), (3,), (5, 7), (7, 9), (9, 11, 13), (11, 13, 15, 17)),
+    *((15, 17, 19, 21), (19, 21, 23, 25), (23, 25, 27, 29, 31)),
+    *((31, 33, 35, 37, 39), (39, 41, 43, 45, 47, 49)),
+)
+"""Harmonics behind each of the eleven frequencies; they overlap."""
+SAMPLES_PER_CYCLE = 2000
+CONFIDENCE = 0.95
+_LEAST_POWER = 1e-300
+
+
+@dataclass(frozen=True)
+class FrequencyResponse:
+    """Response at each frequency, of what was measured in some cycles.
+
+    Attributes:
+        frequencies_hz: (n,) [Hz].
+        response: (n,) complex, of the output over the input.
+        coherence: (n,) share of the output's power that follows the input, 0 to 1.
+        gain_band: (n,) half the width of the 95 % band of the gain; NaN where there
+            are too few cycles to tell.
+    """
+
+    frequencies_hz: Array
+    response: Complex
+    coherence: Array
+    gain_band: Array
+
+    @property
+    def gain(self) -> Array:
+        """(n,) magnitude."""
+        magnitude: Array = np.abs(self.response)
+        return magnitude
+
+    @property
+    def phase_deg(self) -> Array:
+        """(n,) phase without jumps, from -180 to 180 at the lowest frequency [deg]."""
+        phase: Array = np.degrees(np.unwrap(np.angle(self.response)))
+        return phase
+
+    @property
+    def phase_band_deg(self) -> Array:
+        """(n,) half the width of the 95 % band of the phase, at most 180 [deg]."""
+        share = self.gain_band / np.maximum(self.gain, _LEAST_POWER)
+        band = np.degrees(np.arcsin(np.minimum(share, 1.0)))
+        limited: Array = np.where(share > 1.0, 180.0, band)
+        return limited
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as built-in types; None where nothing can be told."""
+        columns = {
+            "frequency_hz": self.frequencies_hz,
+            "gain": self.gain,
+            "gain_band": self.gain_band,
+            "phase_deg": self.phase_deg,
+            "phase_band_deg": self.phase_band_deg,
+            "coherence": self.coherence,
+        }
+        return {name: numbers(values) for name, values in columns.items()}
+
+
+def numbers(values: Array) -> list[float | None]:
+    """Return an array as numbers for a file; None for what is not a number."""
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def cycle_spectra(
+    time_s: Array, values: Array, *, start_s: float, cycle_s: float, cycles: int
+) -> Complex:
+    """Return the Fourier coefficients of each cycle but the first.
+
+    Args:
+        time_s: (n,) times of the values, rising [s].
+        values: (n,) what was measured.
+        start_s: when the first cycle begins [s].
+        cycle_s: how long each lasts [s].
+        cycles: how many there are, two or more.
+
+    Returns:
+        (cycles - 1, 25) complex amplitude at each of :data:`HARMONICS`.
+    """
+    phase = np.arange(SAMPLES_PER_CYCLE) / SAMPLES_PER_CYCLE
+    turns = np.exp(-2j * np.pi * np.outer(phase, HARMONICS))
+    rows = [
+        np.interp(start_s + cycle_s * (cycle + phase), time_s, values)
+        for cycle in range(1, cycles)
+    ]
+    spectra: Complex = np.array(rows) @ turns * (2.0 / SAMPLES_PER_CYCLE)
+    return spectra
+
+
+def frequency_response(
+    stimulus: Complex, response: Complex, *, cycle_s: float
+) -> FrequencyResponse:
+    """Average the spectra of some cycles to the eleven frequencies.
+
+    Args:
+        stimulus: (m, 25) spectra of the input, see :func:`cycle_spectra`.
+        response: (m, 25) spectra of the output.
+        cycle_s: length of a cycle [s].
+    """
+    from scipy.stats import f as f_distribution
+
+    cross = np.mean(np.conj(stimulus) * response, axis=0)
+    power_in = np.mean(np.abs(stimulus) ** 2, axis=0)
+    power_out = np.mean(np.abs(response) ** 2, axis=0)
+    at = [[HARMONICS.index(k) for k in group] for group in GROUPS]
+    gxy = np.array([np.mean(cross[i]) for i in at])
+    gx = np.array([np.mean(power_in[i]) for i in at])
+    gy = np.array([np.mean(power_out[i]) for i in at])
+    coherence = np.abs(gxy) ** 2 / np.maximum(gx * gy, _LEAST_POWER)
+    coherence = np.minimum(coherence, 1.0)
+    freedom = 2.0 * len(stimulus) * np.array([len(group) for group in GROUPS]) - 2.0
+    told = freedom > 0.0
+    safe = np.where(told, freedom, 1.0)
+    quantile = f_distribution.ppf(CONFIDENCE, 2, safe)
+    band = np.sqrt(2.0 * (1.0 - coherence) * quantile / safe * gy / gx)
+    return FrequencyResponse(
+        frequencies_hz=np.array([np.mean(group) for group in GROUPS]) / cycle_s,
+        response=gxy / gx,
+        coherence=coherence,
+        gain_band=np.where(told, band, np.nan),
+    )
+
+
+@dataclass(frozen=True)
+class SineResponse:
+    """Response to a sine at its own frequency.
+
+    Attributes:
+        gain: magnitude of the output over that of the input.
+        phase_deg: of the output against the input, -180 to 180 [deg].
+        power_ratio: share of the output's power, its mean left out, that lies at the
+            frequency: 1 for a linear response without noise.
+    """
+
+    gain: float
+    phase_deg: float
+    power_ratio: float
+
+
+def sine_response(
+    time_s: Array,
+    stimulus: Array,
+    response: Array,
+    *,
+    start_s: float,
+    frequency_hz: float,
+    periods: int,
+) -> SineResponse:
+    """Compare input and output over whole periods of a sine.
+
+    Args:
+        time_s: (n,) times of the values, rising [s].
+        stimulus: (n,) the input.
+        response: (n,) the output.
+        start_s: when the periods that count begin [s].
+        frequency_hz: of the sine [Hz].
+        periods: how many count.
+    """
+    phase = np.arange(SAMPLES_PER_CYCLE) * periods / SAMPLES_PER_CYCLE
+    at_s = start_s + phase / frequency_hz
+    turn = np.exp(-2j * np.pi * phase) * (2.0 / SAMPLES_PER_CYCLE)
+    x, y = (np.interp(at_s, time_s, values) for values in (stimulus, response))
+    x_line, y_line = np.sum(x * turn), np.sum(y * turn)
+    ratio = y_line / x_line
+    power = max(float(np.var(y)), _LEAST_POWER)
+    return SineResponse(
+        gain=float(np.abs(ratio)),
+        phase_deg=float(np.degrees(np.angle(ratio))),
+        power_ratio=min(float(0.5 * np.abs(y_line) ** 2 / power), 1.0),
+    )

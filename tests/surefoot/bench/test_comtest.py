@@ -1,0 +1,134 @@
+"""COMTEST on bodies whose sway is known, and on the robot."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.spatial.transform import Rotation
+
+from surefoot.bench import comtest
+from surefoot.bench.bench_cell import Under
+from surefoot.bench.human_sway import human_sway
+from surefoot.bench.sway_cells import (
+    START_S,
+    Stimulus,
+    SwayAxis,
+    SwayProbe,
+    sway_cell,
+)
+from surefoot.bench.sway_results import sway_result
+from surefoot.errors import UsageError
+from surefoot.sim_robot.motion import motion_law
+from surefoot.sim_robot.truth import PlantTruth, PlatformPose
+from tests.command import run_surefoot
+
+HEIGHT_M = 0.8
+ME = Under("hold", "ideal")
+SPEED = 10.0
+"""Of the ternary sequence: two seconds a cycle."""
+
+
+def truth(*, lean: float, axis: SwayAxis, ground: float) -> PlantTruth:
+    """A stick on a platform, its feet where the platform carries them."""
+    turn = np.array([0.0, 0.0, 0.0])
+    feet = np.array([0.3, 0.1, 0.0])
+    if axis in ("x", "y"):
+        feet["xy".index(axis)] += ground
+    else:
+        turn[("roll", "pitch").index(axis)] = ground
+    over = {
+        "pitch": (math.sin(lean), 0.0, math.cos(lean)),
+        "x": (math.sin(lean), 0.0, math.cos(lean)),
+        "roll": (0.0, -math.sin(lean), math.cos(lean)),
+        "y": (0.0, math.sin(lean), math.cos(lean)),
+    }[axis]
+    zero3, zero6, aside = np.zeros(3), np.zeros(6), np.array([0.0, 0.1, 0.0])
+    return PlantTruth(
+        tick=0,
+        base_position=zero3,
+        base_quat_xyzw=np.array([0.0, 0.0, 0.0, 1.0]),
+        upright=1.0,
+        com=feet + HEIGHT_M * np.array(over),
+        com_velocity=zero3,
+        sole_left=feet + aside,
+        sole_right=feet - aside,
+        F_left=zero6,
+        F_right=zero6,
+        vertical_forces=(0.0, 0.0),
+        platforms=(PlatformPose(feet, Rotation.from_rotvec(turn).as_quat()),),
+    )
+
+
+def response_of(axis: SwayAxis, share: float) -> np.ndarray:
+    """Response of a stick whose lean is a share of the ground's angle."""
+    stimulus = Stimulus("prts", axis, 8.0, speed=SPEED)
+    cell = sway_cell(stimulus, ME, height_m=HEIGHT_M)
+    law = motion_law(cell.scenario.platform[0].motion[0])
+    probe = SwayProbe(stimulus, HEIGHT_M)
+    per_m = HEIGHT_M if axis in ("x", "y") else 1.0
+    for time_s in np.arange(0.0, cell.scenario.duration_s + 0.005, 0.01):
+        ground, _ = law(time_s)
+        there = truth(lean=share * ground / per_m, axis=axis, ground=ground)
+        probe.take(float(time_s), there)
+    row = {"seen": probe.figures(), "outcome": "stood"}
+    response = sway_result(cell, row).response
+    assert response is not None
+    return response.response
+
+
+@pytest.mark.parametrize("axis", ["pitch", "roll", "x", "y"])
+@pytest.mark.parametrize("share", [1.0, -0.3])
+def test_a_lean_that_is_a_share_of_the_ground_has_it_as_response(
+    axis: SwayAxis, share: float
+) -> None:
+    assert np.abs(response_of(axis, share) - share).max() < 1e-6
+
+
+def test_a_translation_is_as_large_as_the_tilt_it_is_named_by() -> None:
+    cell = sway_cell(Stimulus("transient", "y", 8.0), ME, height_m=HEIGHT_M)
+    law = motion_law(cell.scenario.platform[0].motion[0])
+    assert law(START_S)[0] == 0.0
+    assert law(cell.scenario.duration_s)[0] == pytest.approx(
+        HEIGHT_M * math.radians(8.0)
+    )
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"axes": ["yaw"]}, {"protocols": ["jump"]}, {"cycles": 2}, {"sizes_deg": [-1.0]}],
+)
+def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(UsageError, match="got"):
+        comtest(**wrong)  # type: ignore[arg-type]
+
+
+@pytest.mark.closed_loop
+@pytest.mark.process
+def test_a_stiff_robot_goes_with_the_ground_and_files_say_so(tmp_path: Path) -> None:
+    """Its servos hold the posture; its weight makes it lean somewhat further."""
+    out = tmp_path / "comtest"
+    arguments = ["--controllers", "hold", "--servo-profile", "ideal", "--json"]
+    done = run_surefoot(
+        *("bench", "comtest", *arguments, "--protocols", "prts", "--axes", "pitch"),
+        *("--sizes", "0.5", "--speed", f"{SPEED:g}", "--jobs", "1", "--out", str(out)),
+    )
+    assert done.returncode == 0, done.stderr
+    (result,) = json.loads(done.stdout)["results"]
+    response = result["frequency_response"]
+    assert 1.0 < response["gain"][0] < 1.2
+    assert response["coherence"][0] > 0.95
+    assert result["below_human_5_percent"] < 11
+    (gain,) = out.glob("eurobench/hold_ideal/*/gain.yaml")
+    assert yaml.safe_load(gain.read_text())["value"] == response["gain"]
+    page = (out / "index.html").read_text()
+    addresses = re.findall(r'(?:src|href)\s*=\s*"([^"]*)"', page)
+    assert addresses
+    assert all(address.startswith("data:") for address in addresses)
+    assert "hold" in page
+    assert f"{human_sway().score_percentiles[50]:.2f}" in page

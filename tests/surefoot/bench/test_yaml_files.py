@@ -1,0 +1,26 @@
+"""EUROBENCH's files, read by a YAML library."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import yaml
+
+from surefoot.bench.yaml_files import write_scalar, write_vector
+
+AWKWARD = [1e-7, 0.25, -3.0, 2e22, 0.1 + 0.2]
+
+
+def test_a_vector_comes_back_with_its_labels(tmp_path: Path) -> None:
+    labels = [f"x: {i} [deg/deg]" for i in range(len(AWKWARD))]
+    write_vector(tmp_path / "new" / "v.yaml", AWKWARD, labels=labels)
+    found = yaml.safe_load((tmp_path / "new" / "v.yaml").read_text())
+    assert found == {"type": "vector", "label": labels, "value": AWKWARD}
+
+
+def test_what_could_not_be_told_is_no_number(tmp_path: Path) -> None:
+    write_scalar(tmp_path / "s.yaml", None, label="settling time [s]")
+    found = yaml.safe_load((tmp_path / "s.yaml").read_text())
+    assert found["type"] == "scalar"
+    assert math.isnan(found["value"])
