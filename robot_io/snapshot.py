@@ -37,6 +37,8 @@ class Snapshot:
         linear_acceleration: (3,) specific force, IMU frame [m/s^2].
         ft_left: (6,) [force; moment] from below on the left ankle, sensor frame.
         ft_right: (6,) the same for the right ankle.
+        measured_ns: when each sensor measured what it reports, by the robot's clock and
+            in the order of the sensor table [ns]; empty: all did at ``stamp_ns``.
     """
 
     tick: int
@@ -49,8 +51,17 @@ class Snapshot:
     linear_acceleration: Vec3
     ft_left: Vec6
     ft_right: Vec6
+    measured_ns: tuple[int, ...] = ()
+
+    @property
+    def latencies_ns(self) -> tuple[int, ...]:
+        """How long ago each sensor measured, in the order of the sensor table [ns]."""
+        if not self.measured_ns:
+            return _NO_LATENCIES
+        return tuple([self.stamp_ns - then for then in self.measured_ns])
 
 
+_NO_LATENCIES = (0,) * len(SENSORS)
 readings: Callable[[Snapshot], tuple[Array, ...]] = attrgetter(*SNAPSHOT_FIELDS)
 """All readings of a snapshot, in the order of the sensor table."""
 
@@ -100,17 +111,28 @@ class SnapshotLayout:
         """
         numbers = np.empty(self.size)
         self._floats.pack_into(numbers.data, 0, *_numbers_of(*messages))
-        return self.view(tick, messages[0].stamp_ns, numbers)
+        stamps = tuple([message.stamp_ns for message in messages])
+        return self.view(tick, max(stamps), numbers, measured_ns=stamps)
 
-    def view(self, tick: int, stamp_ns: int, numbers: Array) -> Snapshot:
+    def view(
+        self,
+        tick: int,
+        stamp_ns: int,
+        numbers: Array,
+        *,
+        measured_ns: tuple[int, ...] = (),
+    ) -> Snapshot:
         """Make a snapshot of a block of numbers; it sees the block, not a copy.
 
         Args:
             tick: the robot's counter.
             stamp_ns: the robot's monotonic clock [ns].
             numbers: (size,) all readings.
+            measured_ns: see :class:`Snapshot`.
         """
-        return Snapshot(tick, stamp_ns, *[numbers[part] for part in self._slices])
+        parts: list[Any] = [numbers[part] for part in self._slices]
+        parts.append(measured_ns)
+        return Snapshot(tick, stamp_ns, *parts)
 
 
 def ages_of(messages: Sequence[Message], tick: int) -> Ages:
@@ -123,12 +145,14 @@ def sensor_messages(snapshot: Snapshot, *, stamp_ns: int) -> tuple[Message, ...]
 
     Args:
         snapshot: sensors of one tick.
-        stamp_ns: the robot's monotonic clock when they were taken [ns].
+        stamp_ns: the robot's monotonic clock at that tick [ns].
 
     Returns:
-        Messages in the order of the sensor table.
+        Messages in the order of the sensor table, each stamped when it was measured.
     """
-    return _messages_of(snapshot, stamp_ns)
+    return _messages_of(
+        snapshot, [stamp_ns - latency for latency in snapshot.latencies_ns]
+    )
 
 
 def _write_joining() -> str:
@@ -154,18 +178,22 @@ def _write_splitting() -> str:
             listed.add(field)
             cut = "" if part.stop is None else f"[{part.start}:{part.stop}]"
             values.append(f"{name}={numbers}{cut}")
-        head = f"schema={SCHEMA_VERSION}, tick=s.tick, stamp_ns=stamp_ns"
+        head = f"schema={SCHEMA_VERSION}, tick=s.tick, stamp_ns=stamps[{index}]"
         calls.append(f"kind{index}({head}, {', '.join(values)})")
-    return f"lambda s, stamp_ns: ({', '.join(calls)},)"
+    return f"lambda s, stamps: ({', '.join(calls)},)"
 
 
 # Written out from the table once, as dataclasses do it: loops over it take twice as
 # long, a thousand times a second.
 _numbers_of: Callable[..., tuple[float, ...]] = eval(_write_joining())
-_messages_of: Callable[[Snapshot, int], tuple[Message, ...]] = eval(
+_messages_of: Callable[[Snapshot, list[int]], tuple[Message, ...]] = eval(
     _write_splitting(),
     {f"kind{index}": entry.message for index, entry in enumerate(SENSORS)},
 )
+
+
+def _measured_ns(snapshot: Snapshot) -> tuple[int, ...]:
+    return snapshot.measured_ns or (snapshot.stamp_ns,) * len(SENSORS)
 
 
 class Delivery:
@@ -190,10 +218,14 @@ class Delivery:
         """
         tick = snapshot.tick
         old: dict[str, Any] = {}
-        for entry in SENSORS:
+        measured = list(_measured_ns(snapshot))
+        for index, entry in enumerate(SENSORS):
             if entry.name in missing and self._last is not None:
                 old.update((f, getattr(self._last, f)) for f in entry.fields)
+                measured[index] = _measured_ns(self._last)[index]
             else:
                 self._ticks[entry.name] = tick
-        self._last = replace(snapshot, **old) if old else snapshot
+        if old:
+            snapshot = replace(snapshot, **old, measured_ns=tuple(measured))
+        self._last = snapshot
         return self._last, tuple([tick - then for then in self._ticks.values()])

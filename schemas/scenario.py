@@ -16,6 +16,7 @@ from surefoot.schemas.arrays import Floats3, Pair
 from surefoot.schemas.motions import Motion, RecordedMotion
 from surefoot.schemas.robot_file import NonNegative, Positive
 from surefoot.schemas.rods import Rod
+from surefoot.schemas.sensing import Delay, Sensors
 from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS
@@ -118,38 +119,6 @@ class Push(FileStruct, frozen=True, kw_only=True):
     """When it begins."""
     duration_s: Positive
     """How long it acts."""
-
-
-class Sensors(FileStruct, frozen=True, kw_only=True):
-    """Standard deviations per sample, biases and resolution; zero when absent."""
-
-    force_noise_n: NonNegative = 0.0
-    """Ankle forces: standard deviation."""
-    moment_noise_nm: NonNegative = 0.0
-    """Ankle moments: standard deviation."""
-    gyro_noise_rad_s: NonNegative = 0.0
-    """Gyroscope: standard deviation."""
-    accel_noise_m_s2: NonNegative = 0.0
-    """Accelerometer: standard deviation."""
-    gyro_bias_rad_s: float = 0.0
-    """Gyroscope: constant offset of each axis."""
-    accel_bias_m_s2: float = 0.0
-    """Accelerometer: constant offset of each axis."""
-    force_bias_n: float = 0.0
-    """Ankle forces: constant offset of each axis."""
-    moment_bias_nm: float = 0.0
-    """Ankle moments: constant offset of each axis."""
-    encoder_resolution_rad: NonNegative = 0.0
-    """Joint positions come in steps of this size."""
-
-
-class Delay(FileStruct, frozen=True, kw_only=True):
-    """Transport delays, in whole ticks of the robot."""
-
-    sensor_ms: NonNegative = 0.0
-    """From measuring to sending."""
-    command_ms: NonNegative | None = None
-    """From a tick's sensors to the servos; absent: one tick of the robot."""
 
 
 class ModelError(FileStruct, frozen=True, kw_only=True):

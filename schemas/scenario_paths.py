@@ -14,16 +14,32 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import msgspec
+from msgspec.structs import fields
 
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.motions import ROTATIONS
 from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.schemas.sensing import SensorDelays
 
 Table = dict[str, Any]
 _PACE, _TILT_RATE = "pace", "tilt_rate_deg_s"
 _NOT_SWEPT = ("name", "description")
 _PACED = ("frequency_hz", "rate_m_s", "rate_deg_s", "speed")
 """Keys of motions that the pace is a factor on."""
+_TABLES = ("sensors", "delay", "model_error", "start")
+_OPEN: dict[str, tuple[str, ...]] = {
+    "delay.sensor_ms": tuple(field.name for field in fields(SensorDelays)),
+    "sensors.encoder_offset_rad": (),
+    **{
+        f"sensors.{stem}": ("left", "right")
+        for stem in (
+            *("force_noise_n", "moment_noise_nm", "force_bias_n", "moment_bias_nm"),
+            *("force_scale", "moment_scale", "force_drift_n_min"),
+            "moment_drift_nm_min",
+        )
+    },
+}
+"""Values that may be one number or a table, and the keys that this number stands for."""
 _TILTING = ("sine", "ramp", "drop")
 
 
@@ -43,7 +59,7 @@ def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     known = scenario_paths(scenario)
     table: Table = msgspec.to_builtins(scenario)
     for path, value in values.items():
-        if path not in known:
+        if path not in known and not _is_within_open(path):
             raise FileFormatError(_unknown(path, scenario, known), field=path)
         _set(table, path, value)
     words = ", ".join(f"{path}={value}" for path, value in values.items())
@@ -112,11 +128,22 @@ def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:
     return f"{path}: no such value in scenario {scenario.name!r}; {hint}"
 
 
+def _is_within_open(path: str) -> bool:
+    """Whether a path leads into a value that may be a number or a table."""
+    return any(path.startswith(f"{whole}.") for whole in _OPEN)
+
+
 def _leaves(value: Any, path: str = "") -> Iterable[str]:
-    """Yield the paths of all values: lists of numbers, and each number in them."""
+    """Yield the paths of all values: lists of numbers, and each number in them.
+
+    Also of what is absent in the tables that every scenario has.
+    """
     if isinstance(value, dict):
+        if not value:
+            yield path
         for key, inner in value.items():
-            if inner is not None and key not in ("kind", "axis", "foot"):
+            is_told = inner is not None or path in _TABLES
+            if is_told and key not in ("kind", "axis", "foot"):
                 yield from _leaves(inner, f"{path}.{key}" if path else key)
         return
     if isinstance(value, list):
@@ -135,8 +162,12 @@ def _set(table: Table, path: str, value: Any) -> None:
         return
     *parents, name = path.split(".")
     place: Any = table
-    for parent in parents:
-        place = place[int(parent)] if isinstance(place, list) else place[parent]
+    for depth, parent in enumerate(parents):
+        inner = place[int(parent)] if isinstance(place, list) else place[parent]
+        if not isinstance(inner, (dict, list)):
+            parts = _OPEN.get(".".join(parents[: depth + 1]), ())
+            inner = place[parent] = dict.fromkeys(parts, inner)
+        place = inner
     derived = _DERIVED.get(name)
     if derived is not None:
         derived(place, _number(path, value))

@@ -48,13 +48,33 @@ class Loss(StrEnum):
 class Noise(msgspec.Struct, frozen=True, kw_only=True):
     """How the simulator disturbs a quantity; settings are of a scenario's [sensors]."""
 
-    deviation: str
-    """Setting with the standard deviation of every axis."""
-    bias: str
-    """Setting with the constant offset of every axis."""
+    stem: str
+    """Begins the names of its settings: ``force`` of ``force_noise_n``."""
+    unit: str
+    """Ends them: ``n``."""
     stream: int
     """Number of its random numbers' stream, the sensor's own. To change one changes
     every noisy run."""
+
+    @property
+    def deviation(self) -> str:
+        """Setting with the standard deviation."""
+        return f"{self.stem}_noise_{self.unit}"
+
+    @property
+    def bias(self) -> str:
+        """Setting with the constant offset."""
+        return f"{self.stem}_bias_{self.unit}"
+
+    @property
+    def scale(self) -> str:
+        """Setting with the scale."""
+        return f"{self.stem}_scale"
+
+    @property
+    def drift(self) -> str:
+        """Setting with the growth of the offset per minute."""
+        return f"{self.stem}_drift_{self.unit}_min"
 
 
 class Quantity(msgspec.Struct, frozen=True, kw_only=True):
@@ -173,11 +193,7 @@ def _imu(prefix: str, *, gyro_stream: int, accel_stream: int) -> tuple[Quantity,
             reach=Reach.SETTING,
             range="gyro_range_rad_s",
             jump="gyro_jump_rad_s",
-            noise=Noise(
-                deviation="gyro_noise_rad_s",
-                bias="gyro_bias_rad_s",
-                stream=gyro_stream,
-            ),
+            noise=Noise(stem="gyro", unit="rad_s", stream=gyro_stream),
         ),
         Quantity(
             attribute="linear_acceleration",
@@ -186,11 +202,7 @@ def _imu(prefix: str, *, gyro_stream: int, accel_stream: int) -> tuple[Quantity,
             reach=Reach.SETTING,
             range="accel_range_m_s2",
             jump="accel_jump_m_s2",
-            noise=Noise(
-                deviation="accel_noise_m_s2",
-                bias="accel_bias_m_s2",
-                stream=accel_stream,
-            ),
+            noise=Noise(stem="accel", unit="m_s2", stream=accel_stream),
         ),
     )
 
@@ -210,11 +222,7 @@ def _force_torque(field: str, *, stream: int) -> tuple[Quantity, ...]:
             reach=Reach.SETTING,
             range=f"{kind}_range_{unit}",
             jump=f"{kind}_jump_{unit}",
-            noise=Noise(
-                deviation=f"{kind}_noise_{unit}",
-                bias=f"{kind}_bias_{unit}",
-                stream=stream,
-            ),
+            noise=Noise(stem=kind, unit=unit, stream=stream),
         )
         for kind, unit in (("force", "n"), ("moment", "nm"))
     )

@@ -14,6 +14,7 @@ from surefoot.schemas.messages import PushRequest
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import CommandError
 from surefoot.sim_robot.ground import Ground
+from surefoot.sim_robot.joint_values import per_joint
 from surefoot.sim_robot.metrics import Fall, FallDetector
 from surefoot.sim_robot.pushes import Pushes
 from surefoot.sim_robot.rods import RodAtWork
@@ -75,10 +76,13 @@ class Plant:
             self.world,
             self.data,
             settings=scenario.sensors,
-            period_s=robot.period_s,
-            delay_ticks=whole_ticks(
-                1e-3 * scenario.delay.sensor_ms, robot.period_s, what="delay.sensor_ms"
+            delay=scenario.delay,
+            encoder_offset=per_joint(
+                scenario.sensors.encoder_offset_rad,
+                robot,
+                what="sensors.encoder_offset_rad",
             ),
+            period_s=robot.period_s,
             seed=seed,
         )
         self._tick = 0

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -13,8 +13,8 @@ import numpy as np
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.messages import JointState
-from surefoot.schemas.scenario import Sensors
-from surefoot.schemas.sensors import SENSORS, Noise
+from surefoot.schemas.sensing import Delay, Sensors
+from surefoot.schemas.sensors import SENSORS, Noise, Sensor
 from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.quaternion import xyzw
 from surefoot.sim_robot.robot_spec import (
@@ -24,9 +24,18 @@ from surefoot.sim_robot.robot_spec import (
     SENSOR_WRENCHES,
     UNITS,
 )
+from surefoot.sim_robot.sensor_lines import (
+    IMU,
+    JOINTS,
+    KINDS,
+    kind_of,
+    sensor_lines,
+)
+from surefoot.sim_robot.ticks import SIM_STEP_S
 from surefoot.sim_robot.world import World
 
 NANOSECONDS = 1_000_000_000
+SECONDS_PER_MINUTE = 60.0
 BLOCK_ROWS = 256
 """Ticks drawn at a time; the streams do not depend on it."""
 CHANNELS = SENSOR_NOISY.stop - SENSOR_NOISY.start
@@ -42,23 +51,26 @@ class Accelerometer:
     before the implicit damping of the servos, some per cent off the true one.)
     """
 
-    def __init__(self, *, period_s: float) -> None:
+    def __init__(self, *, period_s: float, gravity: float = GRAVITY_M_S2) -> None:
         """Start at rest: the first reading is gravity alone.
 
         Args:
-            period_s: time between readings.
+            period_s: from tick to tick [s].
+            gravity: of the place [m/s^2].
         """
         self._rate = 1.0 / period_s
+        self._gravity = gravity
         self._last: Vec3 = np.zeros(3)
         self._started = False
         self._force_in_world: Array = np.empty(3)
 
-    def read(self, velocity: Vec3, rotation: Mat) -> Vec3:
-        """Read the sensor once per tick.
+    def read(self, velocity: Vec3, rotation: Mat, *, ticks: int = 1) -> Vec3:
+        """Read the sensor once.
 
         Args:
             velocity: (3,) of the sensor in the world [m/s].
             rotation: (3, 3) world from sensor.
+            ticks: since the last reading.
 
         Returns:
             (3,) specific force in the sensor's frame [m/s^2]; + g upwards at rest.
@@ -68,8 +80,8 @@ class Accelerometer:
             self._last[:] = velocity
             self._started = True
         np.subtract(velocity, self._last, out=force)
-        force *= self._rate
-        force[2] += GRAVITY_M_S2
+        force *= self._rate / ticks
+        force[2] += self._gravity
         self._last[:] = velocity
         specific_force: Vec3 = force @ rotation
         return specific_force
@@ -86,19 +98,19 @@ class Encoders:
 
         Args:
             resolution_rad: one encoder step; greater than zero.
-            period_s: time between readings.
+            period_s: from tick to tick [s].
         """
         self._resolution = resolution_rad
         self._period = period_s
-        self._gain = -math.expm1(-period_s / VELOCITY_FILTER_S)
         self._last: Array | None = None
         self._velocity: Array | None = None
 
-    def read(self, q: Array) -> tuple[Array, Array]:
-        """Read the encoders once per tick.
+    def read(self, q: Array, *, ticks: int = 1) -> tuple[Array, Array]:
+        """Read the encoders once.
 
         Args:
             q: (n_a,) true positions [rad].
+            ticks: since the last reading.
 
         Returns:
             (n_a,) rounded positions [rad] and (n_a,) filtered velocities [rad/s],
@@ -108,24 +120,29 @@ class Encoders:
         if self._last is None or self._velocity is None:
             velocity = np.zeros_like(rounded)
         else:
-            difference = (rounded - self._last) / self._period
-            velocity = self._velocity + self._gain * (difference - self._velocity)
+            elapsed = self._period * ticks
+            gain = -math.expm1(-elapsed / VELOCITY_FILTER_S)
+            difference = (rounded - self._last) / elapsed
+            velocity = self._velocity + gain * (difference - self._velocity)
         self._last, self._velocity = rounded, velocity
         return rounded, velocity
 
 
 class SensorNoise:
-    """Gaussian noise plus a constant bias, on every axis of every noisy sensor.
+    """Scale, offset, drift and Gaussian noise of every axis of every noisy sensor.
 
     Each sensor's stream advances by one standard normal number per axis and tick,
     whatever the settings, so that one setting never shifts another's numbers.
     """
 
-    def __init__(self, settings: Sensors, *, seed: int) -> None:
+    def __init__(
+        self, settings: Sensors, *, seed: int, period_s: float = SIM_STEP_S
+    ) -> None:
         """Start the streams.
 
         Args:
-            settings: standard deviations and biases.
+            settings: standard deviations, scales, offsets and drifts.
+            period_s: from tick to tick [s].
             seed: of the run; each sensor gets a child of its own.
         """
         streams = _streams()
@@ -135,19 +152,33 @@ class SensorNoise:
             for number, channels in streams.items()
         ]
         self._deviation, self._bias = np.zeros(CHANNELS), np.zeros(CHANNELS)
-        for noise, channels in _noises():
-            self._deviation[channels] = getattr(settings, noise.deviation)
-            self._bias[channels] = getattr(settings, noise.bias)
+        self._scale, self._drift = np.ones(CHANNELS), np.zeros(CHANNELS)
+        for entry, noise, channels in _noises():
+            for values, key in (
+                (self._deviation, noise.deviation),
+                (self._bias, noise.bias),
+                (self._scale, noise.scale),
+                (self._drift, noise.drift),
+            ):
+                values[channels] = settings.axes(key, entry.side)
+        self._drift *= period_s / SECONDS_PER_MINUTE
+        self._scales = bool((self._scale != 1.0).any())
+        self._drifts = bool(self._drift.any())
         self._silent = not self._deviation.any() and not self._bias.any()
         self._rows = np.zeros((BLOCK_ROWS, CHANNELS))
         self._next = BLOCK_ROWS
 
-    def add_to(self, readings: Array) -> None:
-        """Disturb the readings of one tick in place.
+    def add_to(self, readings: Array, *, tick: int) -> None:
+        """Disturb the readings of one tick in place; called once per tick, in order.
 
         Args:
             readings: (CHANNELS,) the noisy part of MuJoCo's sensor array.
+            tick: the robot's counter.
         """
+        if self._scales:
+            readings *= self._scale
+        if self._drifts:
+            readings += tick * self._drift
         if self._silent:
             return
         if self._next == BLOCK_ROWS:
@@ -164,32 +195,32 @@ class SensorNoise:
         self._next = 0
 
 
-def _noises() -> Iterator[tuple[Noise, slice]]:
-    """The noise of every noisy quantity, and its channels."""
+def _noises() -> Iterator[tuple[Sensor, Noise, slice]]:
+    """The sensor and the noise of every noisy quantity, and its channels."""
     for entry in SENSORS:
         for quantity in entry.quantities:
             if quantity.noise is not None:
                 place = SENSOR_PLACES[entry.name, quantity.attribute]
                 begin = place.start - SENSOR_NOISY.start
-                yield quantity.noise, slice(begin, begin + quantity.size)
+                yield entry, quantity.noise, slice(begin, begin + quantity.size)
 
 
 def _streams() -> dict[int, slice]:
     """Channels by stream: a row of a stream is drawn at a time."""
     streams: dict[int, slice] = {}
-    for noise, channels in _noises():
+    for _, noise, channels in _noises():
         begin = streams.get(noise.stream, channels).start
         streams[noise.stream] = slice(begin, channels.stop)
     return streams
 
 
 class SensorSuite:
-    """Reads all sensors of a tick: noise, bias, resolution and delay.
+    """Reads all sensors of a tick: errors, resolution, rates and delays.
 
     Joint positions, velocities, attitude and gyroscope are of the tick; wrenches and
     efforts are those of the simulation step that led to it; the accelerometer tells
-    the mean over the control period. The attitude is the true one, without noise.
-    Biases act on every axis. Each sensor has its own random numbers.
+    the mean since its last reading. The attitude is the true one, without noise.
+    Each sensor has its own random numbers.
     """
 
     def __init__(
@@ -198,8 +229,9 @@ class SensorSuite:
         data: mujoco.MjData,
         *,
         settings: Sensors,
+        delay: Delay,
+        encoder_offset: Array,
         period_s: float,
-        delay_ticks: int,
         seed: int,
     ) -> None:
         """Set up the sensors.
@@ -207,30 +239,37 @@ class SensorSuite:
         Args:
             world: where the readings are.
             data: the state to read, from then on.
-            settings: noise, biases and resolution of the scenario.
+            settings: of the scenario.
+            delay: of the scenario.
+            encoder_offset: (n_a,) reading less true position [rad].
             period_s: control period.
-            delay_ticks: age of what a snapshot reports.
             seed: of the run; equal seeds give equal noise.
+
+        Raises:
+            ScenarioError: a delay is no whole number of ticks, or a rate is above the
+                robot's.
         """
         self._joint_qpos, self._joint_dof = world.joint_qpos, world.joint_dof
         self._qpos, self._qvel = data.qpos, data.qvel
         self._raw, self._effort = data.sensordata, data.actuator_force
         self._accelerometers = [
             (
-                Accelerometer(period_s=period_s),
+                Accelerometer(period_s=period_s, gravity=world.gravity),
                 SENSOR_PLACES[unit.name, "linear_acceleration"],
                 data.site_xmat[world.sensor_sites[unit.name]].reshape(3, 3),
             )
             for unit in UNITS
         ]
         self._period_ns = round(period_s * NANOSECONDS)
-        self._past: deque[Snapshot] = deque(maxlen=delay_ticks + 1)
+        self._offset = encoder_offset if encoder_offset.any() else None
+        self._lines = sensor_lines(settings, delay, period_s=period_s, seed=seed)
+        self._measured: dict[str, int] = {}
         self._encoders = (
             Encoders(resolution_rad=settings.encoder_resolution_rad, period_s=period_s)
             if settings.encoder_resolution_rad > 0.0
             else None
         )
-        self._noise = SensorNoise(settings, seed=seed)
+        self._noise = SensorNoise(settings, seed=seed, period_s=period_s)
 
     def read(self, tick: int) -> Snapshot:
         """Take one reading; to be called once per tick, in order.
@@ -241,38 +280,54 @@ class SensorSuite:
         Returns:
             What the robot reports at ``tick``; ``stamp_ns`` is simulated time.
         """
-        snapshot = self._measure(tick)
-        if self._past.maxlen == 1:
-            return snapshot
-        self._past.append(snapshot)
-        return replace(self._past[0], tick=tick, stamp_ns=snapshot.stamp_ns)
+        if not self._lines:
+            return self._measure(tick)
+        due = [line for line in self._lines if line.is_due(tick)]
+        fresh = self._measure(tick, due=[line.kind for line in due])
+        for line in due:
+            line.take(fresh)
+        reported: dict[str, Any] = {}
+        ticks: dict[str, int] = {}
+        for line in self._lines:
+            then = line.report(tick)
+            reported.update((field, getattr(then, field)) for field in line.fields)
+            ticks[line.kind] = then.tick
+        measured = tuple([self._period_ns * ticks[kind_of(s)] for s in SENSORS])
+        return replace(fresh, **reported, measured_ns=measured)
 
-    def _measure(self, tick: int) -> Snapshot:
+    def _measure(self, tick: int, due: Sequence[str] = KINDS) -> Snapshot:
+        """Measure what is due; what is not due is left without a meaning."""
         raw = self._raw.copy()
         q = self._qpos.take(self._joint_qpos)
-        if self._encoders is None:
+        if self._offset is not None:
+            q += self._offset
+        if self._encoders is None or JOINTS not in due:
             dq = self._qvel.take(self._joint_dof)
         else:
-            q, dq = self._encoders.read(q)
-        # An accelerometer's reading takes the place of the velocity it is made of.
-        for accelerometer, place, rotation in self._accelerometers:
-            raw[place] = accelerometer.read(raw[place], rotation)
+            q, dq = self._encoders.read(q, ticks=self._since(JOINTS, tick))
+        if IMU in due:
+            ticks = self._since(IMU, tick)
+            # A reading takes the place of the velocity it is made of.
+            for accelerometer, place, rotation in self._accelerometers:
+                raw[place] = accelerometer.read(raw[place], rotation, ticks=ticks)
         # MuJoCo reports what the ankle does to the plate; the robot's sensor what
         # the plate does to the ankle: + z when standing.
         wrenches = raw[SENSOR_WRENCHES]
         np.negative(wrenches, out=wrenches)
-        self._noise.add_to(raw[SENSOR_NOISY])
+        self._noise.add_to(raw[SENSOR_NOISY], tick=tick)
+        fields: list[Any] = [
+            xyzw(raw[place]) if is_attitude else raw[place]
+            for place, is_attitude in _FIELDS
+        ]
         return Snapshot(
-            tick,
-            tick * self._period_ns,
-            q,
-            dq,
-            self._effort.copy(),
-            *[
-                xyzw(raw[place]) if is_attitude else raw[place]
-                for place, is_attitude in _FIELDS
-            ],
+            tick, tick * self._period_ns, q, dq, self._effort.copy(), *fields
         )
+
+    def _since(self, kind: str, tick: int) -> int:
+        """Ticks since a kind of sensor was last read, which it is now; 1 at first."""
+        before = self._measured.get(kind, tick - 1)
+        self._measured[kind] = tick
+        return tick - before
 
 
 def _places_of_fields() -> Iterator[tuple[slice, bool]]:

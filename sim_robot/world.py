@@ -52,6 +52,7 @@ class World:
         upper_bodies: ids of the robot's bodies above the ankles: they touch the
             ground only in a fall.
         weight: the robot's true weight [N].
+        gravity: of the place [m/s^2].
     """
 
     model: mujoco.MjModel
@@ -68,6 +69,7 @@ class World:
     ground_bodies: tuple[int, ...]
     upper_bodies: NDArray[np.intp]
     weight: float
+    gravity: float
 
 
 def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> World:
@@ -127,6 +129,7 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
         ground_bodies=tuple(_body_id(model, plan.name) for plan in platforms),
         upper_bodies=_upper_bodies(model, base_body, feet=feet),
         weight=float(model.body_subtreemass[base_body]) * GRAVITY_M_S2,
+        gravity=GRAVITY_M_S2,
     )
 
 

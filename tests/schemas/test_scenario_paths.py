@@ -61,6 +61,25 @@ def test_every_plain_path_takes_its_own_value_back(scenario: Scenario) -> None:
     assert override_scenario(scenario, plain) == scenario
 
 
+def test_a_value_for_all_becomes_one_for_each(scenario: Scenario) -> None:
+    changed = override_scenario(
+        scenario,
+        {
+            "sensors.force_bias_n": 2.0,
+            "sensors.force_bias_n.left": [0.0, 0.0, -30.0],
+            "delay.sensor_ms.force_torque": 2.0,
+            "sensors.encoder_offset_rad.left_knee": 0.02,
+            "sensors.imu_rate_hz": 200.0,
+        },
+    )
+    assert changed.sensors.axes("force_bias_n", "left") == [0.0, 0.0, -30.0]
+    assert changed.sensors.axes("force_bias_n", "right") == [2.0] * 3
+    assert changed.delay.of("force_torque") == 2.0
+    assert changed.delay.of("imu") == 0.0
+    assert changed.sensors.encoder_offset_rad == {"left_knee": 0.02}
+    assert changed.sensors.imu_rate_hz == 200.0
+
+
 def test_override_changes_one_value_and_never_the_original(scenario: Scenario) -> None:
     changed = override_scenario(scenario, {"model_error.mass_scale": 1.1})
     assert changed.model_error.mass_scale == 1.1

@@ -11,7 +11,8 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.json_schema import field_docs
 from surefoot.schemas.messages import JointState
-from surefoot.schemas.scenario import Scenario, SensorFault, Sensors
+from surefoot.schemas.scenario import Scenario, SensorFault
+from surefoot.schemas.sensing import Sensors
 from surefoot.schemas.sensors import (
     PER_JOINT,
     SENSORS,

@@ -1,0 +1,135 @@
+"""The way of a reading: how often it is taken, and how late it comes."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.messages import ForceTorque, ImuState, JointState
+from surefoot.schemas.sensing import Delay, Sensors
+from surefoot.schemas.sensors import SENSORS, Sensor
+from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.ticks import whole_ticks
+
+JOINTS, IMU, FORCE_TORQUE = "joints", "imu", "force_torque"
+KINDS = (JOINTS, IMU, FORCE_TORQUE)
+"""Of sensors, as scenarios name them."""
+_KIND_OF = {JointState: JOINTS, ImuState: IMU, ForceTorque: FORCE_TORQUE}
+_JITTER_STREAM = 1_000
+"""First of the random streams of delays, far from those of the sensors' noise."""
+_TOLERANCE = 1e-9
+
+
+def kind_of(entry: Sensor) -> str:
+    """Which kind a sensor is of."""
+    return _KIND_OF[entry.message]
+
+
+def sensor_lines(
+    settings: Sensors, delay: Delay, *, period_s: float, seed: int
+) -> list[SensorLine]:
+    """Make the lines of a scenario.
+
+    Args:
+        settings: rates.
+        delay: delays and jitter.
+        period_s: from tick to tick [s].
+        seed: of the run.
+
+    Returns:
+        One for each kind of sensor; none at all where every reading is taken every tick
+        and reported at once.
+
+    Raises:
+        ScenarioError: a delay is no whole number of ticks, or a rate is above the
+            robot's.
+    """
+    jitter = whole_ticks(1e-3 * delay.jitter_ms, period_s, what="delay.jitter_ms")
+    lines = []
+    for index, kind in enumerate(KINDS):
+        rate_hz = getattr(settings, f"{kind}_rate_hz")
+        key = "delay.sensor_ms"
+        if not isinstance(delay.sensor_ms, float):
+            key = f"{key}.{kind}"
+        if rate_hz is not None and rate_hz * period_s > 1.0 + _TOLERANCE:
+            raise ScenarioError(
+                f"sensors.{kind}_rate_hz: got {rate_hz:g}, expected at most the "
+                f"{1.0 / period_s:g} ticks a second of the robot",
+                field=f"sensors.{kind}_rate_hz",
+            )
+        stream = np.random.SeedSequence(seed, spawn_key=(_JITTER_STREAM + index,))
+        lines.append(
+            SensorLine(
+                kind,
+                per_tick=1.0 if rate_hz is None else rate_hz * period_s,
+                delay=whole_ticks(1e-3 * delay.of(kind), period_s, what=key),
+                jitter=jitter,
+                random=np.random.default_rng(stream),
+            )
+        )
+    return lines if any(not line.is_direct for line in lines) else []
+
+
+class SensorLine:
+    """Readings of one kind of sensor on their way.
+
+    Attributes:
+        kind: of :data:`KINDS`.
+        fields: of the snapshot.
+        is_direct: whether it changes nothing.
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        *,
+        per_tick: float,
+        delay: int,
+        jitter: int,
+        random: np.random.Generator,
+    ) -> None:
+        """Start without readings.
+
+        Args:
+            kind: of :data:`KINDS`.
+            per_tick: readings in a tick, at most 1.
+            delay: ticks from measuring to reporting.
+            jitter: most ticks beyond that.
+            random: draws the jitter.
+        """
+        self.kind = kind
+        self.fields = tuple(
+            field
+            for entry in SENSORS
+            if kind_of(entry) == kind
+            for field in entry.fields
+        )
+        self.is_direct = per_tick >= 1.0 and delay == 0 and jitter == 0
+        self._per_tick, self._delay, self._jitter = per_tick, delay, jitter
+        self._random = random
+        self._readings: deque[Snapshot] = deque()
+
+    def is_due(self, tick: int) -> bool:
+        """Whether a reading is taken at a tick; the first one always is."""
+        if not self._readings or self._per_tick >= 1.0:
+            return True
+        return self._count(tick) > self._count(tick - 1)
+
+    def take(self, snapshot: Snapshot) -> None:
+        """Take a reading in; only the fields of this kind count."""
+        self._readings.append(snapshot)
+
+    def report(self, tick: int) -> Snapshot:
+        """Return the newest reading that has arrived; the first one until one has."""
+        late = self._delay
+        if self._jitter:
+            late += int(self._random.integers(self._jitter + 1))
+        while len(self._readings) > 1 and self._readings[1].tick <= tick - late:
+            self._readings.popleft()
+        return self._readings[0]
+
+    def _count(self, tick: int) -> int:
+        return math.floor(tick * self._per_tick + _TOLERANCE)
