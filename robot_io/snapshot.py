@@ -112,7 +112,9 @@ class SnapshotLayout:
         numbers = np.empty(self.size)
         self._floats.pack_into(numbers.data, 0, *_numbers_of(*messages))
         stamps = tuple([message.stamp_ns for message in messages])
-        return self.view(tick, max(stamps), numbers, measured_ns=stamps)
+        newest = max(stamps)
+        is_all = min(stamps) == newest
+        return self.view(tick, newest, numbers, measured_ns=() if is_all else stamps)
 
     def view(
         self,

@@ -39,7 +39,7 @@ _OPEN: dict[str, tuple[str, ...]] = {
         )
     },
 }
-"""Values that may be one number or a table, and the keys that this number stands for."""
+"""What may be one number or a table, and the keys that the number stands for."""
 _TILTING = ("sine", "ramp", "drop")
 
 
