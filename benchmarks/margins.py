@@ -24,7 +24,8 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
-from surefoot.schemas.scenario import Delay, Scenario
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.sensing import Delay
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 from surefoot.run_plan import RunPlan
-from surefoot.schemas.scenario import Scenario, Sensors
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.sensing import Sensors
 from surefoot.simulation import Simulation
 from surefoot.studies.cell import Row, figures_of, plan_in
 
