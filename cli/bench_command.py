@@ -117,6 +117,78 @@ def comtest(
         print_note(f"open {out / 'index.html'}")
 
 
+@bench.command(cls=options.Command)
+def dysturbance(
+    quick: QuickOption = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help=OUT_HELP)] = Path(
+        "out/dysturbance"
+    ),
+    controllers: ControllersOption = None,
+    servo_profiles: ServosOption = None,
+    kinds: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="Comma-separated: impulse, sine-displacement, sine-force, "
+            "slow-displacement, slow-force.",
+        ),
+    ] = "impulse,sine-displacement,sine-force,slow-displacement,slow-force",
+    directions_deg: Annotated[
+        str | None,
+        typer.Option(
+            "--directions",
+            metavar="DEG",
+            help="Comma-separated: 0 ahead, 90 left; 0,180,90 when not given.",
+        ),
+    ] = None,
+    frequencies_hz: Annotated[
+        str | None,
+        typer.Option(
+            "--frequencies",
+            metavar="HZ",
+            help="Of the sines, comma-separated; 0.5,1,2,4 when not given.",
+        ),
+    ] = None,
+    body: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="What is pushed; the base when not given."),
+    ] = None,
+    robot: options.RobotOption = "walker",
+    overrides: options.SetOption = None,
+    jobs: options.JobsOption = 0,
+    as_json: options.JsonOption = False,
+) -> None:
+    """DYSTURBANCE: the largest strikes, swings and slow pushes that a robot stands.
+
+    Margins by halving, to within 2 %, energy taken up and equivalent impedance, put in
+    proportion to a person so that robots compare; OUT/index.html, dysturbance.json and
+    EUROBENCH's YAML files. Whole, it takes hours; ended early, it goes on where it was.
+    """
+    from surefoot.bench import dysturbance as measure
+    from surefoot.bench.push_results import push_tables
+    from surefoot.cli.console import count_bar, print_json, print_note, print_table
+
+    found = measure(
+        robot,
+        quick=quick,
+        controllers=_names(controllers),
+        servo_profiles=_names(servo_profiles),
+        kinds=_names(kinds) or (),  # type: ignore[arg-type]
+        directions_deg=_numbers(directions_deg, option="--directions"),
+        frequencies_hz=_numbers(frequencies_hz, option="--frequencies"),
+        body=body,
+        settings=_settings(overrides),
+        jobs=jobs,
+        out=out,
+        bar=count_bar,
+    )
+    if as_json:
+        print_json(found.as_dict())
+    else:
+        print_table(_tables(push_tables(found.results)))
+        print_note(f"open {out / 'index.html'}")
+
+
 def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",")]
 

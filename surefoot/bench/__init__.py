@@ -9,5 +9,6 @@
 """
 
 from surefoot.bench.comtest_bench import Comtest, comtest
+from surefoot.bench.dysturbance_bench import Dysturbance, dysturbance
 
-__all__ = ["Comtest", "comtest"]
+__all__ = ["Comtest", "Dysturbance", "comtest", "dysturbance"]

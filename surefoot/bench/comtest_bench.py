@@ -16,6 +16,7 @@ import msgspec
 
 from surefoot.bench.bench_page import can_draw
 from surefoot.bench.bench_runs import bench_runs, everyone
+from surefoot.bench.names import check_names
 from surefoot.bench.subject import Subject, subject_of
 from surefoot.bench.sway_cells import (
     AXES,
@@ -30,7 +31,6 @@ from surefoot.bench.sway_yaml import write_sway_yaml
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.schemas.key_names import nearest
 
 SIZES_DEG = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 QUICK_SIZES_DEG = (8.0,)
@@ -119,8 +119,8 @@ def comtest(
     axes = axes or (QUICK_AXES if quick else AXES)
     sizes = sizes_deg or (QUICK_SIZES_DEG if quick else SIZES_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
-    _check(protocols, PROTOCOLS, what="protocol")
-    _check(axes, AXES, what="axis")
+    check_names(protocols, PROTOCOLS, what="protocol")
+    check_names(axes, AXES, what="axis")
     if cycles < LEAST_CYCLES:
         raise UsageError(f"cycles: got {cycles}, expected {LEAST_CYCLES} or more")
     for what, values in (("size", sizes), ("frequency", sines), ("speed", [speed])):
@@ -167,15 +167,6 @@ def _stimuli(
             yield Stimulus(protocol, axis, size, speed=speed, cycles=cycles)
         else:
             yield Stimulus(protocol, axis, size)
-
-
-def _check(names: Sequence[str], valid: Sequence[str], *, what: str) -> None:
-    for name in names:
-        if name not in valid:
-            raise UsageError(
-                f"{what}: got {name!r}{nearest(name, valid)}; expected one of "
-                f"{', '.join(valid)}"
-            )
 
 
 def _write(found: Comtest, folder: Path) -> None:

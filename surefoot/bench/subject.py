@@ -68,3 +68,50 @@ def subject_of(robot: str, *, servo_profile: str | None = None) -> Subject:
         base_depth_m=float(min(front - x, x - back)),
         base_width_m=float(min(left - y, y - right)),
     )
+
+
+PERSON = Subject(
+    mass_kg=81.4, com_height_m=1.003, base_depth_m=0.111, base_width_m=0.1665
+)
+"""The person of medium size that DYSTURBANCE puts robots in proportion to; mass and
+centre of mass from the body parts in its published program."""
+
+
+@dataclass(frozen=True)
+class Proportion:
+    """A robot's measures over a person's, in the combinations that pushes scale with.
+
+    Attributes:
+        force: of what a body bears before it tips: weight times base over height.
+        energy: of lifting the centre of mass over the edge of the base.
+        way: of the centre of mass' height.
+    """
+
+    force: float
+    energy: float
+    way: float
+
+
+def proportion(subject: Subject, *, direction_deg: float) -> Proportion:
+    """Return a robot's measures over those of :data:`PERSON`.
+
+    Implements the normalisation of DYSTURBANCE (10.3389/frobt.2022.817870): a figure
+    divided by its factor is what it would be for a person, so that robots compare.
+
+    Args:
+        subject: the robot.
+        direction_deg: of the push.
+    """
+    ours, theirs = (_tipping(who, direction_deg) for who in (subject, PERSON))
+    return Proportion(
+        force=ours[0] / theirs[0],
+        energy=ours[1] / theirs[1],
+        way=subject.com_height_m / PERSON.com_height_m,
+    )
+
+
+def _tipping(who: Subject, direction_deg: float) -> tuple[float, float]:
+    """Force and energy of tipping, both over gravity [kg, kg m]."""
+    base, height = who.base_m(direction_deg), who.com_height_m
+    force = who.mass_kg * base / height
+    return force, who.mass_kg * (math.hypot(base, height) - height)

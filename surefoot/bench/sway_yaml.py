@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from surefoot.bench.frequency_response import FrequencyResponse, numbers
+from surefoot.bench.names import plain
 from surefoot.bench.sway_results import SwayResult
 from surefoot.bench.yaml_files import write_scalar, write_vector
 
@@ -43,11 +43,6 @@ def write_sway_yaml(folder: Path, results: Iterable[SwayResult]) -> None:
         for name, label in names.items():
             if result.stimulus.protocol != "prts" and result.seen:
                 write_scalar(place / f"{name}.yaml", result.seen[name], label=label)
-
-
-def plain(words: str) -> str:
-    """Return words as the name of a file."""
-    return re.sub(r"[^a-z0-9.]+", "_", words.lower()).strip("_")
 
 
 def _write_response(

@@ -1,0 +1,198 @@
+"""DYSTURBANCE: how large a push a robot stands, and how it gives way.
+
+The protocols of 10.3389/frobt.2022.817870: strikes, sines of way and of force, slow
+ways and slow forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from surefoot.bench.bench_page import can_draw
+from surefoot.bench.bench_runs import BenchRuns, bench_runs, everyone
+from surefoot.bench.margin_search import MarginSearch
+from surefoot.bench.names import check_names
+from surefoot.bench.push_cells import (
+    KINDS,
+    SINES,
+    Disturbance,
+    PushCell,
+    PushKind,
+    first_guess,
+    push_cell,
+)
+from surefoot.bench.push_results import (
+    PushResult,
+    impedances,
+    push_result,
+    push_tables,
+)
+from surefoot.bench.push_yaml import write_push_yaml
+from surefoot.bench.subject import Subject, subject_of
+from surefoot.errors import UsageError
+from surefoot.progress import CountBar, no_bar
+from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.schemas.reasons import Outcome
+from surefoot.studies.cell import Row
+
+DIRECTIONS_DEG = (0.0, 180.0, 90.0)
+QUICK_DIRECTIONS_DEG = DIRECTIONS_DEG[:1]
+FREQUENCIES_HZ = (0.5, 1.0, 2.0, 4.0)
+QUICK_FREQUENCIES_HZ = (1.0,)
+
+
+@dataclass(frozen=True)
+class Dysturbance:
+    """What DYSTURBANCE found.
+
+    Attributes:
+        robot: shipped name or path of its file.
+        subject: its measures.
+        results: one a kind of push, direction, frequency and controller.
+        folder: that keeps everything; None when nothing is kept.
+    """
+
+    robot: str
+    subject: Subject
+    results: list[PushResult]
+    folder: Path | None = None
+
+    def table(self) -> str:
+        """Return the results as Markdown tables."""
+        return "\n".join(t.markdown() for t in push_tables(self.results))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as built-in types, for JSON."""
+        return {
+            "benchmark": "dysturbance",
+            "robot": self.robot,
+            "subject": vars(self.subject),
+            "results": [result.as_dict() for result in self.results],
+            "impedances": [found.as_dict() for found in impedances(self.results)],
+            "out": None if self.folder is None else str(self.folder),
+        }
+
+
+def dysturbance(
+    robot: str = "walker",
+    *,
+    quick: bool = False,
+    controllers: Sequence[str] | None = None,
+    servo_profiles: Sequence[str] | None = None,
+    kinds: Sequence[PushKind] = KINDS,
+    directions_deg: Sequence[float] | None = None,
+    frequencies_hz: Sequence[float] | None = None,
+    body: str | None = None,
+    settings: Mapping[str, Any] | None = None,
+    jobs: int = 0,
+    out: str | Path | None = None,
+    bar: CountBar = no_bar,
+) -> Dysturbance:
+    """Find the largest pushes that a robot stands, with DYSTURBANCE's five kinds.
+
+    Each margin is found by halving, to within 2 %; energy and impedance are those of
+    the largest push that was stood.
+
+    Args:
+        robot: shipped name or path of a robot file.
+        quick: some minutes of it: ahead only, one frequency, two controllers and ideal
+            servos, where these are not given.
+        controllers: ``whole-body``, ``zmp-tuned``, ``zmp`` or any name as on the
+            command line.
+        servo_profiles: of the robot file; ``ideal`` and ``harmonic`` when None.
+        kinds: ``impulse``, ``sine-displacement``, ``sine-force``,
+            ``slow-displacement``, ``slow-force``.
+        directions_deg: 0 ahead, 90 to the left, 180 back.
+        frequencies_hz: of the sines.
+        body: link that is pushed, at its centre of mass; the base link when None.
+        settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
+        jobs: processes; 0 for one per processor.
+        out: a folder that keeps runs, page and YAML files; None keeps nothing.
+        bar: shows how many runs are done.
+
+    Raises:
+        UsageError: a name is unknown or a number out of range, or the folder holds
+            something else.
+        ScenarioError: the robot has no such link.
+    """
+    from surefoot.robot_io.robot import load_robot
+
+    directions = directions_deg or (QUICK_DIRECTIONS_DEG if quick else DIRECTIONS_DEG)
+    sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
+    check_names(kinds, KINDS, what="kind")
+    if not all(frequency > 0.0 for frequency in sines):
+        raise UsageError(f"frequency: got {min(sines):g}, expected more than 0")
+    under = everyone(controllers, servo_profiles, quick=quick)
+    subject = subject_of(robot)
+    pushed = body or load_robot(robot).file.base_link
+    disturbances = [
+        Disturbance(kind, direction, frequency)
+        for kind, direction in product(kinds, directions)
+        for frequency in (sines if kind in SINES else (0.0,))
+    ]
+    searches = {
+        (what, who): MarginSearch(first_guess(what, subject))
+        for what in disturbances
+        for who in under
+    }
+
+    def cell_of(key: Any, size: float) -> PushCell:
+        return push_cell(key[0], size, key[1], subject=subject, body=pushed)
+
+    with bench_runs(
+        "dysturbance",
+        seen_by=push_cell.__module__,
+        robot=robot,
+        settings=settings,
+        jobs=jobs,
+        out=out,
+        bar=bar,
+    ) as runs:
+        _search(runs, searches, cell_of)
+        rows: dict[str, Row] = runs.store.rows
+    results = [
+        push_result(
+            search,
+            *key,
+            subject=subject,
+            row=rows[cell_of(key, search.stood).key] if search.stood else None,
+        )
+        for key, search in searches.items()
+    ]
+    found = Dysturbance(robot, subject, results, None if out is None else Path(out))
+    if found.folder is not None:
+        _write(found, found.folder)
+    return found
+
+
+def _search(
+    runs: BenchRuns, searches: Mapping[Any, MarginSearch], cell_of: Any
+) -> None:
+    """Halve all at once, a round of runs after the other."""
+    count = 0
+    while open_ones := {k: s for k, s in searches.items() if not s.is_done}:
+        count += 1
+        cells = [cell_of(key, search.size) for key, search in open_ones.items()]
+        rows = runs.rows(cells, title=f"round {count}")
+        for search, row in zip(open_ones.values(), rows, strict=True):
+            search.tell(stood=Outcome(row["outcome"]).is_up)
+
+
+def _write(found: Dysturbance, folder: Path) -> None:
+    """Write the figures for programs, for EUROBENCH and as a page."""
+    text = msgspec.json.format(msgspec.json.encode(found.as_dict()))
+    tables = found.table().encode()
+    for name, data in (("dysturbance.json", text), ("results.md", tables)):
+        with atomic_file(folder / name) as file:
+            file.write(data)
+    write_push_yaml(folder / "eurobench", found.results)
+    if can_draw():
+        from surefoot.bench.push_page import write_push_page
+
+        write_push_page(folder, found.results, robot=found.robot, subject=found.subject)

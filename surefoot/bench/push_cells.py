@@ -1,0 +1,218 @@
+"""Runs of DYSTURBANCE: a rod strikes, swings or slowly leads the base of a robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from surefoot.bench.bench_cell import NOISE, BenchCell, Under
+from surefoot.bench.impedance import phasor
+from surefoot.bench.subject import Subject
+from surefoot.schemas.rods import DisplacementRod, ForceRod, Rod, StrikeRod
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.rods import RodState
+from surefoot.simulation import Simulation
+
+PushKind = Literal[
+    "impulse", "sine-displacement", "sine-force", "slow-displacement", "slow-force"
+]
+KINDS: tuple[PushKind, ...] = (
+    *("impulse", "sine-displacement", "sine-force"),
+    *("slow-displacement", "slow-force"),
+)
+SINES = ("sine-displacement", "sine-force")
+UNITS: dict[PushKind, str] = {
+    "impulse": "m/s",
+    "sine-displacement": "m",
+    "sine-force": "N",
+    "slow-displacement": "m",
+    "slow-force": "N",
+}
+GRAVITY_M_S2 = 9.81
+START_S = 0.5
+AFTER_STRIKE_S = 3.5
+RISE_S, HELD_S = 3.0, 2.0
+PERIODS = 3
+LEAST_SINE_S = 2.5
+STRIKER_SHARE = 0.1
+"""Mass of the striker over that of the robot."""
+STIFFNESS_PER_KG, DAMPING_PER_KG = 1.6e3, 24.0
+"""Between rod and robot, per mass of the robot [N/m/kg, N s/m/kg]."""
+PAD_PER_KG = 300.0
+"""Of the striker's pad, per mass of the robot [N/m/kg]."""
+
+
+class Disturbance(NamedTuple):
+    """What is done to the robot, but for its size.
+
+    Attributes:
+        kind: how it is pushed.
+        direction_deg: 0 ahead, 90 to the left.
+        frequency_hz: of a sine; 0 for the others.
+    """
+
+    kind: PushKind
+    direction_deg: float
+    frequency_hz: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """The same in words."""
+        turn = f"{self.kind} {self.direction_deg:g} deg"
+        return f"{turn} {self.frequency_hz:g} Hz" if self.frequency_hz else turn
+
+
+@dataclass(frozen=True, kw_only=True)
+class PushCell(BenchCell):
+    """A run of DYSTURBANCE.
+
+    Attributes:
+        disturbance: what is done.
+    """
+
+    disturbance: Disturbance
+
+    def probe(self) -> PushProbe:
+        """A fresh probe for a run."""
+        return PushProbe(self.disturbance.frequency_hz)
+
+
+def push_cell(
+    disturbance: Disturbance,
+    size: float,
+    under: Under,
+    *,
+    subject: Subject,
+    body: str,
+) -> PushCell:
+    """Build the run of a push.
+
+    Args:
+        disturbance: what is done.
+        size: of the push, in the unit of its kind.
+        under: controller and servo profile.
+        subject: measures of the robot, to which the rod is fitted.
+        body: link that is pushed.
+    """
+    case = f"{disturbance.words}, {size:g} {UNITS[disturbance.kind]}"
+    scenario = Scenario(
+        name=f"dysturbance {case}",
+        duration_s=START_S + _lasts_s(disturbance),
+        rod=[_rod(disturbance, size, subject=subject, body=body)],
+        sensors=NOISE,
+    )
+    return PushCell(case=case, scenario=scenario, under=under, disturbance=disturbance)
+
+
+def first_guess(disturbance: Disturbance, subject: Subject) -> float:
+    """Size at which a linear inverted pendulum of these measures would tip.
+
+    Args:
+        disturbance: what is done.
+        subject: measures of the robot.
+    """
+    mass, height = subject.mass_kg, subject.com_height_m
+    base = subject.base_m(disturbance.direction_deg)
+    own = math.sqrt(GRAVITY_M_S2 / height)
+    swing = 1.0 + (math.tau * disturbance.frequency_hz / own) ** 2
+    match disturbance.kind:
+        case "impulse":
+            return own * base / (2.0 * STRIKER_SHARE)
+        case "sine-displacement" | "slow-displacement":
+            return base / swing
+    return mass * GRAVITY_M_S2 * base / height
+
+
+def _lasts_s(disturbance: Disturbance) -> float:
+    if disturbance.kind in SINES:
+        periods = max(
+            PERIODS + 1, math.ceil(LEAST_SINE_S * disturbance.frequency_hz) + 1
+        )
+        return math.ceil(100.0 * periods / disturbance.frequency_hz) / 100.0
+    return AFTER_STRIKE_S if disturbance.kind == "impulse" else RISE_S + HELD_S
+
+
+def _rod(disturbance: Disturbance, size: float, *, subject: Subject, body: str) -> Rod:
+    turn, mass = disturbance.direction_deg, subject.mass_kg
+    if disturbance.kind == "impulse":
+        return StrikeRod(
+            body=body,
+            direction_deg=turn,
+            start_s=START_S,
+            mass_kg=STRIKER_SHARE * mass,
+            speed_m_s=size,
+            stiffness_n_m=PAD_PER_KG * mass,
+        )
+    swings = disturbance.kind in SINES
+    frequency_hz = disturbance.frequency_hz if swings else None
+    rise_s = None if swings else RISE_S
+    if disturbance.kind.endswith("force"):
+        return ForceRod(
+            body=body,
+            direction_deg=turn,
+            start_s=START_S,
+            amplitude_n=size,
+            frequency_hz=frequency_hz,
+            rise_s=rise_s,
+        )
+    return DisplacementRod(
+        body=body,
+        direction_deg=turn,
+        start_s=START_S,
+        amplitude_m=size,
+        frequency_hz=frequency_hz,
+        rise_s=rise_s,
+        stiffness_n_m=STIFFNESS_PER_KG * mass,
+        damping_n_s_m=DAMPING_PER_KG * mass,
+    )
+
+
+class PushProbe:
+    """Follows the rod, and tells energy, impulse and how the robot gave way."""
+
+    def __init__(self, frequency_hz: float) -> None:
+        """Start with nothing seen.
+
+        Args:
+            frequency_hz: of a sine; 0 for the others.
+        """
+        self._frequency_hz = frequency_hz
+        self._period_s = 0.0
+        self._states: list[RodState] = []
+        self._fell = False
+
+    def look(self, sim: Simulation) -> None:
+        """Take in the present tick."""
+        self._period_s, self._fell = sim.robot.period_s, sim.fell
+        self._states.append(sim.simulated.plant.rods[0].state)
+
+    def figures(self) -> dict[str, Any]:
+        """Energy, impulse, force and way; nothing of it after a fall."""
+        if self._fell:
+            return {}
+        last = self._states[-1]
+        found: dict[str, Any] = {
+            "peak_n": last.peak_n,
+            "impulse_n_s": last.impulse_n_s,
+            "work_j": last.work_j,
+            "way_m": max(abs(state.position_m) for state in self._states),
+        }
+        if self._frequency_hz:
+            found |= self._swing()
+        return found
+
+    def _swing(self) -> dict[str, Any]:
+        """Force over way and work in a period, over the last whole periods."""
+        per_period = round(1.0 / (self._frequency_hz * self._period_s))
+        periods = min(PERIODS, (len(self._states) - 1) // per_period - 1)
+        states = self._states[-(periods * per_period) - 1 :]
+        force = np.array([state.force_n for state in states[:-1]])
+        way = np.array([state.position_m for state in states[:-1]])
+        ratio = phasor(
+            force, period_s=self._period_s, frequency_hz=self._frequency_hz
+        ) / phasor(way, period_s=self._period_s, frequency_hz=self._frequency_hz)
+        work = (states[-1].work_j - states[0].work_j) / periods
+        return {"force_over_way": [ratio.real, ratio.imag], "work_per_period_j": work}

@@ -1,0 +1,60 @@
+"""DYSTURBANCE on a robot that only holds its posture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+import yaml
+
+from surefoot.bench import dysturbance
+from surefoot.bench.dysturbance_bench import Dysturbance
+from surefoot.bench.margin_search import WITHIN
+from surefoot.errors import UsageError
+from surefoot.studies.store import RUNS
+
+ROUNDED = 1e-3
+
+
+def measure(out: Path) -> Dysturbance:
+    return dysturbance(
+        controllers=["hold"],
+        servo_profiles=["ideal"],
+        kinds=["impulse"],
+        directions_deg=[0.0],
+        jobs=1,
+        out=out,
+    )
+
+
+@pytest.mark.closed_loop
+def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
+    out = tmp_path / "dysturbance"
+    found = measure(out)
+    (result,) = found.results
+    assert result.fell is not None
+    assert 0.0 < result.stood < result.fell <= WITHIN * result.stood * (1.0 + ROUNDED)
+    assert result.absorbed is not None
+    assert 0.0 < result.absorbed < 1.0
+    assert result.margin == result.seen["peak_n"]
+    (margin,) = out.glob("eurobench/hold_ideal/impulse_0_deg/stability_margin.yaml")
+    values = yaml.safe_load(margin.read_text())["value"]
+    assert values == [result.margin, result.normalised]
+    assert "hold" in (out / "index.html").read_text()
+    told = msgspec.json.decode((out / "dysturbance.json").read_bytes())
+    assert told["results"][0]["margin"] == result.margin
+
+    rows = (out / RUNS).read_bytes()
+    assert rows.count(b"\n") == result.runs
+    again = measure(out)
+    assert (out / RUNS).read_bytes() == rows
+    assert again.as_dict() == found.as_dict()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"kinds": ["shove"]}, {"frequencies_hz": [0.0]}, {"controllers": ["me"]}]
+)
+def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(UsageError):
+        dysturbance(**wrong)  # type: ignore[arg-type]
