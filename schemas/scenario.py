@@ -20,6 +20,7 @@ from surefoot.schemas.sensing import Delay, Sensors
 from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS
+from surefoot.schemas.true_robot import ModelError, Payload, Start
 
 PositiveNumber = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
 FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
@@ -82,8 +83,8 @@ class Tile(FileStruct, frozen=True, kw_only=True):
     """
 
     center_m: Pair
-    """Middle of its top: x, y in the world; the robot starts between its feet at 0, 0
-    and looks along x."""
+    """Middle of its top: x, y in the world; unless [start] says otherwise the
+    robot's base is over 0, 0 and it looks along x."""
     size_m: Annotated[list[PositiveNumber], msgspec.Meta(min_length=2, max_length=2)]
     """Along x and y."""
     height_m: Annotated[float, msgspec.Meta(ge=-0.3, le=1.0)] = 0.0
@@ -109,25 +110,33 @@ class Tile(FileStruct, frozen=True, kw_only=True):
 
 
 class Push(FileStruct, frozen=True, kw_only=True):
-    """Force on a body, in the world frame, at its centre of mass."""
+    """Force on a body, at its centre of mass.
 
-    body: str
-    """Link of the URDF."""
-    force_n: Floats3
+    Given as a force in world axes, or as a share of the blow that the soles can catch:
+    that fits any robot.
+    """
+
+    body: str | None = None
+    """Link of the URDF; the base link when absent."""
+    force_n: Floats3 | None = None
     """Force in world axes."""
+    impulse_share: Positive | None = None
+    """Impulse, in parts of the one whose capture point reaches the edge of the soles
+    [1]: at 1.0 even a foot pressed at its edge only just catches it."""
+    direction_deg: float | None = None
+    """Of an ``impulse_share``: 0 ahead, 90 to the left of where the robot looks at the
+    start; ahead when absent."""
     start_s: NonNegative
     """When it begins."""
-    duration_s: Positive
+    duration_s: Positive = 0.1
     """How long it acts."""
 
-
-class ModelError(FileStruct, frozen=True, kw_only=True):
-    """What the robot is, against what the controller believes."""
-
-    mass_scale: Positive = 1.0
-    """The robot's true mass over the believed one."""
-    servo_kp_scale: Positive = 1.0
-    """The servos' true stiffness over the believed one."""
+    def __post_init__(self) -> None:
+        """Check that its size is given once."""
+        if (self.force_n is None) == (self.impulse_share is None):
+            raise ValueError("expected either `force_n` or `impulse_share`")
+        if self.direction_deg is not None and self.force_n is not None:
+            raise ValueError("`direction_deg` goes with `impulse_share`, not `force_n`")
 
 
 class Scenario(FileStruct, frozen=True, kw_only=True):
@@ -149,6 +158,10 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     """Forces on links."""
     rod: list[Rod] = []
     """Rods that push, pull or strike links."""
+    payload: list[Payload] = []
+    """Masses that the robot carries."""
+    start: Start = Start()
+    """How the robot stands at first."""
     sensors: Sensors = Sensors()
     """Noise and offsets."""
     delay: Delay = Delay()

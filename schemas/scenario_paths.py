@@ -30,6 +30,9 @@ _TABLES = ("sensors", "delay", "model_error", "start")
 _OPEN: dict[str, tuple[str, ...]] = {
     "delay.sensor_ms": tuple(field.name for field in fields(SensorDelays)),
     "sensors.encoder_offset_rad": (),
+    "model_error.backlash_rad": (),
+    "model_error.joint_friction_nm": (),
+    "start.posture": (),
     **{
         f"sensors.{stem}": ("left", "right")
         for stem in (
@@ -70,7 +73,10 @@ def scenario_paths(scenario: Scenario) -> list[str]:
     """Return every path of a scenario that can be overridden, derived ones included."""
     table: Table = msgspec.to_builtins(scenario)
     paths = [path for path in _leaves(table) if path not in _NOT_SWEPT]
-    for index, _ in enumerate(scenario.push):
+    for index, push in enumerate(scenario.push):
+        if push.force_n is None:
+            paths += [f"push.{index}.direction_deg"]
+            continue
         paths += [f"push.{index}.direction_deg", f"push.{index}.impulse_n_s"]
     moving = False
     for at, platform in enumerate(table["platform"]):
@@ -179,6 +185,9 @@ def _set(table: Table, path: str, value: Any) -> None:
 
 def _set_direction(push: Table, direction_deg: float) -> None:
     """Turn a push about the vertical; 0 is forwards, 90 to the left."""
+    if push["force_n"] is None:
+        push["direction_deg"] = direction_deg
+        return
     x, y, z = push["force_n"]
     size, angle = math.hypot(x, y), math.radians(direction_deg)
     push["force_n"] = [size * math.cos(angle), size * math.sin(angle), z]

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import mujoco
+import numpy as np
+from msgspec.structs import replace
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
@@ -16,19 +19,16 @@ from surefoot.sim_robot.errors import CommandError
 from surefoot.sim_robot.ground import Ground
 from surefoot.sim_robot.joint_values import per_joint
 from surefoot.sim_robot.metrics import Fall, FallDetector
-from surefoot.sim_robot.pushes import Pushes
+from surefoot.sim_robot.payloads import Grasps
+from surefoot.sim_robot.pushes import CaptureLimit, Pushes
 from surefoot.sim_robot.rods import RodAtWork
 from surefoot.sim_robot.sensors import SensorSuite
 from surefoot.sim_robot.servos import Servos
+from surefoot.sim_robot.start_stance import LEVEL_RAD, Stance
 from surefoot.sim_robot.state_view import PlantView
 from surefoot.sim_robot.ticks import SIM_STEP_S, whole_ticks
 from surefoot.sim_robot.truth import PlantTruth
-from surefoot.sim_robot.world import World, build_world
-
-SETTLE_S = 2.0
-"""The nominal posture is held on still ground for so long before tick 0."""
-LEVEL_RAD = math.radians(2.0)
-"""Soles of a nominal posture that stands are level to within this."""
+from surefoot.sim_robot.world import World, build_world, renew
 
 
 class Plant:
@@ -41,6 +41,7 @@ class Plant:
     Attributes:
         world: the compiled model and its addresses.
         data: MuJoCo's state; to be read, not written.
+        posture: (n_a,) what the servos hold at tick 0 [rad].
         com_reference: (3,) what CoM errors are counted against: the nominal stance.
         view: the true state at the present tick, without copying it.
     """
@@ -67,11 +68,20 @@ class Plant:
             robot.period_s, SIM_STEP_S, what="the control period"
         )
         self._nominal, self._name = robot.nominal, robot.file.name
-        self._servos = Servos(
-            robot.servo_profile, posture=robot.nominal, step_s=SIM_STEP_S
+        self.posture = self.world.start.posture
+        error = scenario.model_error
+        profile = robot.servo_profile
+        if error.servo_lag_scale != 1.0:
+            profile = replace(profile, lag_s=profile.lag_s * error.servo_lag_scale)
+        self._servos = Servos(profile, posture=self.posture, step_s=SIM_STEP_S)
+        play = per_joint(error.backlash_rad, robot, what="model_error.backlash_rad")
+        self._half_play = 0.5 * play if play.any() else None
+        self._grasps = Grasps(
+            scenario.payload,
+            self._model,
+            renew=partial(renew, world=self.world, robot=robot),
         )
         self._ground = Ground(self.world, self.data)
-        self._pushes = Pushes(scenario.push, self.world, rods=scenario.rod)
         self._sensors = SensorSuite(
             self.world,
             self.data,
@@ -87,7 +97,14 @@ class Plant:
         )
         self._tick = 0
         self._steps_done = 0
+        self._settle_s = scenario.start.settle_s
         self.com_reference = self._settle()
+        self._pushes = Pushes(
+            scenario.push,
+            self.world,
+            rods=scenario.rod,
+            capture=CaptureLimit(robot, self.world, self.data),
+        )
         self._snapshot: Snapshot | None = None
         self._fallen = FallDetector(self.view)
 
@@ -133,6 +150,7 @@ class Plant:
         self.sense()
         for _ in range(self._substeps):
             self._pushes.apply(self.data, self._steps_done)
+            self._grasps.apply(self._steps_done)
             self._steps_done += 1
             self._simulate(q_command, end_s=self._steps_done * SIM_STEP_S)
         self._tick += 1
@@ -166,6 +184,10 @@ class Plant:
         velocities are then of the present, at no further cost.
         """
         self._ctrl[:] = self._servos.step(q_command)
+        if self._half_play is not None:
+            # The servo pulls only as far as it is beyond the play.
+            error = self._ctrl - self.data.qpos.take(self.world.joint_qpos)
+            self._ctrl -= np.clip(error, -self._half_play, self._half_play)
         self._ground.aim(end_s)
         mujoco.mj_step2(self._model, self.data)
         self._ground.arrive()
@@ -182,27 +204,35 @@ class Plant:
             RobotFileError: it does not stand there.
         """
         data, world = self.data, self.world
-        data.qpos[:3] = 0.0, 0.0, world.base_height
-        data.qpos[3:7] = world.base_quat_wxyz
-        data.qpos[world.joint_qpos] = self._nominal
-        mujoco.mj_step1(self._model, data)
+        self._place(world.nominal)
         reference = self.view.com.copy()
         reference[:2] -= 0.5 * (self.view.sole_left + self.view.sole_right)[:2]
         tilt = max(self.view.sole_tilts)
         if tilt > LEVEL_RAD:
             raise self._lies(f"soles {math.degrees(tilt):.1f} deg off level")
+        if world.start is not world.nominal:
+            self._place(world.start)
         fallen = FallDetector(self.view)
-        for _ in range(round(SETTLE_S / SIM_STEP_S)):
-            self._simulate(self._nominal, end_s=0.0)
+        for _ in range(round(self._settle_s / SIM_STEP_S)):
+            self._simulate(self.posture, end_s=0.0)
         data.time = 0.0
         if fallen.check():
             raise self._lies(fallen.diagnose().detail)
         return reference
 
+    def _place(self, stance: Stance) -> None:
+        data, world = self.data, self.world
+        data.qpos[:2] = stance.place
+        data.qpos[2] = stance.base_height + world.rise
+        data.qpos[3:7] = stance.base_quat_wxyz
+        data.qpos[world.joint_qpos] = stance.posture
+        mujoco.mj_step1(self._model, data)
+
     def _lies(self, why: str) -> RobotFileError:
+        which = "nominal" if self.world.start is self.world.nominal else "starting"
         return RobotFileError(
-            f"{self._name}: does not stand in its nominal posture: {why}; expected it "
-            f"to stand still for {SETTLE_S:g} s before the run: correct the joints' "
-            "`nominal` in the robot file, or the scenario's [model_error] and the "
-            "[[tile]] under its feet"
+            f"{self._name}: does not stand in its {which} posture: {why}; expected it "
+            f"to stand still for {self._settle_s:g} s before the run: correct the "
+            "joints' `nominal` in the robot file, or the scenario's [start], "
+            "[model_error], [[payload]] and the [[tile]] under its feet"
         )

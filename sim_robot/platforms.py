@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Vec3
 from surefoot.schemas.motions import Axis, Motion
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.start_stance import Stance
 
 AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
 """Order of a platform's joints: R_world_platform = Rz(yaw) Ry(pitch) Rx(roll)."""
@@ -70,6 +72,7 @@ class PlatformPlan:
         half_size: (3,) of the box [m].
         box_centre: (3,) of the box, from the top centre [m].
         motions: the scenario's motions by axis; empty when fixed.
+        yaw: by which the box is turned to lie under a robot that looks there [rad].
     """
 
     name: str
@@ -78,25 +81,28 @@ class PlatformPlan:
     half_size: Vec3
     box_centre: Vec3
     motions: dict[Axis, tuple[PlacedMotion, ...]]
+    yaw: float = 0.0
+
+    @property
+    def quat_wxyz(self) -> list[float]:
+        """(4,) platform from box."""
+        return [math.cos(0.5 * self.yaw), 0.0, 0.0, math.sin(0.5 * self.yaw)]
 
 
-def plan_platforms(
-    scenario: Scenario, *, sole_left: Vec3, sole_right: Vec3
-) -> tuple[PlatformPlan, ...]:
+def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...]:
     """Lay out the ground so that every foot has a box under it.
 
     Args:
         scenario: which feet have a platform of their own.
-        sole_left: (3,) centre of the left sole in the nominal stance [m, world].
-        sole_right: (3,) of the right sole.
+        start: where the robot stands at first.
 
     Returns:
         The platforms of the scenario in its order, then fixed ground for the feet
         it does not mention. All tops are at z = 0 at rest. None where there are tiles
         only: these have a floor around them.
     """
-    soles = {"left": sole_left, "right": sole_right}
-    soles["both"] = 0.5 * (sole_left + sole_right)
+    left, right = start.soles_in_world
+    soles = {"left": left, "right": right, "both": 0.5 * (left + right)}
     plans = []
     for at, platform in enumerate(scenario.platform):
         placed = [
@@ -114,6 +120,7 @@ def plan_platforms(
                 soles,
                 motions=motions,
                 in_scenario=True,
+                yaw=start.yaw,
                 size_m=platform.size_m,
             )
         )
@@ -121,11 +128,13 @@ def plan_platforms(
     if not feet and scenario.tile:
         return ()
     if not feet:
-        return (_plan("both", soles, motions={}, in_scenario=False),)
+        return (_plan("both", soles, motions={}, in_scenario=False, yaw=start.yaw),)
     if "both" not in feet:
         for foot in ("left", "right"):
             if foot not in feet:
-                plans.append(_plan(foot, soles, motions={}, in_scenario=False))
+                plans.append(
+                    _plan(foot, soles, motions={}, in_scenario=False, yaw=start.yaw)
+                )
     return tuple(plans)
 
 
@@ -135,13 +144,15 @@ def _plan(
     *,
     motions: dict[Axis, tuple[PlacedMotion, ...]],
     in_scenario: bool,
+    yaw: float,
     size_m: list[float] | None = None,
 ) -> PlatformPlan:
     top_centre = soles[foot] * (1.0, 1.0, 0.0)
     half_length, half_width = SHARED_HALF_SIZE_M
     y_centre = 0.0
     if foot != "both":
-        y_foot = top_centre[1] - soles["both"][1]
+        x, y, _ = top_centre - soles["both"]
+        y_foot = math.cos(yaw) * y - math.sin(yaw) * x
         outward = 1.0 if y_foot >= 0.0 else -1.0
         inner = MIDLINE_GAP_M - abs(y_foot)
         half_length = SINGLE_HALF_LENGTH_M
@@ -151,13 +162,17 @@ def _plan(
         wider = 0.5 * size_m[1] - half_width
         half_length, half_width = 0.5 * size_m[0], 0.5 * size_m[1]
         y_centre += wider if y_centre > 0.0 else -wider if y_centre < 0.0 else 0.0
+    box_centre = np.array([0.0, y_centre, -HALF_THICKNESS_M])
+    if yaw:
+        box_centre[:2] = -math.sin(yaw) * y_centre, math.cos(yaw) * y_centre
     return PlatformPlan(
         name=f"ground_{foot}",
         in_scenario=in_scenario,
         top_centre=top_centre,
         half_size=np.array([half_length, half_width, HALF_THICKNESS_M]),
-        box_centre=np.array([0.0, y_centre, -HALF_THICKNESS_M]),
+        box_centre=box_centre,
         motions=motions,
+        yaw=yaw,
     )
 
 
@@ -186,6 +201,7 @@ def add_platform(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=plan.half_size,
         pos=plan.box_centre,
+        quat=plan.quat_wxyz,
         contype=0,
         conaffinity=0,
         rgba=[0.42, 0.45, 0.50, 1.0],

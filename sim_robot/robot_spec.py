@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
@@ -17,6 +18,9 @@ from surefoot.schemas.messages import ForceTorque, ImuState
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.sensors import of_kind
+from surefoot.schemas.true_robot import PerJoint
+from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.joint_values import per_joint
 
 SOLE_HALF_THICKNESS_M = 0.015
 ATTITUDE = ("quat_xyzw", mujoco.mjtSensor.mjSENS_FRAMEQUAT, 4)
@@ -97,6 +101,8 @@ def refusing(robot: Robot) -> Iterator[None]:
     """
     try:
         yield
+    except ScenarioError:
+        raise
     except (ValueError, RuntimeError, KeyError, TypeError, AttributeError) as error:
         words = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise RobotFileError(
@@ -118,7 +124,10 @@ def robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjS
     """
     spec = read_urdf(robot.urdf_path, visuals=visuals)
     spec.body(robot.file.base_link).add_freejoint(name="base")
-    _add_drives(spec, robot, kp_scale=scenario.model_error.servo_kp_scale)
+    error = scenario.model_error
+    _add_drives(spec, robot, kp_scale=error.servo_kp_scale)
+    _add_friction(spec, robot, error.joint_friction_nm)
+    _shift_com(spec, robot, error.com_offset_m)
     feet = (robot.left, robot.right)
     for foot in feet:
         _add_sole_box(spec, foot)
@@ -154,6 +163,30 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, *, kp_scale: float) -> None:
         servo.gainprm[0] = kp
         servo.biasprm[1] = -kp
         servo.biasprm[2] = -entry.kd_nm_s_rad
+
+
+def _add_friction(spec: mujoco.MjSpec, robot: Robot, friction: PerJoint) -> None:
+    """Add dry friction to that of the URDF."""
+    added = per_joint(friction, robot, what="model_error.joint_friction_nm")
+    for name, value in zip(robot.joint_names, added, strict=True):
+        if value:
+            spec.joint(name).frictionloss += value
+
+
+def _shift_com(spec: mujoco.MjSpec, robot: Robot, offset: Sequence[float]) -> None:
+    """Shift the mass of the base link so that the robot's centre of mass moves.
+
+    Args:
+        spec: the robot.
+        robot: its nominal upright axes.
+        offset: (3,) of the whole robot's, in these axes [m].
+    """
+    if not any(offset):
+        return
+    base = spec.body(robot.file.base_link)
+    whole = sum(body.mass for body in spec.bodies)
+    shift = np.array(offset) * (whole / base.mass)
+    base.ipos = base.ipos + robot.R_upright_base.T @ shift
 
 
 def _add_sole_box(spec: mujoco.MjSpec, foot: Foot) -> None:

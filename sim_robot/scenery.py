@@ -75,6 +75,7 @@ def _add_mat(spec: mujoco.MjSpec, plan: PlatformPlan) -> None:
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=size,
         pos=plan.box_centre * [1.0, 1.0, 0.0],
+        quat=plan.quat_wxyz,
         contype=0,
         conaffinity=0,
         group=1,

@@ -121,8 +121,8 @@ class SimulatedRobot:
             delay_ticks = whole_ticks(
                 delay_ms / MS_PER_S, period_s, what="delay.command_ms"
             )
-        self._delay = CommandDelay(delay_ticks, posture=robot.nominal)
         self.plant = Plant(robot, scenario, seed=seed)
+        self._delay = CommandDelay(delay_ticks, posture=self.plant.posture)
         self._faults = SensorFaults(scenario.fault, period_s=period_s)
         self._sensed: Snapshot | None = None
         self._robot, self._period_s = robot, period_s
@@ -162,7 +162,7 @@ class SimulatedRobot:
     @property
     def held_posture(self) -> Array:
         """(n_a,) what the servos follow at tick 0 [rad]; not to be written."""
-        return self._robot.nominal
+        return self.plant.posture
 
     @property
     def command_delay_ticks(self) -> int:

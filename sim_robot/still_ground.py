@@ -14,6 +14,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.scenario import Scenario, Tile
 from surefoot.sim_robot.platforms import let_soles_touch
+from surefoot.sim_robot.start_stance import Stance
 from surefoot.sim_robot.ticks import SIM_STEP_S
 
 FLOOR_M = ((-3.0, 12.0), (-6.0, 6.0))
@@ -92,15 +93,17 @@ def add_still_ground(spec: mujoco.MjSpec, ground: StillGround, *, robot: Robot) 
 
 
 def rise_under(
-    grounds: tuple[StillGround, ...], soles: tuple[Vec3, Vec3], *, robot: Robot
+    grounds: tuple[StillGround, ...], start: Stance, *, robot: Robot
 ) -> float:
     """How much higher the robot must start so that neither sole is in the ground [m].
 
     Args:
         grounds: tiles and floor.
-        soles: (3,) centres of left and right sole at the start [m]; only x and y count.
+        start: where the soles are.
         robot: sizes of its soles.
     """
+    cos, sin = math.cos(start.yaw), math.sin(start.yaw)
+    soles = start.soles_in_world
     heights = [
         height
         for sole, foot in zip(soles, (robot.left, robot.right), strict=True)
@@ -108,8 +111,12 @@ def rise_under(
         for ground in grounds
         if (
             height := ground.height_at(
-                sole[0] + along * foot.half_length_m,
-                sole[1] + across * foot.half_width_m,
+                sole[0]
+                + cos * along * foot.half_length_m
+                - sin * across * foot.half_width_m,
+                sole[1]
+                + sin * along * foot.half_length_m
+                + cos * across * foot.half_width_m,
             )
         )
         is not None

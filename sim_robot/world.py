@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.arrays import Vec3
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.motion import GRAVITY_M_S2
+from surefoot.sim_robot.payloads import add_payloads, is_payload
 from surefoot.sim_robot.platforms import PlatformPlan, add_platform, plan_platforms
 from surefoot.sim_robot.robot_spec import ANKLES, UNITS, refusing, robot_spec
 from surefoot.sim_robot.scenery import add_scenery
+from surefoot.sim_robot.start_stance import Stance, stand
 from surefoot.sim_robot.still_ground import (
     StillGround,
     add_still_ground,
@@ -39,9 +40,9 @@ class World:
             freedom come first, the platforms' after them.
         platforms: the ground that may move, in the order of ``ground_bodies``.
         still: the ground that never does: tiles, and the floor around them.
-        base_height: base origin above the ground with flat soles in the nominal
-            posture [m].
-        base_quat_wxyz: (4,) world from base link in the nominal posture.
+        nominal: the nominal stance, where the robot begins.
+        start: the stance it begins in; mostly the nominal one.
+        rise: how much higher than level ground it begins, on what is under it [m].
         base_up: (3,) what is up in the nominal posture, in the base link.
         base_body: id of the base link.
         sensor_sites: ids of the sensors' frames, by channel.
@@ -58,8 +59,9 @@ class World:
     model: mujoco.MjModel
     platforms: tuple[PlatformPlan, ...]
     still: tuple[StillGround, ...]
-    base_height: float
-    base_quat_wxyz: Array
+    nominal: Stance
+    start: Stance
+    rise: float
     base_up: Vec3
     base_body: int
     sensor_sites: dict[str, int]
@@ -90,15 +92,15 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     """
     with refusing(robot):
         spec = robot_spec(robot, scenario, visuals=scenery)
-        soles = _nominal_soles(spec, robot)
-    base_height = -0.5 * float(soles[0][2] + soles[1][2])
-    platforms = plan_platforms(scenario, sole_left=soles[0], sole_right=soles[1])
+        nominal, start = stand(spec, robot, scenario.start)
+        add_payloads(spec, robot, scenario.payload)
+    platforms = plan_platforms(scenario, start)
     for plan in platforms:
         add_platform(spec, plan, robot=robot, friction=scenario.friction)
     still = plan_still_ground(scenario)
     for ground in still:
         add_still_ground(spec, ground, robot=robot)
-    _set_options(spec)
+    _set_options(spec, gravity=scenario.model_error.gravity_m_s2)
     if scenery:
         add_scenery(spec, platforms)
     with refusing(robot):
@@ -107,14 +109,16 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     base_body = _body_id(model, robot.file.base_link)
     _forget_platform_inertia(model, robot)
     soften(model, still, robot=robot)
+    gravity = scenario.model_error.gravity_m_s2
     joints = [model.joint(name) for name in robot.joint_names]
     feet = (robot.left, robot.right)
     return World(
         model=model,
         platforms=platforms,
         still=still,
-        base_height=base_height + rise_under(still, soles, robot=robot),
-        base_quat_wxyz=_nominal_quat(robot),
+        nominal=nominal,
+        start=start,
+        rise=rise_under(still, start, robot=robot),
         base_up=robot.R_upright_base[2].copy(),
         base_body=base_body,
         sensor_sites={
@@ -128,39 +132,15 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
         ),
         ground_bodies=tuple(_body_id(model, plan.name) for plan in platforms),
         upper_bodies=_upper_bodies(model, base_body, feet=feet),
-        weight=float(model.body_subtreemass[base_body]) * GRAVITY_M_S2,
-        gravity=GRAVITY_M_S2,
+        weight=float(model.body_subtreemass[base_body]) * gravity,
+        gravity=gravity,
     )
 
 
-def _nominal_soles(spec: mujoco.MjSpec, robot: Robot) -> tuple[Vec3, Vec3]:
-    """Return the sole centres from the base in the nominal posture, each (3,) [m].
-
-    In the axes of the upright frame, which are the world's at the start.
-    """
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    for name, angle in zip(robot.joint_names, robot.nominal, strict=True):
-        data.qpos[model.joint(name).qposadr[0]] = angle
-    data.qpos[3:7] = _nominal_quat(robot)
-    mujoco.mj_kinematics(model, data)
-    return (
-        data.body(robot.left.sole_frame).xpos.copy(),
-        data.body(robot.right.sole_frame).xpos.copy(),
-    )
-
-
-def _nominal_quat(robot: Robot) -> Array:
-    """(4,) world from base link in the nominal posture, w x y z as MuJoCo has it."""
-    quat = np.empty(4)
-    mujoco.mju_mat2Quat(quat, robot.R_upright_base.flatten())
-    return quat
-
-
-def _set_options(spec: mujoco.MjSpec) -> None:
+def _set_options(spec: mujoco.MjSpec, *, gravity: float) -> None:
     option = spec.option
     option.timestep = SIM_STEP_S
-    option.gravity = [0.0, 0.0, -GRAVITY_M_S2]
+    option.gravity = [0.0, 0.0, -gravity]
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
@@ -175,7 +155,12 @@ def _scale_masses(model: mujoco.MjModel, robot: Robot, *, scale: float) -> None:
     """Make every link of the robot heavier; rotor inertias stay."""
     if scale == 1.0:
         return
-    links = model.body_rootid == _body_id(model, robot.file.base_link)
+    base = _body_id(model, robot.file.base_link)
+    links = [
+        body
+        for body in np.flatnonzero(model.body_rootid == base)
+        if not is_payload(model.body(body).name)
+    ]
     model.body_mass[links] *= scale
     model.body_inertia[links] *= scale
     mujoco.mj_setConst(model, mujoco.MjData(model))
@@ -202,8 +187,25 @@ def _upper_bodies(
             low.add(body)
             moved += int(model.body_jntnum[body])
             body = int(model.body_parentid[body])
-    links = np.flatnonzero(model.body_rootid == base_body)
+    links = [
+        body
+        for body in np.flatnonzero(model.body_rootid == base_body)
+        if not is_payload(model.body(body).name)
+    ]
     return np.array([i for i in links if i not in low], dtype=np.intp)
+
+
+def renew(model: mujoco.MjModel, world: World, robot: Robot) -> None:
+    """Work out anew what follows from the masses of the model.
+
+    Args:
+        model: of the world, its masses changed.
+        world: its ground.
+        robot: that it holds.
+    """
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    _forget_platform_inertia(model, robot)
+    soften(model, world.still, robot=robot)
 
 
 def _body_id(model: mujoco.MjModel, name: str) -> int:

@@ -34,8 +34,9 @@ _HOMES = {
     "schemas.result": ("RunResult",),
     "schemas.scenario": (
         *("Scenario", "Platform", "Push"),
-        *("ModelError", "SensorFault"),
+        *("SensorFault", "Tile"),
     ),
+    "schemas.true_robot": ("ModelError", "Payload", "Start"),
     "schemas.sensing": ("Sensors", "Delay"),
     "schemas.motions": (
         *("SineMotion", "RampMotion", "DropMotion"),
@@ -125,14 +126,17 @@ if TYPE_CHECKING:
     from surefoot.schemas.rods import DisplacementRod as DisplacementRod
     from surefoot.schemas.rods import ForceRod as ForceRod
     from surefoot.schemas.rods import StrikeRod as StrikeRod
-    from surefoot.schemas.scenario import ModelError as ModelError
     from surefoot.schemas.scenario import Platform as Platform
     from surefoot.schemas.scenario import Push as Push
     from surefoot.schemas.scenario import Scenario as Scenario
     from surefoot.schemas.scenario import SensorFault as SensorFault
+    from surefoot.schemas.scenario import Tile as Tile
     from surefoot.schemas.sensing import Delay as Delay
     from surefoot.schemas.sensing import Sensors as Sensors
     from surefoot.schemas.settings import ControllerSettings as ControllerSettings
+    from surefoot.schemas.true_robot import ModelError as ModelError
+    from surefoot.schemas.true_robot import Payload as Payload
+    from surefoot.schemas.true_robot import Start as Start
     from surefoot.signals import Signals as Signals
     from surefoot.signals import read_signals as read_signals
     from surefoot.sim_robot.catalogue import list_scenarios as list_scenarios

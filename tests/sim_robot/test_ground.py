@@ -12,6 +12,7 @@ from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.platforms import PlatformPlan, plan_platforms
+from surefoot.sim_robot.start_stance import Stance
 
 PERIOD_S = 0.001
 SOLE_LEFT = np.array([0.026, 0.11, 0.0])
@@ -168,8 +169,17 @@ def test_weight_does_not_hold_a_platform_back(
     assert height == pytest.approx(0.2 * (0.2 - 0.5 * 0.02), abs=1e-12)
 
 
+STANCE = Stance(
+    posture=np.zeros(1),
+    base_quat_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+    soles=(SOLE_LEFT, SOLE_RIGHT),
+    place=np.zeros(2),
+    yaw=0.0,
+)
+
+
 def plans_by_name(scenario: Scenario) -> dict[str, PlatformPlan]:
-    plans = plan_platforms(scenario, sole_left=SOLE_LEFT, sole_right=SOLE_RIGHT)
+    plans = plan_platforms(scenario, STANCE)
     return {plan.name: plan for plan in plans}
 
 

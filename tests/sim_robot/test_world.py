@@ -106,7 +106,7 @@ def test_soles_start_flat_on_the_ground_with_the_base_above_the_origin(
     walker: Robot, make_scenario: Callable[..., Scenario]
 ) -> None:
     world = build_world(walker, make_scenario())
-    assert world.base_height == pytest.approx(
+    assert world.nominal.base_height == pytest.approx(
         walker.file.nominal_base_height_m, abs=1e-3
     )
 
