@@ -207,6 +207,19 @@ class PlatformTruth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """World from platform."""
 
 
+class GroundBlock(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A block whose top the robot may stand on."""
+
+    position: Floats3
+    """Middle of its top: in the world, or from the top centre of its platform [m]."""
+    quat_xyzw: Floats4
+    """Of the block: from the world, or from its platform."""
+    size: Floats3
+    """Length, width and thickness along its own axes [m]."""
+    platform: int
+    """Which platform it is, in the order of the scenario file; -1: it stands still."""
+
+
 class Truth(Message, frozen=True, kw_only=True):
     """Simulator only: for plots and tests, never for control."""
 
@@ -230,6 +243,8 @@ class Truth(Message, frozen=True, kw_only=True):
     """Along the soles' normals, left and right [N]."""
     platforms: list[PlatformTruth]
     """In the order of the scenario file."""
+    ground: list[GroundBlock]
+    """All ground there is: of platforms, tiles and floor."""
 
 
 class ModeRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -14,6 +14,7 @@ from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.robot_io.timing import CommandLatency, TimingLog
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.result import Histogram
+from surefoot.sim_robot.ground_blocks import ground_blocks
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.truth import truth_message
 
@@ -62,6 +63,7 @@ class RobotLoop:
         self.round_trip = TimingLog()
         self.lateness = TimingLog()
         self._simulated, self._gate, self._server = simulated, gate, server
+        self._ground = ground_blocks(simulated.plant.world)
         self._is_lockstep = pace is Pace.LOCKSTEP
         self._pacer = Pacer(period_s, lateness=self.lateness)
         self.latency = CommandLatency()
@@ -107,7 +109,10 @@ class RobotLoop:
             self._pacer.wait()
         server.publish_status(now_s=now_s)
         if tick % TRUTH_EVERY_TICKS == 0:
-            server.publish_truth(truth_message(simulated.truth(), stamp_ns=stamp_ns))
+            truth = truth_message(
+                simulated.truth(), stamp_ns=stamp_ns, ground=self._ground
+            )
+            server.publish_truth(truth)
             if self._on_tick is not None:
                 self._on_tick(tick)
 

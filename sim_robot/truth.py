@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from surefoot.schemas.arrays import Array, Vec3, Vec6
-from surefoot.schemas.messages import SCHEMA_VERSION, PlatformTruth, Truth
+from surefoot.schemas.messages import SCHEMA_VERSION, GroundBlock, PlatformTruth, Truth
 
 NORMAL = 2
 """Index of the force along the sole's normal in a wrench."""
@@ -63,12 +63,15 @@ class PlantTruth:
         return float(self.F_left[2]), float(self.F_right[2])
 
 
-def truth_message(truth: PlantTruth, *, stamp_ns: int) -> Truth:
+def truth_message(
+    truth: PlantTruth, *, stamp_ns: int, ground: list[GroundBlock]
+) -> Truth:
     """Pack the true state at a tick.
 
     Args:
         truth: what the plant says.
         stamp_ns: the robot's monotonic clock [ns].
+        ground: all blocks of it.
     """
     return Truth(
         schema=SCHEMA_VERSION,
@@ -90,4 +93,5 @@ def truth_message(truth: PlantTruth, *, stamp_ns: int) -> Truth:
             )
             for platform in truth.platforms
         ],
+        ground=ground,
     )

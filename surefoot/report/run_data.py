@@ -28,6 +28,7 @@ from surefoot.run_folder import (
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.codec import Head
 from surefoot.schemas.messages import (
+    GroundBlock,
     Message,
     RobotStatus,
     StabilizerStatus,
@@ -36,6 +37,7 @@ from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario, load_scenario
 from surefoot.schemas.toml_file import read_toml
 from surefoot.signals import Signals, read_signals
+from surefoot.sim_robot.ground_blocks import ground_blocks
 
 MOST_RUNS = 6
 """So many colours can be told apart."""
@@ -152,6 +154,7 @@ class RunData:
         settings: ``section.name`` to value, as resolved for the run.
         signals: of every tick.
         com_reference: (3,) x and y from the midpoint of the soles, z in the world [m].
+        ground: all blocks of it.
         heard: what was said on the bus; None for a run without a record.
         logs: name of a process to what it said.
     """
@@ -165,6 +168,7 @@ class RunData:
     settings: dict[str, Any]
     signals: Signals
     com_reference: Vec3
+    ground: list[GroundBlock]
     heard: BusColumns | None
     logs: dict[str, str]
 
@@ -230,6 +234,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
             f"{robot.n_a}; make the run again"
         )
     scenario = load_scenario(folder / SCENARIO)
+    plant = Plant(robot, scenario, seed=result.seed)
     return RunData(
         label=label,
         result=result,
@@ -243,7 +248,8 @@ def load_run(folder: Path, *, label: str) -> RunData:
             for name, value in table.items()
         },
         signals=signals,
-        com_reference=Plant(robot, scenario, seed=result.seed).com_reference,
+        com_reference=plant.com_reference,
+        ground=ground_blocks(plant.world),
         heard=_find_record(folder),
         logs={
             path.stem: path.read_text(encoding="utf-8", errors="replace")

@@ -94,6 +94,7 @@ def state_at(run: RunData, row: int) -> SceneState:
         platforms=[]
         if platforms is None
         else [pose(each[:3], each[3:]) for each in platforms[row]],
+        ground=run.ground,
         F_meas=F_true if F_meas is None else F_meas,
         F_id=told("F_id"),
         in_contact=(bool(contact[0]), bool(contact[1])),

@@ -9,17 +9,12 @@ from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.sim_robot.platforms import (
-    HALF_THICKNESS_M,
-    MIDLINE_GAP_M,
-    SHARED_HALF_SIZE_M,
-    SINGLE_HALF_LENGTH_M,
-    SINGLE_OUTWARD_M,
-)
+from surefoot.schemas.messages import GroundBlock
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene_state import (
     SceneState,
     nominal_state,
+    pose,
     pressure_point,
     sole_corners,
     support_polygon,
@@ -36,8 +31,6 @@ CORNERS = 8
 """Most corners of the support polygon of two soles."""
 FLOOR_M = -0.35
 """Far below, so that moving ground does not dip into it."""
-SHARED_WITHIN_M = 0.02
-"""Distance from the midline within which a platform is under both feet [m]."""
 MEASURED = (20, 105, 220)
 WANTED = (240, 150, 20)
 GHOST = (70, 160, 255)
@@ -67,6 +60,8 @@ class Scene:
         """
         self._scene, self._robot, self._shape = scene, robot, shape
         self._platforms: list[Any] = []
+        self._blocks: list[GroundBlock] = []
+        self._drawn: list[Any] = []
         self._set_stage()
         self._base = scene.add_frame("/robot", show_axes=False)
         self._ghost = scene.add_frame("/ghost", show_axes=False)
@@ -137,6 +132,7 @@ class Scene:
         for link, node in self._ghost_links.items():
             _place(node, ghost[link])
         self._move_platforms(state.platforms)
+        self._lay_ground(state.ground)
         left, right = (
             state.base @ links[foot.sole_frame] for foot in self._robot.file.foot
         )
@@ -190,32 +186,32 @@ class Scene:
 
     def _move_platforms(self, poses: list[Mat]) -> None:
         while len(self._platforms) < len(poses):
-            index = len(self._platforms)
-            if index == 0:
-                self._ground.visible = False
-            self._platforms.append(self._add_platform(index, poses[index]))
+            name = f"/ground/platform_{len(self._platforms)}"
+            self._platforms.append(self._scene.add_frame(name, show_axes=False))
         for node, platform in zip(self._platforms, poses, strict=False):
             _place(node, platform)
 
-    def _add_platform(self, index: int, pose: Mat) -> Any:
-        """Add a frame in the middle of the top, and the box below it."""
-        name = f"/ground/platform_{index}"
-        frame = self._scene.add_frame(name, show_axes=False)
-        y_foot = float(pose[1, 3])
-        half_length, half_width = SHARED_HALF_SIZE_M
-        y_centre = 0.0
-        if abs(y_foot) > SHARED_WITHIN_M:
-            inner = MIDLINE_GAP_M - abs(y_foot)
-            half_length = SINGLE_HALF_LENGTH_M
-            half_width = 0.5 * (SINGLE_OUTWARD_M - inner)
-            y_centre = 0.5 * (SINGLE_OUTWARD_M + inner) * (1.0 if y_foot > 0 else -1.0)
-        self._scene.add_box(
-            f"{name}/box",
-            GROUND,
-            (2 * half_length, 2 * half_width, 2 * HALF_THICKNESS_M),
-            position=(0.0, y_centre, -HALF_THICKNESS_M),
-        )
-        return frame
+    def _lay_ground(self, blocks: list[GroundBlock]) -> None:
+        """Draw all blocks, once it is known which there are."""
+        if not blocks or blocks == self._blocks:
+            return
+        self._blocks = blocks
+        for node in self._drawn:
+            node.remove()
+        self._drawn = []
+        for index, block in enumerate(blocks):
+            T_block = pose(block.position, block.quat_xyzw)
+            middle = T_block @ [0.0, 0.0, -0.5 * block.size[2], 1.0]
+            on = "" if block.platform < 0 else f"platform_{block.platform}/"
+            x, y, z, w = block.quat_xyzw
+            node = self._scene.add_box(
+                f"/ground/{on}block_{index}",
+                GROUND,
+                tuple(block.size),
+                position=tuple(middle[:3]),
+                wxyz=(w, x, y, z),
+            )
+            self._drawn.append(node)
 
     def _set_stage(self) -> None:
         scene = self._scene
@@ -243,13 +239,6 @@ class Scene:
             cell_color=(225, 228, 232),
             section_color=(200, 205, 212),
             position=(0.0, 0.0, FLOOR_M),
-        )
-        half_length, half_width = SHARED_HALF_SIZE_M
-        self._ground = scene.add_box(
-            "/ground/fixed",
-            GROUND,
-            (2 * half_length, 2 * half_width, 2 * HALF_THICKNESS_M),
-            position=(0.0, 0.0, -HALF_THICKNESS_M),
         )
 
 

@@ -10,12 +10,22 @@ from scipy.spatial.transform import Rotation
 from surefoot.robot_io.client_side.observer import LatestMessages
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3, Vec6
+from surefoot.schemas.messages import GroundBlock
 from surefoot.schemas.robot_file import Foot
 from surefoot.view.robot_shape import RobotShape
 
 F_Z, M_X, M_Y = 2, 3, 4
 LEAST_FORCE_N = 20.0
 """Below it a foot's centre of pressure is noise."""
+
+
+USUAL_GROUND = GroundBlock(
+    position=[0.0, 0.0, 0.0],
+    quat_xyzw=[0.0, 0.0, 0.0, 1.0],
+    size=[0.8, 0.9, 0.06],
+    platform=-1,
+)
+"""What is drawn of ground that nobody tells of."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +37,7 @@ class SceneState:
         q: (n_a,) measured posture, bus order [rad].
         q_command: (n_a,) commanded posture [rad].
         platforms: (4, 4) world from platform, top centre.
+        ground: blocks of it; empty while it is not known.
         F_meas: (12,) measured wrenches at the soles, sole frames; None if unknown.
         F_id: (12,) desired wrenches; None if unknown.
         in_contact: whether left and right foot stand.
@@ -38,6 +49,7 @@ class SceneState:
     q: Array
     q_command: Array
     platforms: list[Mat]
+    ground: list[GroundBlock]
     F_meas: Array | None
     F_id: Array | None
     in_contact: tuple[bool, bool]
@@ -99,6 +111,7 @@ def state_of(
         platforms=[]
         if truth is None
         else [pose(p.position, p.quat_xyzw) for p in truth.platforms],
+        ground=[USUAL_GROUND] if truth is None else truth.ground,
         F_meas=F_meas,
         F_id=F_id,
         in_contact=contact,
@@ -121,6 +134,7 @@ def nominal_state(robot: Robot, shape: RobotShape) -> SceneState:
         q=robot.nominal,
         q_command=robot.nominal,
         platforms=[],
+        ground=[USUAL_GROUND],
         F_meas=None,
         F_id=None,
         in_contact=(True, True),

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.sim_robot.ground_blocks import ground_blocks
+from surefoot.sim_robot.world import build_world
 from surefoot.view.robot_shape import RobotShape
-from surefoot.view.scene_state import nominal_state
+from surefoot.view.scene_state import nominal_state, pose
 from tests.awkward_robot import AWKWARD, make_awkward
 
 ON_THE_GROUND_M = 1e-4
@@ -29,3 +32,29 @@ def test_the_robot_stands_on_the_ground_until_data_come(robot: Robot) -> None:
         sole = state.base @ shape.poses(state.q)[foot.sole_frame]
         assert abs(sole[2, 3]) < ON_THE_GROUND_M
         np.testing.assert_allclose(sole[:3, 2], (0, 0, 1), atol=1e-3)
+
+
+def test_all_ground_of_a_scenario_is_told_in_its_place(robot: Robot) -> None:
+    scenario = scenario_from_table(
+        {
+            "name": "ground",
+            "duration_s": 1.0,
+            "start": {"yaw_deg": 90.0},
+            "platform": [{"foot": "left", "size_m": [0.6, 0.5]}],
+            "tile": [{"center_m": [1.0, 0.2], "size_m": [0.3, 0.4], "height_m": 0.05}],
+        },
+        source="test",
+    )
+    world = build_world(robot, scenario)
+    left, right, tile = ground_blocks(world)
+    assert (left.platform, right.platform, tile.platform) == (0, -1, -1)
+    assert tile.position == [1.0, 0.2, 0.05]
+    assert left.size[:2] == [0.6, 0.5]
+    on_platform = pose([*world.platforms[0].top_centre], [0.0, 0.0, 0.0, 1.0])
+    middle = on_platform @ pose(left.position, left.quat_xyzw)
+    geom = world.model.geom("ground_left")
+    body = world.model.body("ground_left")
+    np.testing.assert_allclose(middle[:2, 3], (body.pos + geom.pos)[:2], atol=1e-9)
+    assert middle[2, 3] == pytest.approx(0.0)
+    turned = middle[:3, 0]
+    np.testing.assert_allclose(turned, [0.0, 1.0, 0.0], atol=1e-9)
