@@ -15,6 +15,7 @@ from surefoot.cli.check_robot_command import check_robot
 from surefoot.cli.doctor_command import doctor
 from surefoot.cli.log_command import log
 from surefoot.cli.margins_command import margins
+from surefoot.cli.new_robot_command import new_robot
 from surefoot.cli.options import Command, Group
 from surefoot.cli.record_command import record
 from surefoot.cli.relay_command import relay
@@ -70,6 +71,7 @@ _COMMANDS = (
     *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
     *(sweep, report, reproduce, bench),
     *(router, relay, certs, check_robot),
+    *(new_robot,),
 )
 """In the order of the help."""
 

@@ -6,6 +6,7 @@ would refuse, or take for something else than was meant, is looked for here.
 
 from __future__ import annotations
 
+import copy
 import math
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
@@ -52,14 +53,18 @@ class Urdf:
         joints: by name.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, element: ElementTree.Element | None = None) -> None:
         """Read and check.
+
+        Args:
+            path: of the file.
+            element: its <robot>, where it was read, or changed, before.
 
         Raises:
             RobotFileError: names link or joint, what was found and what would be right.
         """
         self.path = path
-        element = _parsed(path)
+        element = read_urdf_element(path) if element is None else element
         if element.tag != "robot":
             raise self.refused(f"begins with <{element.tag}>, expected <robot>")
         self.links = self._named(element, "link")
@@ -338,7 +343,12 @@ def without_shapes(path: Path) -> str:
 
     Meshes need not be there, and a mistake in a colour stops nobody's controller.
     """
-    root = ElementTree.parse(path).getroot()
+    return bare_text(ElementTree.parse(path).getroot())
+
+
+def bare_text(element: ElementTree.Element) -> str:
+    """The same of a URDF that was read; the element stays as it is."""
+    root = copy.deepcopy(element)
     for link in root.iter("link"):
         for tag in ("visual", "collision"):
             for shape in link.findall(tag):
@@ -348,7 +358,12 @@ def without_shapes(path: Path) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _parsed(path: Path) -> ElementTree.Element:
+def read_urdf_element(path: Path) -> ElementTree.Element:
+    """Read the XML of a URDF.
+
+    Raises:
+        RobotFileError: there is no such file, or it is no XML.
+    """
     try:
         return ElementTree.parse(path).getroot()
     except OSError as error:

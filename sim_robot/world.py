@@ -178,21 +178,30 @@ def _forget_platform_inertia(model: mujoco.MjModel, robot: Robot) -> None:
 def _upper_bodies(
     model: mujoco.MjModel, base_body: int, *, feet: tuple[Foot, Foot]
 ) -> NDArray[np.intp]:
-    """Return the robot's bodies without sole, foot and the two ankle links above it."""
+    """Return the robot's bodies without those of the feet and all that hangs on them.
+
+    A foot begins at the two joints above its sole: an ankle's. Toes, covers and frames
+    beside the sole belong to it.
+    """
     low: set[int] = set()
     for foot in feet:
         body = _body_id(model, foot.sole_frame)
         moved = 0
         while moved < 2 and body != base_body:
-            low.add(body)
+            top = body
             moved += int(model.body_jntnum[body])
             body = int(model.body_parentid[body])
-    links = [
-        body
-        for body in np.flatnonzero(model.body_rootid == base_body)
-        if not is_payload(model.body(body).name)
+        low.add(top)
+    links = np.flatnonzero(model.body_rootid == base_body).tolist()
+    for link in links:  # parents come before their children
+        if int(model.body_parentid[link]) in low:
+            low.add(link)
+    upper = [
+        link
+        for link in links
+        if link not in low and not is_payload(model.body(link).name)
     ]
-    return np.array([i for i in links if i not in low], dtype=np.intp)
+    return np.array(upper, dtype=np.intp)
 
 
 def renew(model: mujoco.MjModel, world: World, robot: Robot) -> None:

@@ -207,10 +207,14 @@ def _turn_base(model: pin.Model, R_upright_base: Mat) -> None:
 def _plate_below(model: pin.Model, sensor_id: int) -> Plate:
     """Return mass and centre of mass of all links fixed below the sensor.
 
-    Pinocchio keeps a fixed link's inertia in the frame of its fixed joint.
+    Pinocchio keeps a fixed link's inertia in the frame of its fixed joint, and that of
+    what a movable joint carries in the joint.
     """
     sensor = model.frames[sensor_id]
     mount_id = sensor.parentFrame
+    if model.frames[mount_id].type == pin.FrameType.JOINT:
+        carried = model.inertias[sensor.parentJoint]
+        return Plate(carried.mass, com=sensor.placement.actInv(carried.lever))
     mass, moment = 0.0, np.zeros(3)
     for frame_id, frame in enumerate(model.frames):
         if frame.inertia.mass == 0.0 or not _is_below(model, frame_id, mount_id):

@@ -1,0 +1,179 @@
+"""``surefoot new-robot``: a robot file from a URDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from surefoot.cli import options
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from surefoot.robot_files.notes import Note
+
+_PARTS = "Parts of the robot"
+_JOINTS = "Joints"
+
+
+def new_robot(
+    urdf: Annotated[Path, typer.Argument(metavar="URDF", help="Of the robot.")],
+    left_sole: Annotated[
+        str,
+        typer.Option(metavar="LINK", help="Left foot, or the sole's own frame."),
+    ],
+    right_sole: Annotated[
+        str, typer.Option(metavar="LINK", help="The same of the right foot.")
+    ],
+    left_ft: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINK",
+            help="Link below the left force-torque sensor; looked for by name, or "
+            "taken to sit at the ankle.",
+            rich_help_panel=_PARTS,
+        ),
+    ] = None,
+    right_ft: Annotated[
+        str | None,
+        typer.Option(metavar="LINK", help="Right one.", rich_help_panel=_PARTS),
+    ] = None,
+    imu: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LINK",
+            help="Link of the inertial unit, fixed to the base; looked for by name.",
+            rich_help_panel=_PARTS,
+        ),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Of the robot; the URDF's by default."),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(metavar="DIR", help="Folder for NAME.toml and NAME.urdf.")
+    ] = Path(),
+    overwrite: options.OverwriteOption = False,
+    fix: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT",
+            help="Joint to fix, also with * in it. May be repeated.",
+            rich_help_panel=_JOINTS,
+        ),
+    ] = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="JOINT",
+            help="Light joint not to fix, also with * in it. May be repeated.",
+            rich_help_panel=_JOINTS,
+        ),
+    ] = None,
+    legs_only: Annotated[
+        bool,
+        typer.Option(
+            "--legs-only",
+            help="Fix all joints above the legs.",
+            rich_help_panel=_JOINTS,
+        ),
+    ] = False,
+    rise_m: Annotated[
+        float | None,
+        typer.Option(
+            "--rise",
+            min=0.005,
+            max=1.0,
+            metavar="M",
+            help="How far the centre of mass should be able to rise over the feet; a "
+            "share of the leg by default.",
+            rich_help_panel=_JOINTS,
+        ),
+    ] = None,
+    sink_m: Annotated[
+        float | None,
+        typer.Option(
+            "--sink",
+            min=0.005,
+            max=1.0,
+            metavar="M",
+            help="How far to sink.",
+            rich_help_panel=_JOINTS,
+        ),
+    ] = None,
+    package_dir: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder that holds packages named in package://. May be repeated.",
+        ),
+    ] = None,
+    repair_inertias: Annotated[
+        bool,
+        typer.Option(
+            "--repair-inertias",
+            help="Give links whose inertia no body has the nearest one that can be.",
+        ),
+    ] = False,
+    rate_hz: Annotated[
+        float,
+        typer.Option(
+            "--rate", min=50.0, max=10000.0, metavar="HZ", help="Of the control loop."
+        ),
+    ] = 1000.0,
+) -> None:
+    """Make a robot file from a URDF, and say what was found, guessed and left to you.
+
+    Measures soles, finds sensors, bends the knees into a posture to stand in, and
+    guesses drives. The URDF itself stays as it is.
+    """
+    from surefoot.cli.console import print_table, print_text
+    from surefoot.robot_files.new_robot import NewRobotOptions
+    from surefoot.robot_files.new_robot import new_robot as make
+
+    made = make(
+        urdf,
+        NewRobotOptions(
+            left_sole=left_sole,
+            right_sole=right_sole,
+            left_ft=left_ft,
+            right_ft=right_ft,
+            imu=imu,
+            name=name,
+            fix=fix or [],
+            keep=keep or [],
+            legs_only=legs_only,
+            package_dirs=package_dir or [],
+            repair_inertias=repair_inertias,
+            rise_m=rise_m,
+            sink_m=sink_m,
+            rate_hz=rate_hz,
+        ),
+        out=out,
+        overwrite=overwrite,
+    )
+    file = out / made.robot.path.name
+    print_table(_table(made.robot.file.name, made.notes))
+    print_text(f"\nwritten: {file} and {file.with_suffix('.urdf').name}")
+    print_text(f"judge it:       surefoot check-robot-file {file}")
+    print_text(f"make it stand:  surefoot run standing --robot {file} --inline")
+
+
+def _table(name: str, notes: tuple[Note, ...]) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    from surefoot.robot_files.notes import KINDS
+
+    table = Table(title=f"{name}: from its URDF")
+    table.add_column("")
+    table.add_column("what", overflow="fold")
+    for kind in KINDS:
+        lines = [note.text for note in notes if note.kind == kind]
+        for place, line in enumerate(lines):
+            table.add_row("" if place else kind, Text(line))
+        if lines:
+            table.add_section()
+    return table

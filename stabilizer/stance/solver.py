@@ -1,0 +1,175 @@
+"""Finds postures on two feet: soles flat on their ground, CoM over their middle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from surefoot.schemas.arrays import Array, Mat, Vec3
+
+MUST = 1e3
+"""Weight of what a posture must do, against the pulls for what it should."""
+LEG_PULL, OTHER_PULL = 0.01, 30.0
+"""Weight of joints' distance from where they are wanted [1/rad]: no posture is good
+because an arm is raised."""
+GOOD = 2e-3
+"""A posture whose soles and CoM are off by less [m, rad] does it."""
+_INSIDE_RAD = 1e-6
+MOST_STEPS = 80
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a posture should be like.
+
+    Attributes:
+        q: (n_a,) where joints are wanted that are free to choose [rad].
+        apart_m: distance between the soles along y.
+        joints: velocity index to an angle that must be met [rad].
+        com_height_m: above the middle of the soles; None when free.
+        roll: of the ground under both soles [rad].
+        pitch: of the same [rad].
+    """
+
+    q: Array
+    apart_m: float
+    joints: Mapping[int, float] = field(default_factory=dict)
+    com_height_m: float | None = None
+    roll: float = 0.0
+    pitch: float = 0.0
+
+
+@dataclass(frozen=True)
+class Found:
+    """A posture.
+
+    Attributes:
+        q: (n_a,) in model order [rad].
+        error: how far soles, CoM and joints are off what they must be [m, rad].
+    """
+
+    q: Array
+    error: float
+
+    @property
+    def is_good(self) -> bool:
+        """Whether it does what it must."""
+        return self.error < GOOD
+
+
+class StanceSolver:
+    """Least squares over the joints of a robot whose base stays upright."""
+
+    def __init__(
+        self,
+        model: pin.Model,
+        sole_ids: list[int],
+        *,
+        R_world_base: Mat,
+        lower: Array,
+        upper: Array,
+        is_leg: NDArray[np.bool_],
+    ) -> None:
+        """Prepare.
+
+        Args:
+            model: with a floating base.
+            sole_ids: frames of left and right sole, z up, x ahead.
+            R_world_base: (3, 3) attitude of the base when upright.
+            lower: (n_a,) lower ends of what joints may use, model order [rad].
+            upper: (n_a,) upper ends [rad].
+            is_leg: (n_a,) joints between the base and a sole.
+        """
+        self._model, self._data = model, model.createData()
+        self._soles = sole_ids
+        self._base = np.concatenate(
+            (np.zeros(3), pin.Quaternion(R_world_base).coeffs())
+        )
+        room = np.minimum(_INSIDE_RAD, 0.25 * (upper - lower))
+        self.lower, self.upper = lower + room, upper - room
+        self._pull = np.where(is_leg, LEG_PULL, OTHER_PULL)
+
+    def solve(self, wanted: Wanted, *, steps: int = MOST_STEPS) -> Found:
+        """Find a posture.
+
+        Args:
+            wanted: what it should be like.
+            steps: after which it gives up.
+        """
+        begin = wanted.q.copy()
+        for index, angle in wanted.joints.items():
+            begin[index] = angle
+        found = least_squares(
+            lambda q: self._residual(q, wanted),
+            np.clip(begin, self.lower, self.upper),
+            jac=lambda q: self._jacobian(q, wanted),
+            bounds=(self.lower - _INSIDE_RAD / 2.0, self.upper + _INSIDE_RAD / 2.0),
+            xtol=1e-10,
+            ftol=1e-10,
+            gtol=1e-10,
+            max_nfev=steps,
+        )
+        must = found.fun[: len(found.fun) - len(self._pull)] / MUST
+        return Found(q=found.x, error=float(np.abs(must).max()))
+
+    def place(self, q: Array) -> tuple[Vec3, Vec3, Vec3]:
+        """Left sole, right sole and CoM of a posture.
+
+        Args:
+            q: (n_a,) [rad].
+
+        Returns:
+            (3,) each, in axes of the world from the base link's origin [m].
+        """
+        self._kinematics(q)
+        left, right = (self._data.oMf[i].translation.copy() for i in self._soles)
+        return left, right, self._data.com[0].copy()
+
+    def _kinematics(self, q: Array) -> None:
+        full = np.concatenate((self._base, q))
+        pin.centerOfMass(self._model, self._data, full)
+        pin.updateFramePlacements(self._model, self._data)
+
+    def _residual(self, q: Array, wanted: Wanted) -> Array:
+        self._kinematics(q)
+        ground = pin.rpy.rpyToMatrix(wanted.roll, wanted.pitch, 0.0)
+        left, right = (self._data.oMf[i] for i in self._soles)
+        turns = [pin.log3(ground.T @ pose.rotation) for pose in (left, right)]
+        apart = ground.T @ (left.translation - right.translation)
+        apart[1] -= wanted.apart_m
+        over = self._data.com[0] - 0.5 * (left.translation + right.translation)
+        if wanted.com_height_m is None:
+            over = over[:2]
+        else:
+            over[2] -= wanted.com_height_m
+        given = [q[index] - angle for index, angle in wanted.joints.items()]
+        must = MUST * np.concatenate((*turns, apart, over, given))
+        return np.concatenate((must, self._pull * (q - wanted.q)))
+
+    def _jacobian(self, q: Array, wanted: Wanted) -> Mat:
+        full = np.concatenate((self._base, q))
+        model, data = self._model, self._data
+        J_com = pin.jacobianCenterOfMass(model, data, full)[:, 6:]
+        pin.computeJointJacobians(model, data, full)
+        pin.updateFramePlacements(model, data)
+        ground = pin.rpy.rpyToMatrix(wanted.roll, wanted.pitch, 0.0)
+        turns, moves = [], []
+        for i in self._soles:
+            J = pin.getFrameJacobian(model, data, i, pin.LOCAL)[:, 6:]
+            R = data.oMf[i].rotation
+            turns.append(pin.Jlog3(ground.T @ R) @ J[3:])
+            moves.append(R @ J[:3])
+        apart = ground.T @ (moves[0] - moves[1])
+        over = J_com - 0.5 * (moves[0] + moves[1])
+        if wanted.com_height_m is None:
+            over = over[:2]
+        given = np.zeros((len(wanted.joints), len(q)))
+        for row, index in enumerate(wanted.joints):
+            given[row, index] = 1.0
+        must = MUST * np.vstack((*turns, apart, over, given))
+        return np.vstack((must, np.diag(self._pull)))

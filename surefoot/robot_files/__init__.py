@@ -1,0 +1,1 @@
+"""Robot files: made from a URDF, and judged."""

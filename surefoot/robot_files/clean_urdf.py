@@ -1,0 +1,276 @@
+"""Makes a URDF one that can be balanced: one base, joints that move, meshes found."""
+
+from __future__ import annotations
+
+import fnmatch
+import re
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from surefoot.robot_files.draft import Draft, end
+from surefoot.robot_files.notes import listed
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.schemas.arrays import Mat
+
+WORLDS = ("world", "map", "odom", "ground", "universe")
+LIGHT_SHARE = 1e-3
+"""Of the robot's mass: what carries less, outside the legs, is a finger or an eye."""
+LEADER_SHARE = 0.02
+"""The same of a joint that others follow."""
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_UPPER = np.triu_indices(3)
+_ROUNDING = 1e-6
+_LEAST_RADIUS_M = 0.01
+"""A repaired inertia is at least that of mass so far from the middle."""
+
+
+def drop_world(draft: Draft) -> None:
+    """Take away a link that stands for the world, above the robot's own base."""
+    base = draft.base
+    joints = [j for j in draft.joints.values() if end(j, "parent") == base]
+    is_world = base.lower() in WORLDS or any(
+        j.get("type") == "floating" for j in joints
+    )
+    if not is_world or len(joints) != 1:
+        return
+    draft.root.remove(joints[0])
+    draft.root.remove(draft.links[base])
+    draft.note("changed", f"link {base!r} above the base is left out: the base floats")
+
+
+def choose_joints(
+    draft: Draft,
+    soles: Sequence[str],
+    *,
+    fix: Sequence[str] = (),
+    keep: Sequence[str] = (),
+    legs_only: bool = False,
+) -> None:
+    """Fix every joint that is no drive of its own, by name.
+
+    Args:
+        draft: changed in place.
+        soles: links of the left and right foot.
+        fix: patterns of further joints to fix.
+        keep: patterns of joints outside the legs to leave as they are.
+        legs_only: fix all that is no leg.
+
+    Raises:
+        RobotFileError: a leg has a joint that cannot be driven by itself, or a
+            pattern fits no joint.
+    """
+    legs = {j.get("name", "") for sole in soles for j in draft.chain(sole)}
+    for pattern in (*fix, *keep):
+        if not fnmatch.filter(draft.joints, pattern):
+            raise RobotFileError(
+                f"{draft.path}: no joint fits {pattern!r}; the joints are "
+                f"{listed([n for n, j in draft.joints.items() if _moves(j)])}"
+            )
+    leaders = {
+        m.get("joint") for m in draft.root.iterfind("joint/mimic") if m is not None
+    }
+    feet = {name for sole in soles for name in _below_foot(draft, sole)}
+    reasons: dict[str, list[str]] = {}
+    for name, joint in draft.joints.items():
+        if not _moves(joint):
+            for mimic in joint.findall("mimic"):
+                joint.remove(mimic)
+            continue
+        why = _reason(draft, name, leaders=leaders, feet=feet, is_leg=name in legs)
+        kept = any(fnmatch.fnmatch(name, pattern) for pattern in keep)
+        asked = any(fnmatch.fnmatch(name, pattern) for pattern in fix)
+        if asked or (legs_only and name not in legs):
+            why = "as asked"
+        elif kept and why not in (None, _FOLLOWS, _ENDLESS):
+            why = None
+        if why is None:
+            continue
+        if name in legs and not asked:
+            raise RobotFileError(
+                f"{draft.path}: joint {name!r} of a leg {why}; a leg's joints must be "
+                f"revolute, with limits, each with its drive; or fix it: --fix {name}"
+            )
+        reasons.setdefault(why, []).append(name)
+    for why, names in reasons.items():
+        for name in names:
+            draft.fix(draft.joints[name])
+        count = "a joint" if len(names) == 1 else f"{len(names)} joints"
+        draft.note("changed", f"{count} fixed, {why}: {listed(names)}")
+
+
+_FOLLOWS = "they follow another joint (<mimic>)"
+_ENDLESS = "they turn without end (continuous)"
+_SLIDES = "they slide (prismatic)"
+
+
+def _moves(joint: ElementTree.Element) -> bool:
+    return joint.get("type") != "fixed"
+
+
+def _reason(
+    draft: Draft, name: str, *, leaders: set[str | None], feet: set[str], is_leg: bool
+) -> str | None:
+    """Why a joint is not balanced with; None for one that is."""
+    joint = draft.joints[name]
+    if joint.find("mimic") is not None:
+        return _FOLLOWS
+    if joint.get("type") == "continuous":
+        return _ENDLESS
+    if joint.get("type") == "prismatic":
+        return _SLIDES
+    if name in feet:
+        return "below a foot, which is one body here"
+    if is_leg:
+        return None
+    carried, whole = draft.carried_kg(joint), draft.mass_kg
+    if name in leaders and carried < LEADER_SHARE * whole:
+        return "others follow them, as fingers do"
+    if carried < LIGHT_SHARE * whole:
+        return f"they carry less than {100.0 * LIGHT_SHARE:g} % of the robot"
+    limit = joint.find("limit")
+    if limit is not None and limit.get("lower") == limit.get("upper"):
+        return "their range is empty"
+    return None
+
+
+def _below_foot(draft: Draft, sole: str) -> list[str]:
+    """Joints that hang below a foot: toes."""
+    top = foot_links(draft, sole)[0]
+    inside = set(draft.below(top))
+    return [
+        name
+        for name, joint in draft.joints.items()
+        if end(joint, "parent") in inside and _moves(joint)
+    ]
+
+
+def foot_links(draft: Draft, sole: str) -> list[str]:
+    """The links that are one body with a sole, the topmost first."""
+    top = sole
+    for joint in draft.chain(sole):
+        if _moves(joint):
+            break
+        top = end(joint, "parent")
+    found = [top]
+    for name in found:
+        found += [
+            end(j, "child")
+            for j in draft.joints.values()
+            if end(j, "parent") == name and not _moves(j)
+        ]
+    return found
+
+
+def resolve_meshes(draft: Draft, package_dirs: Sequence[Path]) -> None:
+    """Point every mesh at its file; those that are not there are left out."""
+    lost: list[str] = []
+    for link in draft.root.iter("link"):
+        for tag in ("visual", "collision"):
+            for shape in link.findall(tag):
+                mesh = shape.find("geometry/mesh")
+                if mesh is None:
+                    continue
+                found = _mesh_path(mesh.get("filename", ""), draft.path, package_dirs)
+                if found is None:
+                    link.remove(shape)
+                    lost.append(mesh.get("filename", ""))
+                else:
+                    mesh.set("filename", str(found))
+    if lost:
+        draft.note(
+            "left to you",
+            f"{len(lost)} meshes are not there and were left out, {lost[0]} for one; "
+            "say where packages are with --package-dir",
+        )
+
+
+def _mesh_path(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
+    """Look for a mesh where ROS would, and beside and above the URDF."""
+    match = re.match(r"(?:package|model)://+(.*)", name)
+    folders = [*package_dirs, *urdf.resolve().parents]
+    if match is None:
+        path = urdf.parent.resolve() / name.removeprefix("file://")
+        return path if path.is_file() else None
+    package, _, rest = match[1].partition("/")
+    for folder in folders:
+        places = [folder / package / rest, folder / "share" / package / rest]
+        if folder.name == package:
+            places.append(folder / rest)
+        for path in places:
+            if path.is_file():
+                return path
+    return None
+
+
+def drop_collisions(draft: Draft) -> None:
+    """Leave out what robots collide with: here soles alone touch anything."""
+    for link in draft.root.iter("link"):
+        for shape in link.findall("collision"):
+            link.remove(shape)
+
+
+def settle_inertias(draft: Draft, *, repair: bool) -> None:
+    """Name bodies whose inertia no body has; give them the nearest one that can be.
+
+    Second moments of mass are Sigma = tr(I) / 2 E - I, which no body has negative:
+    those that are become those of a small body.
+
+    Args:
+        draft: changed in place.
+        repair: whether that was asked for.
+
+    Raises:
+        RobotFileError: there are such bodies, and it was not.
+    """
+    impossible = []
+    for name, link in draft.links.items():
+        mass, tensor = _mass_and_tensor(link)
+        if tensor is None or mass <= 0.0:
+            continue
+        I = _matrix(tensor)  # noqa: E741
+        if not np.all(np.isfinite(I)):
+            continue  # refused with its place when all else is checked
+        second = 0.5 * np.trace(I) * np.eye(3) - I
+        values, axes = np.linalg.eigh(second)
+        if values[0] >= -_ROUNDING * values[2] and np.linalg.eigvalsh(I)[0] > 0.0:
+            continue
+        impossible.append(name)
+        least = mass * _LEAST_RADIUS_M**2 / 3.0
+        second = axes @ np.diag(np.maximum(values, least)) @ axes.T
+        possible = np.trace(second) * np.eye(3) - second
+        for key, value in zip(_INERTIA, possible[_UPPER], strict=True):
+            tensor.set(key, f"{value:.9g}")
+    if not impossible:
+        return
+    if not repair:
+        raise RobotFileError(
+            f"{draft.path}: no body has the inertia of {listed(impossible)}; mend "
+            "these links, or have them given the nearest inertia that can be: "
+            "--repair-inertias"
+        )
+    draft.note("changed", f"impossible inertias repaired: {listed(impossible)}")
+
+
+def _mass_and_tensor(
+    link: ElementTree.Element,
+) -> tuple[float, ElementTree.Element | None]:
+    mass = link.find("inertial/mass")
+    try:
+        kg = 0.0 if mass is None else float(mass.get("value", ""))
+    except ValueError:
+        kg = 0.0
+    return kg, link.find("inertial/inertia")
+
+
+def _matrix(tensor: ElementTree.Element) -> Mat:
+    """(3, 3); nan where there is no number."""
+    I = np.empty((3, 3))  # noqa: E741
+    for key, i, j in zip(_INERTIA, *_UPPER, strict=True):
+        try:
+            I[i, j] = I[j, i] = float(tensor.get(key, ""))
+        except ValueError:
+            I[i, j] = np.nan
+    return I

@@ -1,0 +1,235 @@
+"""A URDF while it is being changed: links and joints by name, and who hangs on whom."""
+
+from __future__ import annotations
+
+import difflib
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from surefoot.robot_files.notes import Note, NoteKind
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.urdf_check import read_urdf_element
+from surefoot.schemas.arrays import Mat, Vec3
+
+KEPT_TAGS = ("link", "joint", "material")
+
+
+class Draft:
+    """The tree of a URDF, to be changed in place.
+
+    Attributes:
+        path: where it was read.
+        root: its <robot>.
+        notes: what was done to it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read a URDF; what is not link, joint or material is left out.
+
+        Raises:
+            RobotFileError: it is no URDF, or its links form no tree.
+        """
+        self.path = path
+        self.root = read_urdf_element(path)
+        self.notes: list[Note] = []
+        if self.root.tag != "robot":
+            hint = "; expand the xacro first" if "xacro" in path.suffix else ""
+            raise RobotFileError(
+                f"{path}: begins with <{self.root.tag}>, expected <robot>{hint}"
+            )
+        for element in list(self.root):
+            if element.tag not in KEPT_TAGS:
+                self.root.remove(element)
+        self._check_tree()
+
+    def note(self, kind: NoteKind, text: str) -> None:
+        """Keep a line for the report."""
+        self.notes.append(Note(kind, text))
+
+    @property
+    def joints(self) -> dict[str, ElementTree.Element]:
+        """All joints by name."""
+        return {j.get("name", ""): j for j in self.root.findall("joint")}
+
+    @property
+    def links(self) -> dict[str, ElementTree.Element]:
+        """All links by name."""
+        return {link.get("name", ""): link for link in self.root.findall("link")}
+
+    @property
+    def above(self) -> dict[str, ElementTree.Element]:
+        """Link to the joint that carries it."""
+        return {end(j, "child"): j for j in self.root.findall("joint")}
+
+    @property
+    def base(self) -> str:
+        """The link that hangs on no joint."""
+        above = self.above
+        return next(name for name in self.links if name not in above)
+
+    def chain(self, link: str) -> list[ElementTree.Element]:
+        """The joints above a link, the nearest first."""
+        above, found = self.above, []
+        while (joint := above.get(link)) is not None:
+            found.append(joint)
+            link = end(joint, "parent")
+        return found
+
+    def below(self, link: str) -> list[str]:
+        """A link and all that hang on it."""
+        found = [link]
+        for name in found:
+            found += [
+                end(j, "child")
+                for j in self.root.findall("joint")
+                if end(j, "parent") == name
+            ]
+        return found
+
+    def carried_kg(self, joint: ElementTree.Element) -> float:
+        """Mass of all that hangs on a joint; what cannot be read counts nothing."""
+        links = self.links
+        return sum(_mass(links[name]) for name in self.below(end(joint, "child")))
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of all links."""
+        return sum(_mass(link) for link in self.links.values())
+
+    def find_link(self, name: str, *, option: str) -> str:
+        """Return the name of a link that somebody gave.
+
+        Raises:
+            RobotFileError: there is none; with the nearest names.
+        """
+        links = list(self.links)
+        if name in links:
+            return name
+        near = difflib.get_close_matches(name, links, n=3, cutoff=0.4)
+        words = ("foot", "sole", "ankle", "imu")
+        near = near or [n for n in links if any(w in n.lower() for w in words)][:8]
+        hint = f"; there is {', '.join(near)}" if near else ""
+        raise RobotFileError(f"{self.path}: {option}: no link {name!r}{hint}")
+
+    def fix(self, joint: ElementTree.Element) -> None:
+        """Make a joint fixed where zero is, or the end of its range nearest to it."""
+        limit = joint.find("limit")
+        angle = 0.0
+        if limit is not None and joint.get("type") == "revolute":
+            lower, upper = (_number(limit.get(key)) for key in ("lower", "upper"))
+            angle = min(max(0.0, lower), upper) if lower <= upper else 0.0
+        if angle:
+            axis = _triple(joint.find("axis"), "xyz", "1 0 0")
+            place = Rotation.from_euler("xyz", _triple(joint.find("origin"), "rpy"))
+            turn = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
+            write_origin(
+                joint,
+                _triple(joint.find("origin"), "xyz"),
+                (place * turn).as_matrix(),
+            )
+        joint.set("type", "fixed")
+        for tag in ("limit", "mimic", "dynamics", "safety_controller", "axis"):
+            for element in joint.findall(tag):
+                joint.remove(element)
+
+    def add_frame(self, name: str, *, parent: str, place: Vec3, R: Mat) -> str:
+        """Add a link without mass, fixed to another.
+
+        Args:
+            name: wanted; another one when it is taken.
+            parent: link it is fixed to.
+            place: (3,) in the parent [m].
+            R: (3, 3) the parent from the frame.
+
+        Returns:
+            Its name.
+        """
+        taken = {*self.links, *self.joints}
+        while name in taken or f"{name}_joint" in taken:
+            name += "_frame"
+        ElementTree.SubElement(self.root, "link", name=name)
+        joint = ElementTree.SubElement(
+            self.root, "joint", name=f"{name}_joint", type="fixed"
+        )
+        ElementTree.SubElement(joint, "parent", link=parent)
+        ElementTree.SubElement(joint, "child", link=name)
+        write_origin(joint, place, R)
+        return name
+
+    def text(self) -> str:
+        """The URDF as it is now."""
+        ElementTree.indent(self.root)
+        return ElementTree.tostring(self.root, encoding="unicode") + "\n"
+
+    def _check_tree(self) -> None:
+        links, above = self.links, self.above
+        if len(above) != len(self.root.findall("joint")):
+            twice = [end(j, "child") for j in self.root.findall("joint")]
+            name = next(n for n in twice if twice.count(n) > 1)
+            raise RobotFileError(
+                f"{self.path}: link {name!r} hangs on two joints; a robot's links must "
+                "form a tree"
+            )
+        for joint in above.values():
+            for which in ("parent", "child"):
+                if end(joint, which) not in links:
+                    raise RobotFileError(
+                        f"{self.path}: joint {joint.get('name')!r}: {which} is link "
+                        f"{end(joint, which)!r}, which is not there"
+                    )
+        roots = [name for name in links if name not in above]
+        if len(roots) != 1:
+            raise RobotFileError(
+                f"{self.path}: expected one link that hangs on no joint, got "
+                f"{', '.join(map(repr, roots)) or 'none: they form a ring'}"
+            )
+        if len(self.below(roots[0])) != len(links):
+            raise RobotFileError(
+                f"{self.path}: some links hang on themselves, in a ring"
+            )
+
+
+def end(joint: ElementTree.Element, which: str) -> str:
+    """Name of a joint's parent or child link."""
+    element = joint.find(which)
+    return "" if element is None else element.get("link", "")
+
+
+def write_origin(element: ElementTree.Element, place: Vec3, R: Mat) -> None:
+    """Say where a joint is on its parent.
+
+    Args:
+        element: the joint.
+        place: (3,) [m].
+        R: (3, 3) the parent from the joint.
+    """
+    origin = element.find("origin")
+    if origin is None:
+        origin = ElementTree.SubElement(element, "origin")
+    angles = Rotation.from_matrix(R).as_euler("xyz")
+    for key, values in (("xyz", place), ("rpy", angles)):
+        origin.set(key, " ".join(f"{float(v) + 0.0:.9g}" for v in values))
+
+
+def _mass(link: ElementTree.Element) -> float:
+    element = link.find("inertial/mass")
+    return 0.0 if element is None else _number(element.get("value"))
+
+
+def _number(text: str | None) -> float:
+    """A number; zero for what is none, which is refused later, with its place."""
+    try:
+        return float(text or 0.0)
+    except ValueError:
+        return 0.0
+
+
+def _triple(
+    element: ElementTree.Element | None, key: str, default: str = "0 0 0"
+) -> Vec3:
+    text = default if element is None else element.get(key, default)
+    numbers = np.array([_number(word) for word in text.split()])
+    return numbers if len(numbers) == 3 else np.zeros(3)

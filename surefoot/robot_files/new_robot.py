@@ -1,0 +1,281 @@
+"""Makes a robot file from a URDF: what the URDF tells is found, the rest is guessed."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from surefoot.errors import UsageError
+from surefoot.robot_files import clean_urdf
+from surefoot.robot_files.draft import Draft
+from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu
+from surefoot.robot_files.joint_lines import joint_lines
+from surefoot.robot_files.notes import Note
+from surefoot.robot_files.robot_text import robot_text
+from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.urdf_check import Urdf, bare_text
+from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.stance.body import Body, Directions, find_directions, read_body
+from surefoot.stabilizer.stance.nominal import NominalPosture, find_nominal
+
+BESIDE_M = 0.03
+"""Least gap between the soles."""
+
+
+@dataclass(frozen=True)
+class NewRobotOptions:
+    """What somebody may say about a robot beside its URDF.
+
+    Attributes:
+        left_sole: link of the left foot.
+        right_sole: link of the right foot.
+        left_ft: link below the left force-torque sensor.
+        right_ft: the same of the right one.
+        imu: link whose frame the inertial unit reads in.
+        name: of the robot; the URDF's by default.
+        fix: patterns of joints to fix.
+        keep: patterns of joints not to fix.
+        legs_only: fix all joints above the legs.
+        package_dirs: folders that hold packages of meshes.
+        repair_inertias: make impossible ones possible.
+        rise_m: how far the CoM should be able to rise over its feet.
+        sink_m: how far to sink, positive.
+        rate_hz: of the robot's control loop.
+    """
+
+    left_sole: str
+    right_sole: str
+    left_ft: str | None = None
+    right_ft: str | None = None
+    imu: str | None = None
+    name: str | None = None
+    fix: Sequence[str] = ()
+    keep: Sequence[str] = ()
+    legs_only: bool = False
+    package_dirs: Sequence[Path] = ()
+    repair_inertias: bool = False
+    rise_m: float | None = None
+    sink_m: float | None = None
+    rate_hz: float = 1000.0
+
+
+@dataclass(frozen=True)
+class NewRobot:
+    """A robot that was made.
+
+    Attributes:
+        robot: as loaded from its new files.
+        notes: what was found, changed, guessed and left.
+    """
+
+    robot: Robot
+    notes: tuple[Note, ...]
+
+
+def new_robot(
+    urdf: Path, options: NewRobotOptions, *, out: Path, overwrite: bool = False
+) -> NewRobot:
+    """Write ``name.toml`` and ``name.urdf`` for a robot known by its URDF alone.
+
+    Args:
+        urdf: of the robot; it stays as it is.
+        options: what is known beside it.
+        out: folder for the two files; made if it is not there.
+        overwrite: replace files of these names.
+
+    Returns:
+        The robot and the report.
+
+    Raises:
+        RobotFileError: the URDF is broken, or no posture to stand in was found.
+        UsageError: the files are there already.
+    """
+    if options.left_sole == options.right_sole:
+        raise UsageError(
+            f"--left-sole and --right-sole are both {options.left_sole!r}; name one "
+            "link of each foot"
+        )
+    draft = _cleaned(urdf, options)
+    name = _name(options.name or draft.root.get("name") or urdf.stem)
+    toml_path, urdf_path = out / f"{name}.toml", out / f"{name}.urdf"
+    for path in (toml_path, urdf_path):
+        if path.exists() and (not overwrite or path.resolve() == urdf.resolve()):
+            raise UsageError(
+                f"{path}: is there already; take another --name or --out, or replace "
+                "it with --overwrite"
+            )
+    checked = Urdf(urdf, draft.root)
+    checked.check_masses()
+    body = read_body(bare_text(draft.root), source=str(urdf))
+    directions = find_directions(body, options.left_sole, options.right_sole)
+    feet = _feet(draft, body, options, directions)
+    clean_urdf.drop_collisions(draft)
+    body = read_body(bare_text(draft.root), source=str(urdf))
+    nominal = _posture(body, feet, options, directions)
+    _check_sides(draft, body, nominal, feet, directions)
+    joints = joint_lines(
+        draft,
+        body,
+        nominal,
+        com_height_m=_com_height(body, feet, directions),
+        up=directions.up,
+    )
+    text = robot_text(
+        name=name,
+        source=urdf.name,
+        rate_hz=options.rate_hz,
+        base_link=draft.base,
+        base_height_m=_base_height(body, nominal, feet, directions),
+        imu=find_imu(draft, options.imu),
+        feet=[found.foot for found in feet],
+        nominal=nominal,
+        joints=joints,
+    )
+    _note_posture(draft, nominal)
+    contents = {toml_path: text, urdf_path: draft.text()}
+    with tempfile.TemporaryDirectory() as trial:
+        for path, content in contents.items():
+            (Path(trial) / path.name).write_text(content, encoding="utf-8")
+        load_robot(str(Path(trial) / toml_path.name))
+    out.mkdir(parents=True, exist_ok=True)
+    for path, content in contents.items():
+        with atomic_file(path) as file:
+            file.write(content.encode())
+    return NewRobot(load_robot(str(toml_path)), tuple(draft.notes))
+
+
+def _cleaned(urdf: Path, options: NewRobotOptions) -> Draft:
+    draft = Draft(urdf)
+    soles = [
+        draft.find_link(link, option=option)
+        for link, option in (
+            (options.left_sole, "--left-sole"),
+            (options.right_sole, "--right-sole"),
+        )
+    ]
+    clean_urdf.drop_world(draft)
+    clean_urdf.choose_joints(
+        draft,
+        soles,
+        fix=options.fix,
+        keep=options.keep,
+        legs_only=options.legs_only,
+    )
+    clean_urdf.resolve_meshes(draft, options.package_dirs)
+    clean_urdf.settle_inertias(draft, repair=options.repair_inertias)
+    return draft
+
+
+def _feet(
+    draft: Draft, body: Body, options: NewRobotOptions, directions: Directions
+) -> tuple[FoundFoot, FoundFoot]:
+    return (
+        find_foot(
+            draft,
+            body,
+            side="left",
+            link=options.left_sole,
+            sensor=options.left_ft,
+            directions=directions,
+        ),
+        find_foot(
+            draft,
+            body,
+            side="right",
+            link=options.right_sole,
+            sensor=options.right_ft,
+            directions=directions,
+        ),
+    )
+
+
+def _posture(
+    body: Body,
+    feet: tuple[FoundFoot, FoundFoot],
+    options: NewRobotOptions,
+    directions: Directions,
+) -> NominalPosture:
+    left, right = (directions.R_upright_base @ found.sole.centre for found in feet)
+    widest = max(found.sole.half_width for found in feet)
+    apart_m = max(float(left[1] - right[1]), 2.0 * widest + BESIDE_M)
+    return find_nominal(
+        body.model,
+        [body.model.getFrameId(found.foot.sole_frame) for found in feet],
+        R_world_base=directions.R_upright_base,
+        apart_m=apart_m,
+        rise_m=options.rise_m,
+        sink_m=options.sink_m,
+    )
+
+
+def _check_sides(
+    draft: Draft,
+    body: Body,
+    nominal: NominalPosture,
+    feet: tuple[FoundFoot, FoundFoot],
+    directions: Directions,
+) -> None:
+    """Refuse a robot whose knees and toes both point backward."""
+    ahead = directions.ahead
+    knees, toes = [], []
+    for leg, found in zip(nominal.legs, feet, strict=True):
+        ankle = body.data.oMi[leg.joints[-1]].translation
+        toes.append(float((found.sole.centre - ankle) @ ahead))
+        knees.append(nominal.knee_ahead(body.model, leg, directions.R_upright_base))
+    if max(knees) < 0.0 and max(toes) < 0.0:
+        raise RobotFileError(
+            f"{draft.path}: knees and toes point backward; {feet[0].foot.sole_frame!r} "
+            "looks like that of the right foot: exchange --left-sole and --right-sole"
+        )
+    if max(knees) < 0.0:
+        draft.note("left to you", "the knees bend backward; is that how it stands?")
+
+
+def _com_height(
+    body: Body, feet: tuple[FoundFoot, FoundFoot], directions: Directions
+) -> float:
+    """Above the soles, all joints at zero [m]."""
+    middle = 0.5 * (feet[0].sole.centre + feet[1].sole.centre)
+    return float((body.data.com[0] - middle) @ directions.up)
+
+
+def _base_height(
+    body: Body,
+    nominal: NominalPosture,
+    feet: tuple[FoundFoot, FoundFoot],
+    directions: Directions,
+) -> float:
+    places: list[Array] = [
+        nominal.sole_place(body.model, found.foot.sole_frame) for found in feet
+    ]
+    return -float(0.5 * (places[0] + places[1]) @ directions.up)
+
+
+def _note_posture(draft: Draft, nominal: NominalPosture) -> None:
+    sink, rise = nominal.com_travel_m
+    draft.note(
+        "found",
+        f"nominal posture: soles level, centre of mass over their middle, knees at "
+        f"{nominal.knee_angle(0):.2f} and {nominal.knee_angle(1):.2f} rad; from there "
+        f"it can sink by {-1e3 * sink:.0f} and rise by {1e3 * rise:.0f} mm",
+    )
+    asked_sink, asked_rise = nominal.asked_m
+    if -sink < 0.9 * asked_sink or rise < 0.9 * asked_rise:
+        draft.note(
+            "left to you",
+            f"that is less than asked for, {1e3 * asked_sink:.0f} and "
+            f"{1e3 * asked_rise:.0f} mm: joint ranges end before; see check-robot-file",
+        )
+
+
+def _name(wanted: str) -> str:
+    """A name that can be a file and a Zenoh namespace."""
+    name = re.sub(r"[^a-z0-9_\-]+", "_", wanted.strip().lower()).strip("_")
+    if not name:
+        raise UsageError(f"--name: got {wanted!r}, expected letters and digits")
+    return name

@@ -1,0 +1,107 @@
+"""Postures on two feet: their derivatives, their ground, and how far they reach."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from surefoot.robot_io.robot import load_robot
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.legs import find_leg
+from surefoot.stabilizer.stance.nominal import KNEE_ROOM_RAD, find_nominal
+from surefoot.stabilizer.stance.reach import GroundPose, ReachSearch
+from surefoot.stabilizer.stance.solver import StanceSolver, Wanted
+
+MODEL = RobotModel(load_robot("walker"))
+APART_M = 0.22
+STEP_RAD = 1e-6
+
+
+def solver() -> StanceSolver:
+    return StanceSolver(
+        MODEL.pin_model,
+        MODEL.sole_ids,
+        R_world_base=np.eye(3),
+        lower=MODEL.lower,
+        upper=MODEL.upper,
+        is_leg=MODEL.is_leg,
+    )
+
+
+def test_the_jacobian_is_the_derivative_of_what_a_posture_must_do() -> None:
+    rng = np.random.default_rng(3)
+    q = rng.uniform(-0.3, 0.3, MODEL.n_a)
+    wanted = Wanted(
+        q=np.zeros(MODEL.n_a), apart_m=APART_M, com_height_m=0.7, roll=0.1, pitch=0.05
+    )
+    tried = solver()
+    steps = STEP_RAD * np.eye(MODEL.n_a)
+    differences = np.column_stack(
+        [
+            (tried._residual(q + e, wanted) - tried._residual(q - e, wanted))
+            / (2.0 * STEP_RAD)
+            for e in steps
+        ]
+    )
+    tried._residual(q, wanted)
+    np.testing.assert_allclose(tried._jacobian(q, wanted), differences, atol=1e-5)
+
+
+def test_the_walkers_knee_is_found_and_its_leg_is_as_long_as_its_bones() -> None:
+    leg = find_leg(
+        MODEL.pin_model,
+        MODEL.sole_ids[0],
+        lower=MODEL.lower,
+        upper=MODEL.upper,
+        side="left",
+    )
+    assert MODEL.pin_model.names[leg.knee] == "left_knee"
+    assert leg.longest == pytest.approx(0.29 + 0.275, abs=5e-3)
+    assert leg.bends == 1.0
+
+
+@pytest.mark.parametrize(
+    "ground",
+    [GroundPose(z=0.06), GroundPose(z=-0.06, roll=0.1), GroundPose(pitch=-0.15)],
+)
+def test_a_posture_on_moved_ground_has_its_soles_on_it(ground: GroundPose) -> None:
+    left, right, com = solver().place(MODEL.nominal)
+    height = float(com[2] - 0.5 * (left[2] + right[2]))
+    found = solver().solve(
+        Wanted(
+            q=MODEL.nominal,
+            apart_m=APART_M,
+            com_height_m=height - ground.z,
+            roll=ground.roll,
+            pitch=ground.pitch,
+        )
+    )
+    assert found.is_good
+    left, right, com = solver().place(found.q)
+    middle = 0.5 * (left + right)
+    np.testing.assert_allclose(com - middle, [0.0, 0.0, height - ground.z], atol=2e-3)
+    assert np.all(found.q >= MODEL.lower - 1e-6)
+    assert np.all(found.q <= MODEL.upper + 1e-6)
+    arms = ~MODEL.is_leg
+    np.testing.assert_allclose(found.q[arms], MODEL.nominal[arms], atol=0.05)
+
+
+def test_the_walker_reaches_what_its_scenarios_ask_for() -> None:
+    search = ReachSearch(solver(), MODEL.nominal)
+    assert search.fits(GroundPose(z=-0.06, roll=np.radians(8.6)))
+    assert not search.fits(GroundPose(z=-0.3))
+    assert search.largest_share([GroundPose(z=-0.2)]) == pytest.approx(0.49, abs=0.1)
+
+
+def test_knees_are_bent_for_the_travel_and_never_straight() -> None:
+    found = find_nominal(
+        MODEL.pin_model, MODEL.sole_ids, R_world_base=np.eye(3), apart_m=APART_M
+    )
+    assert found.knees == ("left_knee", "right_knee")
+    assert found.knee_angle(0) == pytest.approx(found.knee_angle(1), abs=1e-3)
+    assert 1.1 < found.knee_angle(0) < 1.5
+    leg = found.legs[0]
+    assert found.lower[leg.knee_index] >= leg.straight + KNEE_ROOM_RAD - 1e-9
+    sink, rise = found.com_travel_m
+    assert sink < -0.1
+    assert rise > 0.05

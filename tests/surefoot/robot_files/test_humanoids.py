@@ -1,0 +1,44 @@
+"""Humanoids of other makers, from URDF to a standing robot by new-robot alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import surefoot as sf
+from surefoot.schemas.reasons import Outcome
+from surefoot.schemas.scenario import Scenario
+from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.model import RobotModel
+from tests.humanoids import HUMANOIDS
+
+LEVEL_M, LEVEL_RAD = 1e-4, 1e-3
+"""Nominal angles are written with four digits."""
+SHORT = Scenario(name="short", duration_s=0.8)
+
+
+def check_posture(model: RobotModel) -> None:
+    """Soles level and side by side, the CoM over their middle, sensors with mass."""
+    dynamics = Dynamics(model)
+    dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+    for sole_id in model.sole_ids:
+        turned, place = dynamics.frame_placement(sole_id)
+        assert abs(place[2]) < LEVEL_M
+        np.testing.assert_allclose(turned, np.eye(3), atol=LEVEL_RAD)
+    np.testing.assert_allclose(dynamics.p_com[:2], 0.0, atol=5 * LEVEL_M)
+    assert all(plate.mass > 0.0 for plate in model.plates)
+    assert np.all(model.nominal >= model.lower)
+    assert np.all(model.nominal <= model.upper)
+
+
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("name", HUMANOIDS)
+def test_it_stands(name: str, tmp_path: Path) -> None:
+    robot = HUMANOIDS[name].make(tmp_path).robot
+    check_posture(RobotModel(robot))
+    run = sf.simulate(robot, SHORT)
+    assert run.outcome is Outcome.STOOD
+    assert run.result.base_tilt_max_deg < 1.0
+    assert max(run.result.force_peak_n) < 0.7 * 9.81 * RobotModel(robot).mass
