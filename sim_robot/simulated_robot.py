@@ -253,6 +253,22 @@ class SimulatedRobot:
             self._fell_at_s = self.time_s
             self._fall = self.plant.diagnose_fall()
 
+    def wait(self, q_command: Array) -> None:
+        """Let one tick's time pass before tick 0: the scenario has not begun.
+
+        Args:
+            q_command: (n_a,) [rad].
+
+        Raises:
+            CommandError: the scenario has begun.
+        """
+        if self.plant.tick:
+            raise CommandError(
+                f"wait: at tick {self.plant.tick}, expected before the first step"
+            )
+        self.plant.wait(q_command)
+        self._sensed = self._truth = None
+
     def push(self, request: PushRequest) -> Answer:
         """Push the robot from the next tick on, or say why not; it is recorded."""
         try:

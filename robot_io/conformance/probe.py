@@ -202,24 +202,32 @@ class Probe:
         """Answer the newest tick with the held posture, again and again, and listen.
 
         Args:
-            duration_s: how long [s].
-            offset: what to command beside the held posture.
+            duration_s: how long, by this clock and by the robot's ticks [s].
+            offset: what to command beside the held posture, by the robot's time.
             extra: asked at each tick, by its number in this stream, for something
                 to send before the answer.
         """
         recording = Recording()
-        begin = time.monotonic()
-        count = 0
-        while (now := time.monotonic()) < begin + duration_s:
+        begin = counted = time.monotonic()
+        first: int | None = None
+        newest, count, passed_s = -1, 0, 0.0
+        while (now := time.monotonic()) < begin + duration_s or (
+            # A robot on a busy machine is slow: its servos need its time, not ours.
+            passed_s < duration_s and now < counted + GAP_S
+        ):
             if not self._hear(recording, deadline=now + GAP_S):
                 continue
+            if self.tick > newest:
+                newest, counted = self.tick, now
+            first = self.tick if first is None else first
+            passed_s = (self.tick - first) * self.robot.period_s
             more = extra(count)
             if more is not None:
                 self.put(more)
             if offset is None:
                 self.put(self.command())
             else:
-                self.put(self.command(q=(self.q_held + offset(now - begin)).tolist()))
+                self.put(self.command(q=(self.q_held + offset(passed_s)).tolist()))
             count += 1
             self._hear_status()
         return recording

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class VendorAdapter(Protocol):
 
         Args:
             tick: counts the robot's periods; passed on.
-            stamp_ns: monotonic clock now; a better one may be put instead [ns].
+            stamp_ns: monotonic clock now; passed on, or a better one put instead [ns].
         """
         ...
 
@@ -45,6 +45,22 @@ class VendorAdapter(Protocol):
         Args:
             q_command: (n_a,) what the gate let pass, every tick, also in HOLD [rad].
         """
+        ...
+
+
+@runtime_checkable
+class PacingAdapter(VendorAdapter, Protocol):
+    """One whose robot sends readings at its own pace, each sensor for itself.
+
+    Attributes:
+        missing: channels that the reading last taken has nothing new enough of; they
+            are not sent, so that the stabilizer learns of it.
+    """
+
+    missing: tuple[str, ...]
+
+    def wait(self) -> None:
+        """Return at the robot's next reading, or when it has been silent for long."""
         ...
 
 
@@ -71,7 +87,7 @@ def run_driver(
     the simulator. When it ends, the servos have been told to hold.
 
     Args:
-        adapter: the vendor's robot.
+        adapter: the vendor's robot; a :class:`PacingAdapter` sets the pace itself.
         robot: what its files say; also the control rate.
         endpoints: where to listen.
         stop: ends it, besides SIGINT and SIGTERM.
@@ -94,16 +110,22 @@ def run_driver(
     ):
         pacer = Pacer(robot.period_s, lateness=TimingLog())
         latency = CommandLatency()
+        paced = adapter if isinstance(adapter, PacingAdapter) else None
+        wait = pacer.wait if paced is None else paced.wait
         ready()
+        missing: tuple[str, ...] = ()
         tick, posture = 0, gate.posture
         with quiet_interpreter():
             while not stop.is_set:
                 now_s = time.monotonic() - begin_s
                 gate.begin_tick(now_s=now_s, tick=tick)
                 server.serve_requests(now_s=now_s)
-                stamp_ns = time.monotonic_ns()
+                snapshot = adapter.read(tick, time.monotonic_ns())
+                if paced is not None:
+                    missing = paced.missing
+                stamp_ns = snapshot.stamp_ns
                 latency.sensed(tick, stamp_ns=stamp_ns)
-                server.publish_sensors(adapter.read(tick, stamp_ns), stamp_ns=stamp_ns)
+                server.publish_sensors(snapshot, stamp_ns=stamp_ns, missing=missing)
                 result = server.take_newest(now_s=now_s)
                 if result is not None:
                     posture = result.posture
@@ -112,7 +134,7 @@ def run_driver(
                 latency.applied(tick)
                 server.publish_status(now_s=now_s)
                 tick += 1
-                pacer.wait()
+                wait()
         times = latency.log.distribution()
         _LOG.info(
             "%d ticks, %d skipped; sensors to servos %.3f, p99 %.3f, max %.3f ms",
