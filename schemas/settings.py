@@ -139,20 +139,26 @@ class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     """At rest after the start: mean tilt and gyroscope bias are taken, the posture
     is held [s]."""
     still_rate_rad_s: Positive = 0.03
-    """A mean rate and its change in the meantime, together above this, are ground
-    that turns: no bias is learnt then. More than any gyroscope's bias."""
+    """A rate that gravity's direction follows, and its change in the meantime, together
+    above this, are ground that turns: only gravity's direction tells the bias then."""
     tilt_bandwidth: Positive = 0.5
     """Correction of roll and pitch by accelerometer and leg velocity [rad/s]."""
     gyro_bias_gain: NonNegative = 0.02
     """Learning of the gyroscope bias [1/s^2]."""
     yaw_gain: NonNegative = 1.0
     """Pull of the yaw to the stance [1/s]."""
-    height_bandwidth: Positive = 0.4
+    accel_bias_memory_s: Positive = 60.0
+    """How long the comparison of accelerometer and feet is remembered, by which the
+    accelerometer's horizontal bias is told from a lean [s]."""
+    height_bandwidth: Positive = 0.45
     """Pull of the height to the legs' kinematics while the ground moves [rad/s]:
     below it the ground is taken to be level on average, above it the accelerometer
     decides."""
-    height_damping: Positive = 0.25
+    height_damping: Positive = 0.15
     """Damping ratio of that pull; less damping lets less of the ground through [1]."""
+    height_bias_pull: NonNegative = 0.04
+    """How fast the vertical acceleration's bias follows while the ground moves; on
+    still ground it does so in two seconds [rad/s]."""
     still_height_bandwidth: Positive = 2.5
     """The same pull while the ground stands still [rad/s]; its damping is 0.7."""
     still_speed_m_s: Positive = 0.01

@@ -51,6 +51,7 @@ class RobotModel:
         n_a: number of joints.
         n_v: 6 + n_a.
         mass: total mass [kg].
+        weight: its weight [N].
         to_model: (n_a,) ``q_model = q_bus[to_model]``.
         to_bus: (n_a,) ``q_bus = q_model[to_bus]``.
         sole_ids: frame ids of left and right sole.
@@ -102,6 +103,7 @@ class RobotModel:
         )
         model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
         self.mass = float(pin.computeTotalMass(model))
+        self.weight = self.mass * GRAVITY
         self.sole_ids = [model.getFrameId(foot.sole_frame) for foot in robot.file.foot]
         self._read_fixed_frames(robot)
         self.lower = robot.soft_lower[self.to_model]

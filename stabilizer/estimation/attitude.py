@@ -5,12 +5,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pinocchio as pin
 
-from surefoot.schemas.arrays import Mat, Vec3
+from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.stabilizer.model import GRAVITY
 
 FEWEST_READINGS = 20
 """From fewer readings nobody can tell noise from ground that turns."""
+TILT_LEARNING, BIAS_LEARNING = 1.0, 0.15
+"""Bandwidths times the time for which the robot has been watched [1]."""
+LEAST_KNOWN_S = 0.3
+"""Shorter times make gains that noise would shake [s]."""
+BIAS_LIMIT_RAD_S = 0.1
+"""More than any gyroscope is off by [rad/s]."""
 
 
 class AttitudeFilter:
@@ -25,11 +32,13 @@ class AttitudeFilter:
 
     With y the velocity difference and d the tilt error, both horizontal:
     dy/dt = g (d x z) - l_1 y and dd/dt = -(l_2 / g) (z x y), poles at the bandwidth.
+    Both that and the bias are learnt the quicker, the less time there was so far.
 
     Attributes:
         R_world_imu: (3, 3) rotation estimate.
         bias: (3,) gyroscope bias estimate [rad/s].
         rate: (3,) bias-free angular velocity in the IMU frame [rad/s].
+        ground_turns: whether the ground was taken to turn while calibrating.
     """
 
     def __init__(
@@ -53,17 +62,18 @@ class AttitudeFilter:
             period_s: time between two updates [s].
         """
         self._dt = period_s
-        self._velocity_gain = 1.4 * tilt_bandwidth
-        self._tilt_gain = tilt_bandwidth**2 / GRAVITY
-        self._bias_gain = bias_gain * tilt_bandwidth / GRAVITY
+        self._bandwidth = tilt_bandwidth
+        self._bias_pull = bias_gain / tilt_bandwidth
+        self._known_s = LEAST_KNOWN_S
         self._still_rate = still_rate
         self._ahead = ahead.copy()
         self._count = 0
-        self._accel_sum: Vec3 = np.zeros(3)
-        self._is_turning = self._is_new_turn = False
-        self._rate_sum: Vec3 = np.zeros(3)
-        self._rising_sum: Vec3 = np.zeros(3)
-        self._first_velocity: Vec3 = np.zeros(3)
+        self._R_first_imu: Mat = np.eye(3)
+        # Rates, what is felt, and the legs' velocity; their sums, sums times the
+        # reading's number, and times its square.
+        self._readings: Mat = np.zeros((3, 3))
+        self._moments: Array = np.zeros((3, 3, 3))
+        self.ground_turns = False
         self._v_x = 0.0
         self._v_y = 0.0
         self.R_world_imu: Mat = np.eye(3)
@@ -72,56 +82,87 @@ class AttitudeFilter:
         self._rows = self.R_world_imu.tolist()
 
     def calibrate(
-        self, gyro: Vec3, accel: Vec3, *, leg_rate: Vec3, leg_velocity: Vec3
+        self,
+        gyro: Vec3,
+        accel: Vec3,
+        *,
+        accel_bias: Vec3,
+        leg_rate: Vec3,
+        leg_velocity: Vec3,
     ) -> None:
         """Take one reading of a robot that keeps its posture.
 
-        On still ground the mean rate is the gyroscope's bias. Ground that turns shows
-        by a rate that is large or changes: no bias is learnt then, and readings of
-        the accelerometer, from there on, are turned along.
+        The gyroscope is integrated. Seen from there, gravity's direction stays put,
+        unless the gyroscope is biased: then it turns at that rate. On ground that does
+        not turn, by that measure, and keeps its rate, the mean rate is the bias.
 
         Args:
             gyro: (3,) angular velocity in the IMU frame [rad/s].
             accel: (3,) specific force in the IMU frame [m/s^2].
+            accel_bias: (3,) what of it is bias [m/s^2].
             leg_rate: (3,) angular velocity that the legs see, IMU frame [rad/s].
-            leg_velocity: (3,) velocity of the unit that the legs see, world [m/s].
+            leg_velocity: (3,) velocity of the unit that the legs see if the gyroscope
+                has no bias, world [m/s].
         """
-        if self._count == 0 or self._is_new_turn:
-            self._first_velocity[:] = leg_velocity
-            self._accel_sum[:] = 0.0
+        if self._count:
+            self._R_first_imu = self._R_first_imu @ pin.exp3(gyro * self._dt)
         self._count += 1
-        rate = gyro - leg_rate
-        self._rate_sum += rate
-        self._rising_sum += self._count * rate
-        np.divide(self._rate_sum, self._count, out=self.bias)
-        turns = self._ground_turns()
-        self._is_new_turn = turns and not self._is_turning
-        self._is_turning = turns
-        if turns:
-            self.bias[:] = 0.0
-            self._accel_sum -= self._dt * np.cross(gyro, self._accel_sum)
-        self._accel_sum += accel
+        self._known_s = max(self._count * self._dt, LEAST_KNOWN_S)
+        R = self._R_first_imu
+        rows = self._readings
+        rows[0] = gyro - leg_rate
+        rows[1] = R @ accel
+        rows[2] = R @ (leg_velocity @ self.R_world_imu)
+        for moment in self._moments:
+            moment += rows
+            rows *= self._count
+        turn, up = self._judge()
         np.subtract(gyro, self.bias, out=self.rate)
-        # What the unit sped up in the meantime is not gravity.
-        gained = (leg_velocity - self._first_velocity) / self._dt
-        up = self._accel_sum - gained @ self.R_world_imu
+        up += np.cross(turn, up) * (0.5 * self._dt * (self._count - 1))
+        up = up @ R - accel_bias
         up /= np.linalg.norm(up)
         x_axis = self._ahead - (self._ahead @ up) * up
         x_axis /= np.linalg.norm(x_axis)
         self.R_world_imu[:] = np.vstack((x_axis, np.cross(up, x_axis), up))
         self._rows = self.R_world_imu.tolist()
-        self._v_x, self._v_y = float(leg_velocity[0]), float(leg_velocity[1])
 
-    def _ground_turns(self) -> bool:
-        """Tell whether the rates so far are too large or change too much for a bias."""
-        count = self._count
+    def start_from(self, leg_velocity: Vec3) -> None:
+        """Take a velocity for the unit's own.
+
+        Args:
+            leg_velocity: (3,) that the legs see, world [m/s].
+        """
+        self._v_x, self._v_y = leg_velocity.item(0), leg_velocity.item(1)
+
+    def _judge(self) -> tuple[Vec3, Vec3]:
+        """Set the bias by the rates and gravity's directions so far.
+
+        Returns:
+            (3,) the bias [rad/s] and the mean of what is felt at rest [m/s^2], in the
+            frame of the first reading.
+        """
+        count, R = self._count, self._R_first_imu
+        mean, slope, bend = _parabola(self._moments, count)
+        rate, rise, turned = mean[0], slope[0], slope[1]
+        # What the unit speeds up by is not gravity.
+        felt = mean[1] - slope[2] / self._dt
+        self.bias[:] = rate
+        self.ground_turns = False
         if count < FEWEST_READINGS:
-            return False
-        # What a straight line through the rates rises by from first to last.
-        middle = 0.5 * (count + 1)
-        rise = (self._rising_sum - middle * self._rate_sum) * (12.0 / count**2)
-        size = np.linalg.norm(self.bias) + np.linalg.norm(rise)
-        return bool(size > self._still_rate)
+            return R @ rate, felt
+        turned = turned - 2.0 * bend[2] / self._dt
+        up = felt / np.linalg.norm(felt)
+        by_gravity = np.cross(up, turned) @ R / (np.linalg.norm(felt) * self._dt)
+        up = up @ R
+        of_ground = rate - (rate @ up) * up - by_gravity
+        turns = np.linalg.norm(of_ground) + count * np.linalg.norm(rise)
+        is_too_much = np.linalg.norm(rate) > BIAS_LIMIT_RAD_S
+        self.ground_turns = bool(turns > self._still_rate or is_too_much)
+        if self.ground_turns:
+            # On ground shaken to and fro, gravity's direction tells nothing.
+            believed = np.linalg.norm(by_gravity) < BIAS_LIMIT_RAD_S
+            self.bias[:] = by_gravity if believed else 0.0
+        return R @ self.bias, felt
 
     def update(self, gyro: Vec3, accel: Vec3, *, leg_velocity: Vec3) -> None:
         """Advance by one period.
@@ -133,22 +174,32 @@ class AttitudeFilter:
                 ago, world [m/s].
         """
         dt = self._dt
+        tilt_gain, velocity_gain, bias_gain = self._gains()
         row_x, row_y, _ = self._rows
         a_x, a_y, a_z = accel.tolist()
         y_x = leg_velocity.item(0) - self._v_x
         y_y = leg_velocity.item(1) - self._v_y
         force_x = row_x[0] * a_x + row_x[1] * a_y + row_x[2] * a_z
         force_y = row_y[0] * a_x + row_y[1] * a_y + row_y[2] * a_z
-        self._v_x += dt * (force_x + self._velocity_gain * y_x)
-        self._v_y += dt * (force_y + self._velocity_gain * y_y)
+        self._v_x += dt * (force_x + velocity_gain * y_x)
+        self._v_y += dt * (force_y + velocity_gain * y_y)
         bias, rate, step = self.bias, self.rate, [0.0, 0.0, 0.0]
         for i, w in enumerate(gyro.tolist()):
             # z x y, in the IMU frame.
             turn = y_x * row_y[i] - y_y * row_x[i]
-            bias[i] = b = bias.item(i) - self._bias_gain * dt * turn
+            bias[i] = b = bias.item(i) - bias_gain * dt * turn
             rate[i] = w - b
-            step[i] = (w - b + self._tilt_gain * turn) * dt
+            step[i] = (w - b + tilt_gain * turn) * dt
         self._rotate(step)
+
+    def _gains(self) -> tuple[float, float, float]:
+        """Return l_2 / g, l_1 and l_3 / g: the less is known, the greater."""
+        self._known_s += self._dt
+        known_s = self._known_s
+        bandwidth = max(self._bandwidth, TILT_LEARNING / known_s)
+        pull = max(self._bias_pull, BIAS_LEARNING / known_s)
+        tilt_gain = bandwidth * bandwidth / GRAVITY
+        return tilt_gain, 1.4 * bandwidth, tilt_gain * pull
 
     def pull_yaw(self, angle: float) -> None:
         """Turn the estimate about the world's vertical.
@@ -184,3 +235,27 @@ class AttitudeFilter:
             turned.append([n_x * shrink, n_y * shrink, n_z * shrink])
         self._rows = turned
         self.R_world_imu[:] = turned
+
+
+def _parabola(moments: Array, count: int) -> Array:
+    """Return mean, slope and bend of the parabola through readings number 1, 2, ...
+
+    Args:
+        moments: (3, ...) sums of the readings times the powers 0, 1, 2 of their number.
+        count: of the readings.
+
+    Returns:
+        (3, ...) mean, and c_1 and c_2 of c_0 + c_1 x + c_2 x^2 with x from the middle;
+        zero where there are too few readings.
+    """
+    total, first, second = moments
+    middle = 0.5 * (count + 1)
+    square = (count**2 - 1) / 12.0
+    fit = np.zeros_like(moments)
+    fit[0] = total / count
+    if count > 2:
+        fit[1] = (first - middle * total) / (count * square)
+        about_middle = second - 2.0 * middle * first + middle**2 * total
+        spread = count * (count**2 - 1) * (count**2 - 4) / 180.0
+        fit[2] = (about_middle - square * total) / spread
+    return fit

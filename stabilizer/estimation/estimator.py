@@ -18,18 +18,15 @@ import pinocchio as pin
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.accelerometer_bias import HorizontalBias
 from surefoot.stabilizer.estimation.attitude import AttitudeFilter
+from surefoot.stabilizer.estimation.felt_motion import FeltMotion
+from surefoot.stabilizer.estimation.height import HeightFilter
 from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
 
 _ORIGIN = np.zeros(3)
 MIN_TOTAL_FORCE_N = 50.0
 """Below it the load share keeps its last value [N]."""
-GROUND_SPEED_MEMORY_S = 3.0
-"""How long ground that moved is taken to move still."""
-STILL_DAMPING = 0.7
-"""Damping ratio of the pull of the height on still ground."""
-HEIGHT_RANGE_M = 0.25
-"""Farthest the ground may be thought from level [m]."""
 
 
 class Estimator:
@@ -80,48 +77,66 @@ class Estimator:
         self.height = float(nominal[2])
         self.height_rate = 0.0
         self.ground_height = 0.0
-        self._ground_speed = 0.0
-        self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
+        lowest, highest = model.com_travel
+        self._vertical = HeightFilter(
+            settings, stroke=(-highest, -lowest), period_s=period_s
+        )
+        self._felt_motion = FeltMotion(model, period_s=period_s)
+        self._accel_bias = HorizontalBias(
+            memory_s=settings.accel_bias_memory_s, period_s=period_s
+        )
+        self._felt: Vec3 = np.zeros(3)
 
-    def calibrate(self, snapshot: Snapshot) -> None:
-        """Take one reading of a robot that stands on still, level ground.
+    def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
+        """Take one reading of a robot that keeps its posture.
 
         Args:
             snapshot: reading of all sensors.
+            wrenches: (12,) as last measured at the soles; None: not known.
         """
+        attitude = self._attitude
+        attitude.rate[:] = snapshot.angular_velocity
         self._read(snapshot)
-        self._attitude.calibrate(
+        attitude.calibrate(
             snapshot.angular_velocity,
             snapshot.linear_acceleration,
+            accel_bias=self._R_imu_base @ self._accel_bias.bias,
             leg_rate=self._leg_rate(),
             leg_velocity=self._unit_velocity(),
         )
         self._read(snapshot)
-        self.height = -float(self._anchor[2])
-        self.height_rate = float(self._leg_velocity[2])
-        lift, lift_rate = self._unit_lift()
-        self._unit_height = self.height + lift
-        self._unit_rate = self.height_rate + lift_rate
+        attitude.start_from(self._unit_velocity())
+        difference = self._compare(snapshot, wrenches)
+        over, rate = self._point_over_ground()
+        self._vertical.calibrate(
+            self._acceleration(),
+            difference,
+            height=over,
+            rate=rate,
+            moves=attitude.ground_turns,
+        )
+        self._take_height()
         self._place()
 
-    def update(
-        self, snapshot: Snapshot, *, normal_left: float, normal_right: float
-    ) -> None:
+    def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
         """Advance by one tick.
 
         Args:
             snapshot: reading of all sensors.
-            normal_left: normal force of the left foot, as last measured [N].
-            normal_right: the same for the right foot [N].
+            wrenches: (12,) as last measured at the soles, sole frames [N, N m]; None:
+                not known.
         """
         self._attitude.update(
             snapshot.angular_velocity,
-            snapshot.linear_acceleration,
+            snapshot.linear_acceleration - self._R_imu_base @ self._accel_bias.bias,
             leg_velocity=self._unit_velocity(),
         )
-        self._update_share(normal_left, normal_right)
+        self._update_share(wrenches)
         self._read(snapshot)
-        self._update_height(snapshot)
+        difference = self._compare(snapshot, wrenches)
+        over, rate = self._point_over_ground()
+        self._vertical.update(self._acceleration(), difference, over=over, rate=rate)
+        self._take_height()
         self._place()
         self._pull_yaw()
 
@@ -137,7 +152,7 @@ class Estimator:
         q[:7] = pin.SE3ToXYZQUAT(pin.SE3(self.R_world_base, _ORIGIN))
         v[:3] = 0.0
         attitude.rate.dot(self._R_imu_base, out=v[3:6])
-        pin.forwardKinematics(pin_model, data, q, v)
+        pin.centerOfMass(pin_model, data, q, v, False)
         left, right = model.sole_ids
         world = pin.LOCAL_WORLD_ALIGNED
         T_left = pin.updateFramePlacement(pin_model, data, left)
@@ -194,31 +209,48 @@ class Estimator:
         velocity[2] = self.height_rate
         velocity.dot(self.R_world_base, out=v[:3])
 
-    def _update_share(self, normal_left: float, normal_right: float) -> None:
-        left, right = max(normal_left, 0.0), max(normal_right, 0.0)
+    def _update_share(self, wrenches: Array | None) -> None:
+        if wrenches is None:
+            return
+        left, right = max(wrenches.item(2), 0.0), max(wrenches.item(8), 0.0)
         if left + right > MIN_TOTAL_FORCE_N:
             share = left / (left + right)
             self._left_share += self._share_blend * (share - self._left_share)
 
-    def _update_height(self, snapshot: Snapshot) -> None:
-        """Filter the height: accelerometer above the bandwidth, legs below."""
-        force = float(self._attitude.R_world_imu[2] @ snapshot.linear_acceleration)
-        acceleration = force - GRAVITY
-        height, rate = self._unit_height, self._unit_rate
-        lift, lift_rate = self._unit_lift()
-        bandwidth, damping = self._height_pull()
-        error = lift - float(self._anchor[2]) - height
-        error = min(max(error, -HEIGHT_RANGE_M), HEIGHT_RANGE_M)
-        gain = 2.0 * damping * bandwidth
-        dt = self._dt
-        self._unit_height = height + dt * (rate + gain * error)
-        self._unit_rate = rate + dt * (acceleration + bandwidth * bandwidth * error)
-        self.height = self._unit_height - lift
-        self.height_rate = self._unit_rate - lift_rate
-        self.ground_height = self.height + float(self._anchor[2])
+    def _compare(self, snapshot: Snapshot, wrenches: Array | None) -> float | None:
+        """Compare accelerometer and feet; return their vertical difference [m/s^2]."""
+        felt, bias = self._felt, self._accel_bias
+        self._attitude.R_world_imu.dot(snapshot.linear_acceleration, out=felt)
+        feet = self._felt_motion
+        v_imu = self._unit_velocity() - self._leg_velocity
+        if not feet.compare(self._data, felt=felt, v_imu=v_imu, wrenches=wrenches):
+            felt -= self.R_world_base @ bias.bias
+            return None
+        bias.learn(feet.by_force, feet.by_pressure, self.R_world_base)
+        felt -= self.R_world_base @ bias.bias
+        return feet.by_force.item(2)
 
-    def _unit_lift(self) -> tuple[float, float]:
-        """Return the height of the IMU over the base's origin [m], and its rate."""
+    def _point_over_ground(self) -> tuple[float, float]:
+        """Return height of the filtered point over the ground [m], and its rate.
+
+        It is half way between the inertial unit and the centre of mass.
+        """
+        lift, lift_rate = self._lift()
+        return lift - self._anchor.item(2), lift_rate + self._leg_velocity.item(2)
+
+    def _acceleration(self) -> float:
+        """Return that point's vertical acceleration by the accelerometer [m/s^2]."""
+        return self._felt.item(2) - GRAVITY - 0.5 * self._felt_motion.relative.item(2)
+
+    def _take_height(self) -> None:
+        """Set the base's height by the filtered point's."""
+        lift, lift_rate = self._lift()
+        self.height = self._vertical.height - lift
+        self.height_rate = self._vertical.rate - lift_rate
+        self.ground_height = self._vertical.ground
+
+    def _lift(self) -> tuple[float, float]:
+        """Return the height of that point over the base's origin [m], and its rate."""
         up = self.R_world_base[2].tolist()
         w_x, w_y, w_z = self.v[3:6].tolist()
         p_x, p_y, p_z = self._p_base_imu
@@ -228,23 +260,8 @@ class Estimator:
             + up[1] * (w_z * p_x - w_x * p_z)
             + up[2] * (w_x * p_y - w_y * p_x)
         )
-        return lift, rate
-
-    def _height_pull(self) -> tuple[float, float]:
-        """Return bandwidth [rad/s] and damping ratio of the pull to the legs.
-
-        Legs are trusted while the ground stands still, little while it moves.
-        """
-        settings = self._settings
-        speed = abs(self.height_rate - self._leg_velocity.item(2))
-        self._ground_speed = max(speed, self._ground_speed * self._forget)
-        ratio = self._ground_speed / settings.still_speed_m_s
-        stillness = 1.0 / (1.0 + ratio**4)
-        bandwidth, damping = settings.height_bandwidth, settings.height_damping
-        return (
-            bandwidth + stillness * (settings.still_height_bandwidth - bandwidth),
-            damping + stillness * (STILL_DAMPING - damping),
-        )
+        com, v_com = self._data.com[0], self._data.vcom[0]
+        return 0.5 * (lift + com.item(2)), 0.5 * (rate + v_com.item(2))
 
     def _pull_yaw(self) -> None:
         """Keep the mean yaw of the soles at the stance's, since yaw is free."""

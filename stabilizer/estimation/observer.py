@@ -37,22 +37,21 @@ class StateEstimator(Protocol):
     R_world_base: Mat
     ground_height: float
 
-    def calibrate(self, snapshot: Snapshot) -> None:
-        """Take one reading of a robot that stands on still, level ground.
+    def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
+        """Take one reading of a robot that keeps its posture.
 
         Args:
             snapshot: reading of all sensors.
+            wrenches: (12,) of the ground on left and right sole as last measured, sole
+                frames; None before the first, or with a sensor left out [N, N m].
         """
 
-    def update(
-        self, snapshot: Snapshot, *, normal_left: float, normal_right: float
-    ) -> None:
+    def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
         """Advance by one tick.
 
         Args:
             snapshot: reading of all sensors.
-            normal_left: normal force of the left foot, as last measured [N].
-            normal_right: the same for the right foot [N].
+            wrenches: as for :meth:`calibrate`.
         """
 
 
@@ -145,7 +144,7 @@ class Observer:
             settings.contact, largest_force=largest_force, period_s=period_s
         )
         self._weight = model.mass * GRAVITY
-        self._normals = (0.5 * self._weight, 0.5 * self._weight)
+        self._measured: Array | None = None
         self.lost = (False, False)
         self._instead: Array = np.zeros(12)
         self.state = ObservedState(
@@ -166,7 +165,7 @@ class Observer:
         Args:
             snapshot: first reading of all sensors.
         """
-        self.estimator.calibrate(snapshot)
+        self.estimator.calibrate(snapshot, wrenches=None)
 
     def update(self, snapshot: Snapshot) -> ObservedState | None:
         """Advance by one tick.
@@ -185,10 +184,9 @@ class Observer:
         state.active_s = self._since_start_s - self._calibration_s
         state.is_calibrating = self._since_start_s < self._calibration_s
         if state.is_calibrating:
-            estimator.calibrate(snapshot)
+            estimator.calibrate(snapshot, wrenches=self._measured)
         else:
-            left, right = self._normals
-            estimator.update(snapshot, normal_left=left, normal_right=right)
+            estimator.update(snapshot, wrenches=self._measured)
         state.q, state.v = estimator.q, estimator.v
         state.R_world_base = estimator.R_world_base
         state.ground_height = estimator.ground_height
@@ -196,10 +194,11 @@ class Observer:
         F_meas = self.wrenches.update(
             snapshot.ft_left, snapshot.ft_right, kinematics.R_world_sole
         )
+        self._measured = F_meas
         if any(self.lost):
             self._assume(F_meas)
-        self._normals = (F_meas.item(NORMAL), F_meas.item(6 + NORMAL))
-        self.contacts.update(*self._normals)
+            self._measured = None
+        self.contacts.update(F_meas.item(NORMAL), F_meas.item(6 + NORMAL))
         return state
 
     def leave_out(self, lost: tuple[bool, bool], *, instead: Array) -> None:

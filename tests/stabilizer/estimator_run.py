@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.estimator import Estimator
-from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.kinematic_robot import UNBIASED, Biases, KinematicRobot, Motion
 
 
@@ -46,16 +45,16 @@ def track(
     period_s: float,
     settings: EstimatorSettings | None = None,
 ) -> EstimatorRun:
-    """Calibrate at time 0, then follows the motion, both feet loaded alike."""
+    """Calibrate at time 0, then follow the motion by joints and inertial unit alone."""
     robot = KinematicRobot(model, motion)
     estimator = Estimator(model, settings or EstimatorSettings(), period_s=period_s)
-    estimator.calibrate(robot.snapshot(0.0))
+    estimator.calibrate(robot.snapshot(0.0), wrenches=None)
     times = np.asarray(period_s * np.arange(1, round(duration_s / period_s) + 1), float)
     rows: dict[str, list[Array | float]] = {
         name: [] for name in EstimatorRun.__dataclass_fields__ if name != "time_s"
     }
     for time_s in times:
-        step(estimator, robot.snapshot(time_s))
+        estimator.update(robot.snapshot(time_s), wrenches=None)
         q_true = motion(time_s)
         rows["q_true"].append(q_true)
         rows["q"].append(estimator.q.copy())
@@ -81,17 +80,11 @@ def resting(
     """The estimator after it has watched a robot at rest; biases may have changed."""
     robot = KinematicRobot(model, lambda _: q)
     estimator = Estimator(model, settings, period_s=period_s)
-    estimator.calibrate(robot.snapshot(0.0, calibrated_with))
+    estimator.calibrate(robot.snapshot(0.0, calibrated_with), wrenches=None)
     snapshot = robot.snapshot(0.0, biases)
     for _ in range(round(duration_s / period_s)):
-        step(estimator, snapshot)
+        estimator.update(snapshot, wrenches=None)
     return estimator
-
-
-def step(estimator: Estimator, snapshot: Snapshot) -> None:
-    """One tick, both feet loaded alike."""
-    half = 35.0 * GRAVITY
-    estimator.update(snapshot, normal_left=half, normal_right=half)
 
 
 def tilt_between(q_a: Array, q_b: Array) -> float:

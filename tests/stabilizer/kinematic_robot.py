@@ -48,12 +48,34 @@ class KinematicRobot:
         step: Array = pin.difference(self._model.pin_model, behind, ahead)
         return step / (2.0 * STEP_S)
 
+    def acceleration(self, time_s: float) -> Array:
+        """(n_v,) its rate of change."""
+        change = self.velocity(time_s + STEP_S) - self.velocity(time_s - STEP_S)
+        rate: Array = change / (2.0 * STEP_S)
+        return rate
+
+    def wrenches(self, time_s: float, *, left_share: float = 0.5) -> Array:
+        """(12,) what the soles must feel for this motion, shared as told."""
+        model, data = self._model, self._data
+        q, v = self.motion(time_s), self.velocity(time_s)
+        forces = pin.rnea(model.pin_model, data, q, v, self.acceleration(time_s))
+        on_base = pin.Force(forces[:6])
+        pin.framesForwardKinematics(model.pin_model, data, q)
+        T_world_base = data.oMi[1]
+        return np.concatenate(
+            [
+                share * (data.oMf[sole].actInv(T_world_base.act(on_base))).vector
+                for sole, share in zip(
+                    model.sole_ids, (left_share, 1.0 - left_share), strict=True
+                )
+            ]
+        )
+
     def snapshot(self, time_s: float, biases: Biases = UNBIASED) -> Snapshot:
         """What joints and inertial unit read; all other sensors read nothing."""
         model, data = self._model, self._data
         q, v = self.motion(time_s), self.velocity(time_s)
-        change = self.velocity(time_s + STEP_S) - self.velocity(time_s - STEP_S)
-        pin.forwardKinematics(model.pin_model, data, q, v, change / (2.0 * STEP_S))
+        pin.forwardKinematics(model.pin_model, data, q, v, self.acceleration(time_s))
         placement = pin.updateFramePlacement(model.pin_model, data, self._imu)
         arguments = (model.pin_model, data, self._imu, pin.LOCAL)
         rate = pin.getFrameVelocity(*arguments).angular

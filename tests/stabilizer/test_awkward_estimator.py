@@ -15,7 +15,7 @@ import pytest
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.estimator import Estimator
-from surefoot.stabilizer.model import GRAVITY, RobotModel
+from surefoot.stabilizer.model import RobotModel
 from tests.awkward_robot import Awkward
 from tests.stabilizer.estimator_run import tilt_between
 from tests.stabilizer.kinematic_robot import (
@@ -74,12 +74,11 @@ class Followed:
     def __init__(self, model: RobotModel, motion: Motion) -> None:
         robot = KinematicRobot(model, motion)
         estimator = Estimator(model, SETTINGS, period_s=PERIOD_S)
-        estimator.calibrate(robot.snapshot(0.0))
+        estimator.calibrate(robot.snapshot(0.0), wrenches=None)
         q, v, q_true, v_true = [], [], [], []
         for time_s in ticks():
-            estimator.update(
-                robot.snapshot(time_s), normal_left=70.0 * GRAVITY, normal_right=0.0
-            )
+            wrenches = robot.wrenches(time_s, left_share=1.0)
+            estimator.update(robot.snapshot(time_s), wrenches=wrenches)
             if time_s > SETTLE_S:
                 q.append(estimator.q.copy())
                 v.append(estimator.v.copy())

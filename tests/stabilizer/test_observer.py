@@ -92,18 +92,16 @@ class SureEstimator:
         self.R_world_base = np.eye(3)
         self.ground_height = 0.0
         self.calibrations = 0
-        self.normals: list[tuple[float, float]] = []
+        self.told: list[Array | None] = []
 
-    def calibrate(self, snapshot: Snapshot) -> None:
+    def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
         self.calibrations += 1
 
-    def update(
-        self, snapshot: Snapshot, *, normal_left: float, normal_right: float
-    ) -> None:
-        self.normals.append((normal_left, normal_right))
+    def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
+        self.told.append(None if wrenches is None else wrenches.copy())
         # A new array every time, as an estimator may do.
         self.q = self.q.copy()
-        self.q[0] = 0.001 * len(self.normals)
+        self.q[0] = 0.001 * len(self.told)
         self.ground_height = -self.q[0]
 
 
@@ -121,9 +119,11 @@ def test_estimator_from_outside_is_believed(
         controller.step(snapshot) for _ in range(CALIBRATION_TICKS + 3)
     ]
     assert estimator.calibrations == 1 + CALIBRATION_TICKS
-    assert len(estimator.normals) == 3
+    assert len(estimator.told) == 3
     half = 0.5 * model.mass * GRAVITY
-    np.testing.assert_allclose(estimator.normals, half, rtol=1e-6)
+    for wrenches in estimator.told:
+        assert wrenches is not None
+        np.testing.assert_allclose(wrenches[[2, 8]], half, rtol=1e-6)
     assert [output.base_pose[0] for output in outputs[-3:]] == [0.001, 0.002, 0.003]
     state = controller.observer.state
     assert state.q is estimator.q

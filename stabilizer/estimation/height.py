@@ -1,0 +1,206 @@
+"""Height in the world: accelerations integrated, pulled to what the legs say."""
+
+from __future__ import annotations
+
+import math
+
+from surefoot.schemas.settings import EstimatorSettings
+
+GROUND_SPEED_MEMORY_S = 3.0
+"""How long ground that moved is taken to move still."""
+GROUND_SPEED_CUTOFF = 0.5
+"""Slower changes of the ground's speed are the accelerometer's drift [rad/s]."""
+STILL_DAMPING = 0.7
+"""Damping ratio of the pull of the height on still ground."""
+STILL_BIAS_PULL = 0.5
+"""How fast the accelerometer's bias follows on still ground [rad/s]."""
+STILL_FOR_BIAS = 0.99
+"""Stillness from which an error is the accelerometer's: ground that begins to move is
+not taken for it."""
+STILL_WEIGHT = 50.0
+"""A second of still ground tells as much as so many of ground that moves."""
+LEAST_KNOWN_S = 0.3
+"""Shorter times make gains that noise would shake [s]."""
+SEEN_M = 5e-4
+"""On still ground an unbiased accelerometer's noise leads less astray [m]."""
+NOISE_MARGIN_M_S2 = 0.012
+"""A mean at the start within this may be noise alone [m/s^2]."""
+GRAVITY_MARGIN_M_S2 = 0.05
+"""Gravity differs by so much from place to place [m/s^2]."""
+DIFFERENCE_MEMORY_S = 60.0
+"""How long a difference between feet and accelerometer takes to be the new usual."""
+DIFFERENCE_LAG_S = 0.5
+"""Low-pass by which a sudden one is noticed [s]."""
+SUDDEN_M_S2 = 0.05
+"""No sensor's drift: the robot carries something, or is held [m/s^2]."""
+
+
+class HeightFilter:
+    """Height and climb of one point of the robot, half way from IMU to CoM.
+
+    The mean of what the accelerometer feels and what the feet feel the centre of mass
+    do has less noise and less drift than either. Its integral is pulled to the legs'
+    kinematics, which tell the height over the ground: hard while the ground stands
+    still, softly while it moves. With e what the legs say more,
+
+        h' = rate + k_1 e,   rate' = acceleration - bias + k_2 e,   bias' = -k_3 e
+
+    where the roots of s^3 + k_1 s^2 + k_2 s + k_3 are a pair, by bandwidth and damping,
+    and the pull of the bias. As long as little is known, the gains are those of a
+    parabola fitted to all readings so far: 9/t, 36/t^2 and 60/t^3.
+
+    The ground is taken to be level on average, within the legs' stroke: ground that
+    goes farther takes the level along.
+
+    Attributes:
+        height: over level ground [m].
+        rate: its rate [m/s].
+        bias: of the mean acceleration; what is not gravity at this place [m/s^2].
+        ground: height of the ground from level [m].
+    """
+
+    def __init__(
+        self,
+        settings: EstimatorSettings,
+        *,
+        stroke: tuple[float, float],
+        period_s: float,
+    ) -> None:
+        """Set the gains.
+
+        Args:
+            settings: bandwidths and damping.
+            stroke: how far the ground may sink and rise until the legs are at an end,
+                from level [m].
+            period_s: time between two updates [s].
+        """
+        self._settings = settings
+        self._stroke = stroke
+        self._dt = period_s
+        self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
+        self._count = 0
+        self._sum = 0.0
+        self.height = self.rate = self.bias = self.ground = 0.0
+        self._known_s = LEAST_KNOWN_S
+        self._is_seen = False
+        self._usual = self._sudden = 0.0
+        self._felt_speed = self._leg_mean = self._speed_mean = 0.0
+        self._ground_speed = 0.0
+
+    def calibrate(
+        self,
+        acceleration: float,
+        difference: float | None,
+        *,
+        height: float,
+        rate: float,
+        moves: bool,
+    ) -> None:
+        """Take one reading of a robot that keeps its posture.
+
+        Args:
+            acceleration: vertical, by the accelerometer [m/s^2].
+            difference: by how much the centre of mass accelerates less by the feet's
+                forces; None: not known [m/s^2].
+            height: of the point over the ground, by the legs [m].
+            rate: its rate [m/s].
+            moves: whether the ground turns, so that the mean is no bias alone.
+        """
+        self._count += 1
+        self._known_s = max(self._count * self._dt, LEAST_KNOWN_S)
+        self._sum += acceleration
+        mean = self._sum / self._count
+        if difference is not None:
+            self._usual += (difference - self._usual) / self._count
+        # Ground that speeds up evenly looks like a bias, but not to the feet.
+        margin = 0.0 if moves else GRAVITY_MARGIN_M_S2
+        least = min(0.0, self._usual) - margin
+        most = max(0.0, self._usual) + margin
+        bias = min(max(mean, least), most)
+        self._is_seen = abs(bias) > NOISE_MARGIN_M_S2
+        self.bias = bias if self._is_seen else 0.0
+        self.height, self.rate, self.ground = height, rate, 0.0
+        self._leg_mean = rate
+        self._ground_speed = 0.1 if moves else 0.0
+
+    def update(
+        self, acceleration: float, difference: float | None, *, over: float, rate: float
+    ) -> None:
+        """Advance by one period.
+
+        Args:
+            acceleration: vertical, by the accelerometer [m/s^2].
+            difference: as for :meth:`calibrate`.
+            over: height of the point over the ground, by the legs [m].
+            rate: its rate [m/s].
+        """
+        dt = self._dt
+        acceleration -= self._half_of(difference)
+        stillness = self._stillness(acceleration - self.bias, rate)
+        k_1, k_2, k_3 = self._gains(stillness)
+        error = over - self.height
+        if stillness > STILL_FOR_BIAS and not self._is_seen:
+            self._is_seen = abs(error) > SEEN_M
+            k_3 *= self._is_seen
+        self.height += dt * (self.rate + k_1 * error)
+        self.rate += dt * (acceleration - self.bias + k_2 * error)
+        self.bias -= dt * k_3 * error
+        ground = self.height - over
+        lowest, highest = self._stroke
+        self.ground = min(max(ground, lowest), highest)
+        self.height += self.ground - ground
+
+    def _half_of(self, difference: float | None) -> float:
+        """Return what the feet change about the mean acceleration [m/s^2]."""
+        if difference is None:
+            return 0.0
+        unusual = difference - self._usual
+        self._count += 1
+        least = self._dt / DIFFERENCE_MEMORY_S
+        change = max(1.0 / self._count, least) * unusual
+        self._usual += change
+        if self._is_seen:
+            self.bias += 0.5 * change
+        self._sudden += self._dt / DIFFERENCE_LAG_S * (unusual - self._sudden)
+        if abs(self._sudden) > SUDDEN_M_S2:
+            self._usual += self._sudden
+            self._sudden = 0.0
+        return 0.5 * unusual
+
+    def _stillness(self, acceleration: float, leg_rate: float) -> float:
+        """Return 1 on ground that stands still, 0 on ground that moves.
+
+        The ground's speed is what the accelerations sum up to and the legs do not see,
+        without its slow part: neither bias nor height enter, which would hold up the
+        very judgement that they depend on.
+        """
+        step = self._dt * GROUND_SPEED_CUTOFF
+        self._felt_speed += self._dt * acceleration - step * self._felt_speed
+        self._leg_mean += step * (leg_rate - self._leg_mean)
+        speed = self._felt_speed - (leg_rate - self._leg_mean)
+        self._speed_mean += step * (speed - self._speed_mean)
+        speed = abs(speed - self._speed_mean)
+        self._ground_speed = max(speed, self._ground_speed * self._forget)
+        ratio = self._ground_speed / self._settings.still_speed_m_s
+        stillness: float = 1.0 / (1.0 + ratio**4)
+        return stillness
+
+    def _gains(self, stillness: float) -> tuple[float, float, float]:
+        """Return k_1, k_2, k_3."""
+        s = self._settings
+        self._known_s += self._dt * (1.0 + stillness * STILL_WEIGHT)
+        known_s = self._known_s
+        w = _between(s.height_bandwidth, s.still_height_bandwidth, stillness)
+        damping = _between(s.height_damping, STILL_DAMPING, stillness)
+        is_still = stillness > STILL_FOR_BIAS
+        p = STILL_BIAS_PULL if is_still else s.height_bias_pull
+        swing = 2.0 * damping * w
+        return (
+            max(swing + p, 9.0 / known_s),
+            max(w * w + swing * p, 36.0 / known_s**2),
+            max(w * w * p, 60.0 / known_s**3),
+        )
+
+
+def _between(moving: float, still: float, stillness: float) -> float:
+    return moving + stillness * (still - moving)
