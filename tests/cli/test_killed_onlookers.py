@@ -65,6 +65,9 @@ def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
     told = json.loads(stdout)
     assert told["ticks"] == round(DURATION_S * 1000)
     assert (told["log_sha256"], told["fell"]) == (bare["log_sha256"], False)
+    assert "live page: http://127.0.0.1:" in stderr
+    assert not (folder / "run" / "run.mcap").exists()
     left = messages_of_cut_off(folder / "run" / "run.mcap.partial")
     ticks = [m.content["tick"] for m in left if m.channel == "joints"]
     assert 0 < len(ticks) < told["ticks"], "killed in the middle"
+    assert ticks == list(range(len(ticks)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import signal
 import subprocess
@@ -22,7 +21,6 @@ from tests.surefoot.recording.mcap_reading import (
     attached,
     channels,
     messages,
-    messages_of_cut_off,
     metadata,
 )
 
@@ -36,21 +34,6 @@ def scenario(folder: Path, duration_s: float) -> Path:
         f'name = "still"\nduration_s = {duration_s}\n[sensors]\nforce_noise_n = 2.0\n'
     )
     return path
-
-
-def recorder_of(folder: Path) -> int:
-    """Process id of the recorder of a run, once it writes."""
-
-    def find() -> int | None:
-        for log in folder.rglob("recorder.log"):
-            found = PROCESS.search(log.read_text())
-            file = log.with_name("run.mcap.partial")
-            # Larger than attachments and schemas: messages are in it.
-            if found and file.exists() and file.stat().st_size > 400_000:
-                return int(found.group(1))
-        return None
-
-    return wait_until(find, what="the recorder to write")
 
 
 def test_nothing_is_lost_in_ten_seconds_faster_than_real_time(
@@ -144,31 +127,6 @@ def test_recording_apart_with_the_bytes_of_the_bus(
     assert told["joints"]["messages"] == len(kept) == 300
     assert [msgspec.msgpack.decode(m.data)["tick"] for m in kept] == list(range(300))
     assert channels(out)["joints"].encoding == "msgpack"
-
-
-def test_a_killed_recorder_changes_nothing_and_leaves_what_it_wrote(
-    surefoot: Surefoot, tmp_path: Path
-) -> None:
-    words = ["run", scenario(tmp_path, 6.0), "--controller", "hold", "--json"]
-    folder = tmp_path / "out"
-    with subprocess.Popen(
-        command(*words, "--out", folder / "run"),
-        env=environment(),
-        text=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    ) as process:
-        os.kill(recorder_of(folder), signal.SIGKILL)
-        stdout, stderr = process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0, stderr
-    assert "recorder: was ended by signal 9; the run went on" in stderr
-    assert not (folder / "run" / "run.mcap").exists()
-    left = messages_of_cut_off(folder / "run" / "run.mcap.partial")
-    seen = [m.content["tick"] for m in left if m.channel == "joints"]
-    assert seen
-    assert seen == list(range(len(seen)))
-    bare = json.loads(surefoot(*words).stdout)
-    assert json.loads(stdout)["log_sha256"] == bare["log_sha256"]
 
 
 def test_ctrl_c_leaves_a_whole_file(short_scenario: Path, tmp_path: Path) -> None:
