@@ -56,21 +56,6 @@ def test_json_is_one_whole_result_and_nothing_else(
     assert result.duration_s == pytest.approx(TICKS * 1e-3, abs=0.05)
 
 
-def test_inline_and_lockstep_are_the_same_run(
-    surefoot: Surefoot, short_scenario: Path
-) -> None:
-    runs = [
-        run_hold(surefoot, short_scenario, "--seed", 7),
-        run_hold(surefoot, short_scenario, "--seed", 7),
-        run_hold(surefoot, short_scenario, "--seed", 7, "--inline"),
-    ]
-    assert [run["ticks"] for run in runs] == [TICKS] * 3
-    assert len({run["log_sha256"] for run in runs}) == 1
-    assert all(run["com_error_rms_mm"] == runs[0]["com_error_rms_mm"] for run in runs)
-    other = run_hold(surefoot, short_scenario, "--seed", 8, "--inline")
-    assert other["log_sha256"] != runs[0]["log_sha256"]
-
-
 @pytest.mark.parametrize("mode", ["inline", "lockstep"])
 def test_out_keeps_the_whole_run(
     surefoot: Surefoot, short_scenario: Path, tmp_path: Path, mode: str
