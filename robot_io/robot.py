@@ -151,7 +151,7 @@ def list_robots() -> list[str]:
     )
 
 
-def find_robot(name_or_path: str) -> Path:
+def find_robot(name_or_path: str | Path) -> Path:
     """Return the path of a robot file, given a shipped name or a path.
 
     Raises:
@@ -162,17 +162,18 @@ def find_robot(name_or_path: str) -> Path:
         if path.is_file():
             return path
         raise RobotFileError(f"{path}: no such robot file")
-    shipped = ROBOTS_DIR / name_or_path / f"{name_or_path}.toml"
+    name = str(name_or_path)
+    shipped = ROBOTS_DIR / name / f"{name}.toml"
     if shipped.is_file():
         return shipped
     known = list_robots()
     raise RobotFileError(
-        f"no robot named {name_or_path!r}{nearest(name_or_path, known)}; shipped are "
+        f"no robot named {name!r}{nearest(name, known)}; shipped are "
         f"{', '.join(known)}, or give the path of a robot file (.toml)"
     )
 
 
-def load_robot(name_or_path: str, *, servo_profile: str | None = None) -> Robot:
+def load_robot(name_or_path: str | Path, *, servo_profile: str | None = None) -> Robot:
     """Load a robot by shipped name or path.
 
     Args:

@@ -29,7 +29,7 @@ def make_controller(
         RobotFileError: no such robot.
         FileFormatError: a file or a setting is malformed.
     """
-    model = robot if isinstance(robot, Robot) else load_robot(str(robot))
+    model = robot if isinstance(robot, Robot) else load_robot(robot)
     return factory.make_controller(name, model, resolve_settings(settings))
 
 
@@ -58,7 +58,7 @@ def drive(
         RobotFileError: no such robot.
         FileFormatError: the endpoint file is malformed.
     """
-    model = robot if isinstance(robot, Robot) else load_robot(str(robot))
+    model = robot if isinstance(robot, Robot) else load_robot(robot)
     if endpoints is None:
         endpoints = Endpoints()
     elif not isinstance(endpoints, Endpoints):

@@ -160,10 +160,10 @@ def _checked(scenario: Scenario) -> Scenario:
 
 def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:
     if not isinstance(robot, Robot):
-        return load_robot(str(robot), servo_profile=servo_profile)
+        return load_robot(robot, servo_profile=servo_profile)
     if servo_profile is None or servo_profile == robot.file.servo.profile:
         return robot
-    return load_robot(str(robot.path), servo_profile=servo_profile)
+    return load_robot(robot.path, servo_profile=servo_profile)
 
 
 def _find_relay_plan(relay: str, mode: Mode) -> Path:

@@ -267,7 +267,7 @@ def file_sinks(folder: Path) -> Iterator[TickSinks]:
         yield TickSinks(robot, controller)
 
 
-def read_signals(place: Path) -> Signals:
+def read_signals(place: str | Path) -> Signals:
     """Read the signals of a run that was recorded.
 
     Args:
@@ -276,6 +276,7 @@ def read_signals(place: Path) -> Signals:
     Raises:
         UsageError: there is none, or nothing of it can be read.
     """
+    place = Path(place)
     if not place.is_dir():
         return Signals([_read_table(place)])
     tables = []

@@ -113,7 +113,7 @@ def with_nan(value: Any) -> Any:
 
 
 def read_record(
-    path: Path, each: Callable[[str, Message], None] | None = None
+    path: str | Path, each: Callable[[str, Message], None] | None = None
 ) -> Record:
     """Read a whole record from its beginning, since one cut off has no index.
 
@@ -127,6 +127,7 @@ def read_record(
         RecordError: there is no such file, it is no MCAP file, or nothing in it can
             be read.
     """
+    path = Path(path)
     record = Record(path)
     names: dict[int, str] = {}
     unknown: Counter[int] = Counter()

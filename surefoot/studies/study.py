@@ -39,13 +39,13 @@ class Study:
 
 
 def study(
-    scenarios: str | Sequence[str],
+    scenarios: str | Path | Sequence[str | Path],
     *,
     vary: Mapping[str, Sequence[Any]] | None = None,
     controllers: Sequence[str] = ("whole-body",),
     servo_profiles: Sequence[str] = ("ideal",),
     seeds: int | Iterable[int] = 1,
-    robot: str = "walker",
+    robot: str | Path = "walker",
     settings: Mapping[str, Any] | None = None,
     jobs: int = 0,
     out: str | Path | None = None,
@@ -71,7 +71,8 @@ def study(
         UsageError: a name is unknown, or the folder holds another study.
         FileFormatError: a value does not fit its scenario; nothing has been run.
     """
-    names = [scenarios] if isinstance(scenarios, str) else list(scenarios)
+    several = [scenarios] if isinstance(scenarios, (str, Path)) else scenarios
+    names = [str(scenario) for scenario in several]
     cells = make_cells(
         names,
         combinations=list(
@@ -81,6 +82,7 @@ def study(
         servo_profiles=servo_profiles,
         seeds=range(seeds) if isinstance(seeds, int) else list(seeds),
     )
+    robot = str(robot)
     overrides = tuple(f"{k}={json.dumps(v)}" for k, v in (settings or {}).items())
     if out is not None:
         return run_study(
@@ -88,7 +90,12 @@ def study(
         )
     with tempfile.TemporaryDirectory(prefix="surefoot-") as folder:
         return run_study(
-            cells, Path(folder), robot=robot, overrides=overrides, jobs=jobs, bar=bar
+            cells,
+            Path(folder),
+            robot=str(robot),
+            overrides=overrides,
+            jobs=jobs,
+            bar=bar,
         )
 
 

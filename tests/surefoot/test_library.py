@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import subprocess
 import sys
@@ -116,6 +117,16 @@ def test_a_study_gives_the_rows_of_its_runs(tmp_path: Path) -> None:
     assert hashes[0.7] == sf.simulate("walker", SHORT, seed=3).result.log_sha256
     assert "friction" in study.table()
     assert (tmp_path / "o" / "summary.csv").is_file()
+
+
+@pytest.mark.parametrize("name", sf.__all__)
+def test_every_path_may_be_a_text(name: str) -> None:
+    value = getattr(sf, name)
+    if not inspect.isfunction(value):
+        return
+    for parameter in inspect.signature(value).parameters.values():
+        kinds = str(parameter.annotation).split(" | ")
+        assert ("Path" in kinds) <= ("str" in kinds), parameter
 
 
 def test_every_public_name_is_there_and_documented() -> None:
