@@ -68,8 +68,9 @@ class Gate(FileStruct, frozen=True, kw_only=True):
     """A command that answers older sensors is refused [s]; ``hold_after_s`` when
     absent."""
     max_loop_delay_s: Positive | None = None
-    """Average age, over half a second, of the sensors that the commands followed
-    answer, beyond which the robot goes to fault [s]; not watched when absent."""
+    """Delay of the loop, from a reading to the tick in which the servos follow its
+    answer, beyond which the robot goes to fault when it is that on average over half a
+    second; ``surefoot margins`` tells what is borne [s]; not watched when absent."""
     beyond_limits: Literal["clip", "refuse"] = "clip"
     """What becomes of a command beyond a position, velocity or step limit."""
     warn_only: bool = False

@@ -74,8 +74,14 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     """Diagonal of K per foot, x y z roll pitch yaw, negative [1/s]. A wrench error
     moves the sole by Lambda_c^-1 / |K|: a smaller magnitude yields faster."""
     k_lag_s: Positive = 0.01
-    """The servo profile's lag that doubles K: the loop through the feet must stay
-    slower than its delays [s]."""
+    """The servo profile's lag that doubles K while a foot does not stand firmly;
+    while both do, the drives' inverse makes up for it [s]."""
+    loop_delay_s: NonNegative = 0.0
+    """Delay of the loop that K is large enough for, from a reading to the servos that
+    follow its answer; one tick of the robot at least [s]."""
+    firm_again_s: Positive = 1.4
+    """Time it takes to be as quick as with ideal drives again, after a foot that did
+    not stand firmly [s]."""
     contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """Weight of the wrench law per foot, x y z roll pitch yaw [1]."""
     yield_limit_m_s: Positive = 1.0

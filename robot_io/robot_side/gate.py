@@ -69,10 +69,14 @@ class LoopDelay:
         self._answered = answered
 
     def count(self, tick: int) -> None:
-        """Count a tick that begins while the robot is commanded."""
+        """Count the tick before one that begins: by how much its command was late.
+
+        Args:
+            tick: the one that begins.
+        """
         if self._answered is None:
             return
-        age_s = self._period_s * min(tick - self._answered, self._oldest)
+        age_s = self._period_s * min(tick - 1 - self._answered, self._oldest)
         self.mean_s += self._blend * (age_s - self.mean_s)
 
 

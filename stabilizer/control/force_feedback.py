@@ -18,9 +18,12 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
+from surefoot.stabilizer.control.feedback_speed import needed_stiffness
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import yaw_from
+
+ROUNDING_TICKS = 1e-6
 
 
 class ForceFeedback:
@@ -30,6 +33,9 @@ class ForceFeedback:
         r: (12,) desired twists of left and right sole, sole frames.
         ground_twist: (12,) low-passed sole twists with the servos' lag made up for,
             sole frames.
+        firmness: 1 while both feet stand firmly, 0 from the moment that one does not,
+            and slowly back; without lag always 1 [1].
+        stiffness: factor on K that the delay of the loop asks for, 1 or more [1].
         minus_K_inv: (12,) diagonal of -K^-1.
         blend: of the low-pass, per tick.
         lead: of the feed-forward, in ticks.
@@ -44,6 +50,7 @@ class ForceFeedback:
         half_sizes: Sequence[tuple[float, float]],
         period_s: float,
         lag_s: float = 0.0,
+        speed: float = 0.0,
     ) -> None:
         """Precompute gains.
 
@@ -53,10 +60,15 @@ class ForceFeedback:
             contact: search for the ground.
             half_sizes: half length and half width of left and right sole [m].
             period_s: time between two updates [s].
-            lag_s: lag of the servos' set-points beside the servo law's own [s]. The
-                loop through the feet is slower by it, so K grows with it.
+            lag_s: lag of the servos' set-points beside the servo law's own [s]. It is
+                made up for while the feet stand firmly; else K grows with it, since
+                the loop through the feet must be slower than its delays.
+            speed: of the fastest mode with the default K, see
+                :func:`surefoot.stabilizer.control.feedback_speed.fastest_mode` [1/s].
         """
-        self._lag_s = lag_s
+        self._lag_s, self._period_s, self._speed = lag_s, period_s, speed
+        self.firmness = 1.0
+        self._firm_again = period_s / dik.firm_again_s
         self.minus_K_inv = np.zeros(12)
         self._half_sizes = half_sizes
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
@@ -69,7 +81,9 @@ class ForceFeedback:
         self._share = [1.0, 1.0]
         self._turn_share = [[1.0, 1.0], [1.0, 1.0]]
         self.blend = -math.expm1(-2.0 * math.pi * ground.cutoff_hz * period_s)
-        self.lead = (ground.lead_s + lag_s) / period_s
+        self._ground_lead_s = self._lead_s = ground.lead_s
+        self._forces_s = 0.0
+        self.lead = ground.lead_s / period_s
         self._low_passed = np.zeros(12)
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
@@ -79,10 +93,23 @@ class ForceFeedback:
 
     def retune(self, dik: DikSettings, ground: GroundSettings) -> None:
         """Take new gains; limits and filters stay as they were built."""
-        stiffer = 1.0 + self._lag_s / dik.k_lag_s
-        self.minus_K_inv[:] = -1.0 / (stiffer * np.array(dik.k_force * 2))
+        self._k_force = np.array(dik.k_force * 2)
+        self._delay_s = max(dik.loop_delay_s, self._period_s)
+        self._lag_stiffness = 1.0 + self._lag_s / dik.k_lag_s
+        self._set_stiffness()
         self._leak = dik.stance_leak
         self._ground_gain = ground.gain
+
+    def expect_age(self, *, forces_s: float, motion_s: float) -> None:
+        """Take readings to be so old from now on: yield less, and look ahead.
+
+        Args:
+            forces_s: largest age of the force readings [s].
+            motion_s: mean age of what tells the soles' motion [s].
+        """
+        self._forces_s = forces_s
+        self._lead_s = self._ground_lead_s + motion_s
+        self._set_stiffness()
 
     def suspend_feed_forward(self, side: int) -> None:
         """Take a foot's motion for its own, not its ground's, until it stood a while.
@@ -115,6 +142,8 @@ class ForceFeedback:
         Returns:
             (12,) r, reused by the next call.
         """
+        if self._lag_s:
+            self._judge_stand(F_meas, in_contact)
         e_F = self._e
         np.subtract(F_meas, F_id, out=e_F)
         for side, rows in enumerate(SOLE_ROWS):
@@ -136,6 +165,32 @@ class ForceFeedback:
                 self._search(side, dynamics, F[NORMAL])
             self._pull_to_stance(side, dynamics, stance)
         return self.r
+
+    def _judge_stand(self, F_meas: Array, in_contact: list[bool]) -> None:
+        """Be soft as soon as a foot does not stand firmly, and for a while after."""
+        left, right = F_meas.item(NORMAL), F_meas.item(6 + NORMAL)
+        if all(in_contact) and min(left, right) > self._firm_force:
+            self._set_firmness(min(1.0, self.firmness + self._firm_again))
+        else:
+            self._set_firmness(0.0)
+
+    def _set_stiffness(self) -> None:
+        delay_s = self._delay_s + self._forces_s
+        self.stiffness = needed_stiffness(
+            self._speed,
+            delay_ticks=math.ceil(delay_s / self._period_s - ROUNDING_TICKS),
+            period_s=self._period_s,
+        )
+        self._firm_K_inv = -1.0 / (self.stiffness * self._k_force)
+        # As stiff as it has to be without the inverse, if it is not already.
+        self._soft = max(0.0, self._lag_stiffness / self.stiffness - 1.0)
+        self._set_firmness(self.firmness)
+
+    def _set_firmness(self, firmness: float) -> None:
+        self.firmness = firmness
+        soft = 1.0 - firmness
+        np.divide(self._firm_K_inv, 1.0 + soft * self._soft, out=self.minus_K_inv)
+        self.lead = (self._lead_s + soft * self._lag_s) / self._period_s
 
     def _feed_forward(self, side: int, F: list[float]) -> None:
         """Have a foot that stands firmly move with its ground.

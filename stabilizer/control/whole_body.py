@@ -11,16 +11,21 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.balance_controller import BalanceController
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.control.dik import Dik
+from surefoot.stabilizer.control.drive_inverse import DriveInverse
+from surefoot.stabilizer.control.feedback_speed import fastest_mode
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.tasks import Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.errors import QpStatus
+from surefoot.stabilizer.estimation.ages import ReadingAges
 from surefoot.stabilizer.estimation.observer import (
     ObservedState,
     Observer,
@@ -78,18 +83,43 @@ class WholeBodyController(BalanceController):
             half_sizes=self.model.half_sizes,
             period_s=robot.period_s,
             lag_s=robot.servo_profile.lag_s,
+            speed=self._fastest_mode(robot),
         )
         self.dik = Dik(self.model, settings.dik, self.tasks, solver=solver)
+        self.drives = DriveInverse(
+            robot.servo_profile, joints=self.model.n_a, period_s=robot.period_s
+        )
         self._q_command: Array = np.zeros(self.model.n_a)
         self._v_joint: Array = np.zeros(self.model.n_a)
+        self._ages = ReadingAges(period_s=robot.period_s)
         self._return_ticks = 0
         self._return_step: Array = np.zeros(self.model.n_a)
+
+    def _fastest_mode(self, robot: Robot) -> float:
+        """How fast the feet yield in the nominal stance, by the default K [1/s]."""
+        dynamics = self.dynamics
+        dynamics.update(self.model.nominal_configuration(), np.zeros(self.model.n_v))
+        return fastest_mode(
+            dynamics,
+            kp=robot.kp[self.model.to_model],
+            contact_stiffness=self._settings.contact.stiffness_n_m,
+        )
 
     def retune(self, settings: ControllerSettings) -> None:
         """Use new gains from the next step on; see :class:`Tunable`."""
         for task in self.tasks:
             task.retune(settings)
         self.law.retune(settings.dik, settings.ground)
+
+    def step(
+        self, snapshot: Snapshot, reference: Reference | None = None
+    ) -> ControllerOutput:
+        """Answer one tick, with readings as old as they are; see the base class."""
+        if snapshot.measured_ns and self._ages.add(snapshot):
+            self.law.expect_age(
+                forces_s=self._ages.forces_s, motion_s=self._ages.motion_s
+            )
+        return super().step(snapshot, reference)
 
     def degrade(self, lost: tuple[bool, bool]) -> None:
         """Go on without ankle sensors; see :meth:`Observer.leave_out`.
@@ -120,6 +150,7 @@ class WholeBodyController(BalanceController):
 
     def _take_over(self, q_command: Array) -> None:
         self._q_command[:] = q_command
+        self.drives.take_over(q_command)
 
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
         """Solve both QPs and integrate."""
@@ -161,10 +192,13 @@ class WholeBodyController(BalanceController):
         np.maximum(q_command, q_joint - reach, out=q_command)
         np.minimum(q_command, self.model.upper, out=q_command)
         np.maximum(q_command, self.model.lower, out=q_command)
+        if self.drives.lags:
+            self.drives.follow(q_command, share=self.law.firmness)
 
     def _output(self) -> ControllerOutput:
+        q_command = self.drives.sent if self.drives.lags else self._q_command
         return ControllerOutput(
-            q_command=self._q_command[self.model.to_bus],
+            q_command=q_command[self.model.to_bus],
             F_id=self.tsid.F_id,
             com=self.dynamics.p_com,
             r=self.law.r,

@@ -58,6 +58,7 @@ class LinearController:
         ground: (12,) parts of them fed forward.
         blend: of the low-pass, per tick.
         lead: in ticks.
+        inverse_lead: q + lead (q - q of the tick before) is sent to the drives [1].
     """
 
     F_x: Mat
@@ -70,6 +71,7 @@ class LinearController:
     ground: Array
     blend: float
     lead: float
+    inverse_lead: float
 
 
 class LinearLoop:
@@ -112,7 +114,7 @@ class LinearLoop:
             missed: no answer comes to act in this tick; the servos go on as before.
         """
         plant, law, dt = self.plant, self.law, self.period_s
-        n_p, m, past = len(plant.A), len(plant.legs), max(1, delay_ticks)
+        n_p, m, past = len(plant.A), len(plant.legs), delay_ticks + 1
         low = slice(n_p, n_p + 12)
         sent = [slice(at, at + m) for at in range(low.stop, low.stop + m * past, m)]
         newest, due = sent[0], sent[-1]
@@ -135,12 +137,16 @@ class LinearLoop:
         B[newest] = dt * law.v_r @ law.r_e
         for later, sooner in zip(sent[1:], sent, strict=False):
             A[later, sooner] = np.eye(m)
+        # The drives' inverse: what is sent for q after q_before.
+        lead = law.inverse_lead
         if missed:
             A[before, before] = np.eye(m)
         elif delay_ticks == 0:
-            A[before], B[before] = A[newest], B[newest]
+            A[before], B[before] = (1.0 + lead) * A[newest], (1.0 + lead) * B[newest]
+            A[before, newest] -= lead * np.eye(m)
         else:
-            A[before, due] = np.eye(m)
+            A[before, sent[-2]] = (1.0 + lead) * np.eye(m)
+            A[before, due] -= lead * np.eye(m)
         A[:n_p] = plant.B @ A[before]
         B[:n_p] = plant.B @ B[before]
         A[:n_p, :n_p] += plant.A
@@ -224,4 +230,5 @@ def _linear_controller(
         ground=np.array(settings.ground.gain * 2),
         blend=law.blend,
         lead=law.lead,
+        inverse_lead=controller.drives.lead,
     )
