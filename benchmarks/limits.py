@@ -5,9 +5,9 @@
 ``limit-height.svg``: the height on the slow platform over the bandwidth of its filter,
 with and without accelerometer noise. ``limit-pitch.svg``: foot force on swaying ground
 over the feedback in pitch, for three delays of the command. ``limit-push.svg``: CoM and
-centre of pressure after a push along the soles. ``limit-slow.svg``: slow servos, over
-how much stiffer the feedback gets with their lag. Each run is one of
-``surefoot sweep``.
+centre of pressure after a push along the soles. ``limit-slow.svg``: how fast
+the set-points of slow servos would have to move, and how fast they can. Each run is one
+of ``surefoot sweep``.
 """
 
 from __future__ import annotations
@@ -40,14 +40,12 @@ GROUND = {
 }
 FELL_N = 1e3
 """Where a case with a fall is drawn [N]."""
-STIFFER = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
-"""Factors of K with the slow servos; 3 is the default."""
+RATES_DEG_S = (60.0, 90.0, 120.0)
+SMOOTHED_S = 0.02
+"""Noise of the set-points is averaged over this [s]."""
+SWAYS_WHOLE_S = 2.0
+"""From here on the sines have faded in [s]."""
 SLOW_SINES = {"tilt-sine-roll": "C0", "tilt-sine-pitch": "C1"}
-SLOW_GROUND = {
-    "tilt-ramp-pitch": "C1",
-    "tilt-ramp-roll": "C0",
-    "moving-platform-fast": "C2",
-}
 PUSHED = {"whole-body": "C0", "zmp-tuned": "C1"}
 SEEN_S = (1.9, 4.0)
 EDGE_MM = 10.0
@@ -138,40 +136,40 @@ def pitch(work: Work, grid: Any) -> None:
     grid[0].set_ylabel(f"force deviation, worst seed [N]; fell: {FELL_N:g}")
 
 
-def slow(work: Work, grid: Any) -> None:
-    """Draw falls and remaining forces with slow servos, over the feedback."""
-    lag_s = load_robot("walker", servo_profile="harmonic").servo_profile.lag_s
-    scenarios = (*SLOW_SINES, *SLOW_GROUND)
-    cases = [
-        (
-            Group(scenario, (), "whole-body", "harmonic"),
-            f"dik.k_lag_s={lag_s / max(factor - 1.0, 1e-9)}",
-        )
-        for scenario in scenarios
-        for factor in STIFFER
-    ]
-    rows = iter(work.rows(cases))
-    upper, lower = grid
-    for scenario in scenarios:
-        found = [next(rows) for _ in STIFFER]
-        up = [sum(Outcome(row["outcome"]).is_up for row in seeds) for seeds in found]
-        forces = [_worst_force(seeds) for seeds in found]
-        print(f"slow: {scenario}, up: {dict(zip(STIFFER, up, strict=True))}")
-        print(f"slow: {scenario}: " + _words(STIFFER, forces))
-        if scenario in SLOW_SINES:
-            upper.plot(STIFFER, up, "o-", color=SLOW_SINES[scenario], label=scenario)
-        else:
-            lower.plot(STIFFER, forces, "o-", color=SLOW_GROUND[scenario])
-            lower.annotate(scenario, (STIFFER[-1], forces[-1]), ha="right", va="bottom")
-    for axes in grid:
-        axes.axvline(3.0, color="gray", lw=1.0)
-        axes.set(xlabel="K over that of the ideal servos")
-    upper.set(title="sines, 120 deg/s", ylabel=f"stayed up, of {work.seeds}")
-    lower.set(
-        title="ramps of 60 deg/s, fast platform",
-        ylabel=f"force deviation, worst seed [N]; fell: {FELL_N:g}",
-        yscale="log",
+def slow(grid: Any) -> None:
+    """Draw how fast slow servos would have to move on swaying ground, and how fast."""
+    profile = load_robot("walker", servo_profile="harmonic").servo_profile
+    axes, rates = grid[0, 0], np.array(RATES_DEG_S)
+    for scenario, colour in SLOW_SINES.items():
+        fastest = []
+        for rate in RATES_DEG_S:
+            values = (("tilt_rate_deg_s", rate),)
+            arrays = _record(Group(scenario, values, "whole-body", "ideal"))
+            fastest.append(_demanded(arrays, lag_s=profile.lag_s))
+        axes.plot(rates, fastest, "o-", color=colour, label=scenario)
+        pairs = zip(RATES_DEG_S, fastest, strict=True)
+        words = ", ".join(f"{rate:g} deg/s: {v:.2f} rad/s" for rate, v in pairs)
+        print(f"slow: {scenario}: {words}")
+    axes.plot(rates, np.radians(rates), "--", color="gray", label="the ground itself")
+    axes.axhline(profile.velocity_limit_rad_s, color="C3", label="available")
+    axes.set(
+        title="set-points of slow servos",
+        xlabel="fastest rate of the ground [deg/s]",
+        ylabel="fastest joint [rad/s]",
+        ylim=(0.0, None),
     )
+
+
+def _demanded(arrays: dict[str, Array], *, lag_s: float) -> float:
+    """Fastest set-point that makes servos with lag follow as ideal ones do [rad/s]."""
+    time_s, q = arrays["time_s"], arrays["q_command"]
+    dt = float(time_s[1] - time_s[0])
+    kernel = np.full(round(SMOOTHED_S / dt), dt / SMOOTHED_S)
+    smooth = np.apply_along_axis(np.convolve, 0, q, kernel, mode="valid")
+    rate = np.gradient(smooth, dt, axis=0)
+    demanded = rate + lag_s * np.gradient(rate, dt, axis=0)
+    whole = time_s[: len(smooth)] > SWAYS_WHOLE_S
+    return float(np.abs(demanded[whole]).max())
 
 
 def _worst_force(seeds: list[Row]) -> float:
@@ -295,7 +293,7 @@ def main() -> int:
         shape=(1, 2),
         sharey=True,
     )
-    write("slow", lambda grid: slow(work, grid[0]), size=(9.0, 3.6), shape=(1, 2))
+    write("slow", slow, size=(6.4, 3.4))
     return 0
 
 

@@ -31,14 +31,14 @@ from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.margins.margins import compute_margins
 
-DURATION_S = 4.0
+DURATION_S = 3.0
 SEEN_S = 1.0
 """Errors of the last second tell."""
 SWAYS = 3.0
 """Times the errors of a calm run."""
 CALM = 2.5
 """Factor on K of a run that is calm, over the one at which it should sway."""
-BISECTIONS = 6
+BISECTIONS = 5
 RANGE = 2.0
 """The factor is looked for within this from the one computed."""
 MOST_TICKS = 12

@@ -69,9 +69,16 @@ def run(
     Exits with 0 only when the robot stood or walked to the end: with 5 when it fell,
     with 1 when it was held, in fault or not controlled.
     """
-    from surefoot.cli.console import print_json, print_table, progress_bar, show_notes
+    from surefoot.cli.console import (
+        print_json,
+        print_note,
+        print_table,
+        progress_bar,
+        show_notes,
+    )
     from surefoot.cli.options import check_priority
     from surefoot.cli.summary import histogram_table, run_table
+    from surefoot.loop_margins import loop_notice
     from surefoot.run_plan import make_plan
     from surefoot.runs import execute
 
@@ -87,6 +94,8 @@ def run(
         mode=_mode(lockstep=lockstep, inline=inline),
         relay=relay,
     )
+    if notice := loop_notice(plan):
+        print_note(notice)
     meeting = _meeting(endpoints, listen=listen or [], connect=connect or [])
     if inline and meeting is not None:
         raise UsageError(

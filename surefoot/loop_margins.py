@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from msgspec.structs import fields
+
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.run_plan import Settings, resolve_settings
+from surefoot.run_plan import RunPlan, Settings, resolve_settings
 from surefoot.schemas.margins import LoopMargins
+from surefoot.schemas.sensing import SensorDelays
 from surefoot.stabilizer.settings_check import check_settings
 
 MS_PER_S = 1e3
@@ -49,6 +52,34 @@ def compute_margins(
     from surefoot.stabilizer.margins.margins import compute_margins as compute
 
     return compute(robot, resolved, delay_ticks=ticks)
+
+
+def loop_notice(plan: RunPlan) -> str:
+    """Say that a run's loop is later than the stabilizer can bear; empty if it is not.
+
+    Args:
+        plan: of the run; only the whole-body stabilizer is judged.
+    """
+    if plan.controller != "whole-body":
+        return ""
+    from surefoot.stabilizer.control.feedback_speed import borne_delay
+
+    tick_ms = MS_PER_S * plan.robot.period_s
+    delay = plan.scenario.delay
+    command_ms = tick_ms if delay.command_ms is None else delay.command_ms
+    # What single sensors are late by beyond that, the stabilizer sees by their stamps.
+    shared_ms = min(delay.of(field.name) for field in fields(SensorDelays))
+    whole_ms = command_ms + shared_ms
+    borne_ms = tick_ms * borne_delay(plan.robot, plan.settings)
+    if whole_ms <= borne_ms + _WHOLE:
+        return ""
+    return (
+        f"the loop is {whole_ms:g} ms late (commands {command_ms:g}, sensors "
+        f"{shared_ms:g}), and this robot bears {borne_ms:g} ms with these gains: it "
+        f"will sway, or its gate will refuse to be driven; --set "
+        f"dik.loop_delay_s={whole_ms / MS_PER_S:g} makes the feet softer, see "
+        "surefoot margins"
+    )
 
 
 def _ticks(delay_ms: float, period_s: float) -> int:

@@ -17,13 +17,19 @@ import math
 
 import numpy as np
 
+from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.settings import DikSettings
+from surefoot.schemas.settings import ControllerSettings, DikSettings
 from surefoot.stabilizer.dynamics import Dynamics
-from surefoot.stabilizer.model import N_BASE_V
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 MARGIN = 2.12
 """From the speed at which the fastest mode sways: 6 dB, and 0.5 dB for single axes."""
+
+DAMPED = 1.06
+"""So much slower the servos' damping makes the fastest mode; only what is borne at the
+very most counts on it."""
+ROUNDING_TICKS = 1e-6
 
 
 def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> float:
@@ -69,3 +75,34 @@ def needed_stiffness(speed: float, *, delay_ticks: int, period_s: float) -> floa
     """
     sways = 2.0 * math.sin(math.pi / (2.0 * (2.0 * delay_ticks + 1.0)))
     return max(1.0, MARGIN * speed * period_s / sways)
+
+
+def borne_delay(robot: Robot, settings: ControllerSettings) -> int:
+    """Compute the largest delay of the loop at which the fastest mode is calm [ticks].
+
+    Args:
+        robot: to be controlled.
+        settings: resolved; K is as large as its ``dik.loop_delay_s`` asks for.
+    """
+    model = RobotModel(robot)
+    dynamics = Dynamics(model)
+    dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+    speed = fastest_mode(
+        dynamics,
+        kp=robot.kp[model.to_model],
+        contact_stiffness=settings.contact.stiffness_n_m,
+    )
+    period_s, ticks = robot.period_s, 1
+    told = ticks_of(settings.dik.loop_delay_s, period_s)
+    most = needed_stiffness(speed, delay_ticks=told, period_s=period_s)
+    most *= DAMPED * MARGIN
+    default = np.array(DikSettings().k_force)
+    most *= float(np.min(np.array(settings.dik.k_force) / default))
+    while needed_stiffness(speed, delay_ticks=ticks + 1, period_s=period_s) < most:
+        ticks += 1
+    return ticks
+
+
+def ticks_of(delay_s: float, period_s: float) -> int:
+    """Return a delay in ticks, rounded up; one at least."""
+    return max(1, math.ceil(delay_s / period_s - ROUNDING_TICKS))

@@ -18,12 +18,10 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
-from surefoot.stabilizer.control.feedback_speed import needed_stiffness
+from surefoot.stabilizer.control.feedback_speed import needed_stiffness, ticks_of
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import yaw_from
-
-ROUNDING_TICKS = 1e-6
 
 
 class ForceFeedback:
@@ -178,7 +176,7 @@ class ForceFeedback:
         delay_s = self._delay_s + self._forces_s
         self.stiffness = needed_stiffness(
             self._speed,
-            delay_ticks=math.ceil(delay_s / self._period_s - ROUNDING_TICKS),
+            delay_ticks=ticks_of(delay_s, self._period_s),
             period_s=self._period_s,
         )
         self._firm_K_inv = -1.0 / (self.stiffness * self._k_force)

@@ -12,7 +12,7 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import build_settings
-from surefoot.stabilizer.control.feedback_speed import needed_stiffness
+from surefoot.stabilizer.control.feedback_speed import borne_delay, needed_stiffness
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.estimation.ages import FORCES, MOTION, ReadingAges
 from surefoot.stabilizer.margins.margins import compute_margins
@@ -76,6 +76,13 @@ def test_the_rule_leaves_the_whole_loop_its_margin(
     worst = compute_margins(robot, settings, delay_ticks=ticks).worst_db
     assert worst is not None
     assert worst > ALMOST_DB
+
+
+def test_what_is_borne_is_what_the_whole_loop_bears(walker: Robot) -> None:
+    default = build_settings({}, overrides=[])
+    assert borne_delay(walker, default) == 3
+    told = build_settings({}, overrides=["dik.loop_delay_s=0.006"])
+    assert borne_delay(walker, told) > 10
 
 
 def snapshot(tick: int, *, forces_late: int, motion_late: int) -> Snapshot:

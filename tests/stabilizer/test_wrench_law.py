@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array
+from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.dynamics import SOLE_ROWS
-from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from tests.stabilizer.laws import NO_GAIN, PAPER, make_law, settings_with
 from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, LEFT, RIGHT, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance
@@ -200,8 +201,10 @@ def test_what_a_lifted_foot_feels_does_not_move_the_other(
     np.testing.assert_array_equal(answers[0], answers[1])
 
 
-def test_drives_with_more_lag_yield_less_to_the_same_error(model: RobotModel) -> None:
-    """The loop through the feet stays slower than its delays."""
+def test_drives_with_lag_yield_less_while_a_foot_does_not_stand_firmly(
+    model: RobotModel,
+) -> None:
+    """Without their inverse the loop must be slower than the lag."""
     rig = Rig(model, PAPER)
     rig.go(nominal_state(model))
     F_id = np.zeros(12)
@@ -212,3 +215,30 @@ def test_drives_with_more_lag_yield_less_to_the_same_error(model: RobotModel) ->
         for lag_s in (0.0, 2.0 * PAPER.dik.k_lag_s)
     )
     np.testing.assert_allclose(3.0 * slow, brisk, atol=TOLERANCE)
+
+
+def test_drives_with_lag_yield_as_prompt_ones_once_the_feet_stand_firmly(
+    model: RobotModel,
+) -> None:
+    rig = Rig(model, PAPER)
+    rig.go(nominal_state(model))
+    load = np.zeros(12)
+    load[[2, 8]] = 0.5 * model.mass * GRAVITY
+    prompt, slow = (make_law(PAPER, lag_s=lag_s) for lag_s in (0.0, 0.02))
+
+    def answer(law: ForceFeedback, F_meas: Array) -> Array:
+        return law.update(
+            rig.dynamics, rig.stance, F_meas=F_meas, F_id=load, in_contact=BOTH
+        ).copy()
+
+    wanted = answer(prompt, load + ERROR)
+    np.testing.assert_allclose(answer(slow, load + ERROR), wanted, atol=TOLERANCE)
+    answer(slow, np.zeros(12))
+    assert slow.firmness == 0.0
+    np.testing.assert_allclose(
+        3.0 * answer(slow, load + ERROR), wanted, rtol=0.01, atol=TOLERANCE
+    )
+    ticks = round(PAPER.dik.firm_again_s / 0.001)
+    for _ in range(ticks):
+        answer(slow, load + ERROR)
+    np.testing.assert_allclose(answer(slow, load + ERROR), wanted, atol=TOLERANCE)
