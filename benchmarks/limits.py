@@ -27,7 +27,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.signals import memory_sinks
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.factory import make_controller
-from surefoot.studies.cell import Cell, Group, Row, run_cell
+from surefoot.studies.cell import Cell, Group, Row, Task
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
 NOISE = "sensors.accel_noise_m_s2"
@@ -66,7 +66,7 @@ class Work:
         from joblib import Parallel, delayed
 
         flat = Parallel(n_jobs=self.jobs)(
-            delayed(run_cell)(Cell(group, seed), robot="walker", overrides=(setting,))
+            delayed(Task.run)(Task(Cell(group, seed), "walker", (setting,)))
             for group, setting in cases
             for seed in range(self.seeds)
         )

@@ -28,6 +28,7 @@ from surefoot.cli.run_command import run
 from surefoot.cli.scenarios_command import scenarios
 from surefoot.cli.stabilizer_command import stabilizer
 from surefoot.cli.sweep_command import sweep
+from surefoot.cli.tune_command import tune
 from surefoot.cli.view_command import view
 
 app = typer.Typer(
@@ -69,7 +70,7 @@ def surefoot(
 _COMMANDS = (
     *(run, robot, stabilizer, view),
     *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
-    *(sweep, report, reproduce, bench),
+    *(sweep, tune, report, reproduce, bench),
     *(router, relay, certs, check_robot),
     *(new_robot,),
 )

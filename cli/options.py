@@ -202,6 +202,15 @@ JobsOption = Annotated[
     int, typer.Option("--jobs", min=0, help="Processes; 0 for one per processor.")
 ]
 
+SchedulerOption = Annotated[
+    str | None,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Run on the workers of this Dask scheduler, such as tcp://head:8786.",
+    ),
+]
+
 _TIMING = "Real time"
 
 HistogramOption = Annotated[

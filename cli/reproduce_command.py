@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -27,6 +26,7 @@ def reproduce(
         bool, typer.Option("--report-only", help="Write the page from kept runs only.")
     ] = False,
     jobs: options.JobsOption = 0,
+    scheduler: options.SchedulerOption = None,
 ) -> None:
     """Run the paper's scenarios with all controllers, and write a page about them.
 
@@ -45,12 +45,12 @@ def reproduce(
     cells = cells_of(extent(quick=quick, seeds=seeds))
     with StudyStore(out, about={"study": "reproduce"}) as store:
         if not report_only:
-            workers = jobs or os.cpu_count() or 1
             execute(
                 cells,
                 store,
                 robot="walker",
-                jobs=workers,
+                jobs=jobs,
+                scheduler=scheduler,
                 title="runs",
                 bar=count_bar,
             )

@@ -51,6 +51,7 @@ def sweep(
     robot: options.RobotOption = "walker",
     overrides: options.SetOption = None,
     jobs: options.JobsOption = 0,
+    scheduler: options.SchedulerOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """Run every combination in parallel processes, and say how many stayed up.
@@ -78,6 +79,7 @@ def sweep(
         robot=robot,
         overrides=tuple(overrides or []),
         jobs=jobs,
+        scheduler=scheduler,
         bar=count_bar,
     )
     if as_json:

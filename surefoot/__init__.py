@@ -50,7 +50,8 @@ _HOMES = {
     "stabilizer.errors": ("ControllerError",),
     "errors": (
         *("SurefootError", "UsageError", "EnvironmentFailedError"),
-        *("ChildFailedError", "RunInterrupted", "UnknownSignalError"),
+        *("ChildFailedError", "RunInterrupted", "TuneInterrupted"),
+        *("UnknownSignalError",),
     ),
     "schemas.margins": ("AxisMargin", "LoopMargins"),
     "loop_margins": ("compute_margins",),
@@ -61,6 +62,8 @@ _HOMES = {
     "recording.read": ("Record", "read_record"),
     "playback.replay": ("ReplayOutcome", "replay"),
     "studies.study": ("Study", "study"),
+    "tuning.outcome": ("Tuned",),
+    "tuning.tune": ("tune",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 _MODULES = ("bench",)
@@ -92,6 +95,7 @@ if TYPE_CHECKING:
     from surefoot.errors import EnvironmentFailedError as EnvironmentFailedError
     from surefoot.errors import RunInterrupted as RunInterrupted
     from surefoot.errors import SurefootError as SurefootError
+    from surefoot.errors import TuneInterrupted as TuneInterrupted
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
     from surefoot.loop_margins import compute_margins as compute_margins
@@ -150,3 +154,5 @@ if TYPE_CHECKING:
     from surefoot.stabilizer.errors import ControllerError as ControllerError
     from surefoot.studies.study import Study as Study
     from surefoot.studies.study import study as study
+    from surefoot.tuning.outcome import Tuned as Tuned
+    from surefoot.tuning.tune import tune as tune

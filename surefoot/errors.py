@@ -44,6 +44,19 @@ class ChildFailedError(SurefootError):
         self.exit_code = exit_code
 
 
+class TuneInterrupted(KeyboardInterrupt):
+    """A search was ended by Ctrl-C or SIGTERM.
+
+    Attributes:
+        tuned: what there is of it, a :class:`surefoot.Tuned`; None for nothing.
+    """
+
+    def __init__(self, tuned: Any) -> None:
+        """Keep what there is of the search."""
+        super().__init__("the search was interrupted")
+        self.tuned = tuned
+
+
 class RunInterrupted(KeyboardInterrupt):
     """A run was ended by Ctrl-C or SIGTERM.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -54,7 +53,7 @@ class BenchRuns:
             self.store,
             robot=self.robot,
             overrides=self.overrides,
-            jobs=self.jobs or os.cpu_count() or 1,
+            jobs=self.jobs,
             title=title,
             bar=self.bar,
         )

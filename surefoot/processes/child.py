@@ -96,21 +96,28 @@ class Child:
     """
 
     def __init__(
-        self, name: str, arguments: list[str], *, log: Path, events: SimpleQueue[Event]
+        self,
+        name: str,
+        arguments: list[str],
+        *,
+        log: Path,
+        events: SimpleQueue[Event],
+        module: str = "surefoot.cli",
     ) -> None:
         """Start the process.
 
         Args:
             name: what it is.
-            arguments: of the ``surefoot`` command.
+            arguments: of the ``surefoot`` command, or of the module.
             log: file for its stderr.
             events: gets its progress, then its exit.
+            module: what the process runs.
         """
         self.name, self.log = name, log
         self._is_asked = False
         with log.open("wb") as stderr:
             self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "surefoot.cli", *arguments, "--child"],
+                [sys.executable, "-P", "-m", module, *arguments, "--child"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=stderr,

@@ -130,6 +130,10 @@ class Cell:
         """Run its plan; what was run, and the figures."""
         from surefoot.runs import run_inline
 
+        return self.row(run_inline(plan).result)
+
+    def row(self, result: RunResult) -> Row:
+        """Return what was run, and the figures."""
         group = self.group
         return {
             "scenario": group.scenario,
@@ -137,7 +141,7 @@ class Cell:
             "variant": group.variant,
             "servo_profile": group.servo_profile,
             "seed": self.seed,
-            **figures_of(run_inline(plan).result),
+            **figures_of(result),
         }
 
 
@@ -267,31 +271,38 @@ def plan_in(
     )
 
 
-def run_cell(
-    cell: Work, *, robot: str, overrides: tuple[str, ...], inputs: str | None = None
-) -> Row:
-    """Run a cell and return its row: what was run, and the figures.
+class Task(NamedTuple):
+    """A run with all that it needs, as it is sent to the process that does it.
 
-    Args:
-        cell: what to run.
+    Attributes:
+        cell: what is run.
         robot: shipped name or path of a robot file.
-        overrides: texts ``section.name=value``.
+        overrides: settings, texts ``section.name=value``.
         inputs: fingerprint of these where the study was begun; None for any.
-
-    Raises:
-        UsageError: the inputs found here are others.
     """
-    from surefoot.studies.fingerprint import inputs_fingerprint
 
-    plan = cell.plan(robot=robot, overrides=overrides)
-    here = inputs_fingerprint(plan)
-    if inputs not in (None, here):
-        raise UsageError(
-            f"{cell.case}: scenario, robot or settings on {platform.node()} are "
-            "not those that the study began with; a run with them would be mixed in. "
-            "Give this machine the same files, or begin another study"
-        )
-    return {"key": cell.key, "inputs": here, **cell.run(plan)}
+    cell: Work
+    robot: str
+    overrides: tuple[str, ...] = ()
+    inputs: str | None = None
+
+    def run(self) -> Row:
+        """Run it and return its row: what was run, and the figures.
+
+        Raises:
+            UsageError: the inputs found here are others.
+        """
+        from surefoot.studies.fingerprint import inputs_fingerprint
+
+        plan = self.cell.plan(robot=self.robot, overrides=self.overrides)
+        here = inputs_fingerprint(plan)
+        if self.inputs not in (None, here):
+            raise UsageError(
+                f"{self.cell.case}: scenario, robot or settings on {platform.node()} "
+                "are not those that the study began with; a run with them would be "
+                "mixed in. Give this machine the same files, or begin another study"
+            )
+        return {"key": self.cell.key, "inputs": here, **self.cell.run(plan)}
 
 
 def group_of(row: Row) -> Group:

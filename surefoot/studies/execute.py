@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from surefoot.progress import CountBar, no_bar
-from surefoot.studies.cell import Work, run_cell
+from surefoot.studies.cell import Row, Task, Work
 from surefoot.studies.fingerprint import inputs_fingerprint
 from surefoot.studies.store import StudyStore
 
@@ -41,7 +41,8 @@ def execute(
     *,
     robot: str,
     overrides: tuple[str, ...] = (),
-    jobs: int,
+    jobs: int = 0,
+    scheduler: str | None = None,
     title: str,
     bar: CountBar = no_bar,
 ) -> None:
@@ -52,7 +53,8 @@ def execute(
         store: open for writing.
         robot: shipped robot or a robot file.
         overrides: settings for all, ``section.name=value``.
-        jobs: processes.
+        jobs: processes; 0 for one per processor.
+        scheduler: address of a Dask scheduler, whose workers run them instead.
         title: for the progress bar.
         bar: shows how many runs are done.
 
@@ -60,31 +62,59 @@ def execute(
         FileFormatError: a value does not fit its scenario; nothing has been run.
         UsageError: kept runs are of another scenario, robot or settings.
     """
-    from joblib import Parallel, delayed, parallel_config
+    tasks = tasks_of(cells, robot=robot, overrides=overrides)
+    for task in tasks:
+        store.check(task)
+    missing = [task for task in tasks if task.cell.key not in store.rows]
+    with bar(title, total=len(cells), done=len(cells) - len(missing)) as tell:
+        for row in run_tasks(missing, jobs=jobs, scheduler=scheduler):
+            store.add(row)
+            tell()
 
+
+def tasks_of(
+    cells: Sequence[Work], *, robot: str, overrides: tuple[str, ...]
+) -> list[Task]:
+    """Check cells and return them with all that their runs need.
+
+    Raises:
+        FileFormatError: a value does not fit its scenario.
+    """
+    groups = {cell.group: cell for cell in cells}
     inputs = {
         group: inputs_fingerprint(cell.plan(robot=robot, overrides=overrides))
-        for group, cell in {cell.group: cell for cell in cells}.items()
+        for group, cell in groups.items()
     }
-    for cell in cells:
-        store.check(cell, inputs[cell.group])
-    missing = [cell for cell in cells if cell.key not in store.rows]
+    return [Task(cell, robot, overrides, inputs[cell.group]) for cell in cells]
+
+
+def run_tasks(
+    tasks: Sequence[Task], *, jobs: int = 0, scheduler: str | None = None
+) -> Iterator[Row]:
+    """Run tasks in parallel; yields each row when it is done.
+
+    Args:
+        tasks: what to run.
+        jobs: processes; 0 for one per processor, 1 for this one.
+        scheduler: address of a Dask scheduler, whose workers run them instead.
+    """
+    from joblib import Parallel, delayed, parallel_config
+
+    if scheduler is not None:
+        from surefoot.studies.cluster import run_on_cluster
+
+        yield from run_on_cluster(tasks, scheduler)
+        return
     workers = parallel_config(
         backend="loky",
         idle_worker_timeout=IDLE_S,
         initializer=end_with,
         initargs=(os.getpid(),),
     )
-    with (
-        workers,
-        bar(title, total=len(cells), done=len(cells) - len(missing)) as tell,
-    ):
-        work = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-        for row in work(
-            delayed(run_cell)(
-                cell, robot=robot, overrides=overrides, inputs=inputs[cell.group]
-            )
-            for cell in missing
-        ):
-            store.add(row)
-            tell()
+    with workers:
+        work = Parallel(
+            n_jobs=jobs or os.cpu_count() or 1,
+            return_as="generator_unordered",
+            batch_size=1,
+        )
+        yield from work(delayed(Task.run)(task) for task in tasks)

@@ -20,6 +20,7 @@ from pathlib import Path
 import msgspec
 
 from surefoot.run_plan import RunPlan
+from surefoot.schemas.scenario import with_recordings
 from surefoot.stabilizer.factory import CONTROLLERS, find_target
 
 ROOT = "surefoot.simulation"
@@ -114,11 +115,15 @@ def _is_text(node: ast.AST) -> bool:
 def inputs_fingerprint(plan: RunPlan) -> str:
     """Return the SHA-256 of what a plan puts into a run, besides the seed.
 
-    It is that of contents, wherever the files lie: scenario, robot file and URDF,
-    settings, and the source of a controller from outside.
+    It is that of contents, wherever the files lie: scenario and recorded motions, robot
+    file and URDF, settings, and the source of a controller from outside.
     """
     digest = hashlib.sha256()
-    for part in (plan.scenario, plan.settings, plan.robot.file):
+    scenario = with_recordings(
+        plan.scenario,
+        lambda motion: hashlib.sha256(Path(motion.file).read_bytes()).hexdigest(),
+    )
+    for part in (scenario, plan.settings, plan.robot.file):
         digest.update(msgspec.json.encode(part))
     digest.update(plan.robot.urdf_path.read_bytes())
     digest.update(plan.controller.rpartition(":")[2].encode())

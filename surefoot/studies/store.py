@@ -12,7 +12,7 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.out_folder import make_out_folder
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.studies.cell import Row, Work
+from surefoot.studies.cell import Row, Task
 from surefoot.studies.fingerprint import about_code
 
 STUDY, RUNS = "study.json", "runs.jsonl"
@@ -81,20 +81,19 @@ class StudyStore:
         self._file.flush()
         self.rows[row["key"]] = row
 
-    def check(self, cell: Work, inputs: str) -> None:
+    def check(self, task: Task) -> None:
         """See that a kept run of a cell, if there is one, is the run that is meant.
 
         Args:
-            cell: what is to be run.
-            inputs: fingerprint of scenario, robot and settings as they are now.
+            task: what is to be run, with scenario, robot and settings as they are.
 
         Raises:
             UsageError: it was made with others of the same name.
         """
-        row = self.rows.get(cell.key)
-        if row is not None and row["inputs"] != inputs:
+        row = self.rows.get(task.cell.key)
+        if row is not None and row["inputs"] != task.inputs:
             raise UsageError(
-                f"{self._path}: holds a run of {cell.case} from before its "
+                f"{self._path}: holds a run of {task.cell.case} from before its "
                 "scenario, robot or settings were changed; runs of both would be "
                 "mixed. Name another folder, or remove this one"
             )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -48,6 +48,7 @@ def study(
     robot: str | Path = "walker",
     settings: Mapping[str, Any] | None = None,
     jobs: int = 0,
+    scheduler: str | None = None,
     out: str | Path | None = None,
     bar: CountBar = no_bar,
 ) -> Study:
@@ -63,6 +64,8 @@ def study(
         robot: shipped name or path of a robot file.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
+        scheduler: address of a Dask scheduler, such as ``tcp://head:8786``, whose
+            workers run them instead.
         out: a folder that keeps finished runs, so that a study that was ended goes on
             where it was; None keeps nothing on disk.
         bar: shows how many runs are done.
@@ -82,19 +85,20 @@ def study(
         servo_profiles=servo_profiles,
         seeds=range(seeds) if isinstance(seeds, int) else list(seeds),
     )
-    robot = str(robot)
     overrides = tuple(f"{k}={json.dumps(v)}" for k, v in (settings or {}).items())
-    if out is not None:
-        return run_study(
-            cells, Path(out), robot=robot, overrides=overrides, jobs=jobs, bar=bar
-        )
-    with tempfile.TemporaryDirectory(prefix="surefoot-") as folder:
+    place = (
+        tempfile.TemporaryDirectory(prefix="surefoot-")
+        if out is None
+        else nullcontext(out)
+    )
+    with place as folder:
         return run_study(
             cells,
             Path(folder),
             robot=str(robot),
             overrides=overrides,
             jobs=jobs,
+            scheduler=scheduler,
             bar=bar,
         )
 
@@ -137,6 +141,7 @@ def run_study(
     robot: str,
     overrides: tuple[str, ...],
     jobs: int,
+    scheduler: str | None = None,
     bar: CountBar = no_bar,
 ) -> Study:
     """Run what a folder does not hold yet, and write its summary.
@@ -147,6 +152,8 @@ def run_study(
         robot: shipped name or path of a robot file.
         overrides: settings for all runs, texts ``section.name=value``.
         jobs: processes; 0 for one per processor.
+        scheduler: address of a Dask scheduler, such as ``tcp://head:8786``, whose
+            workers run them instead.
         bar: shows how many runs are done.
     """
     with StudyStore(folder, about={"robot": robot, "set": list(overrides)}) as store:
@@ -155,7 +162,8 @@ def run_study(
             store,
             robot=robot,
             overrides=overrides,
-            jobs=jobs or os.cpu_count() or 1,
+            jobs=jobs,
+            scheduler=scheduler,
             title="runs",
             bar=bar,
         )

@@ -26,7 +26,7 @@ from surefoot.schemas.result import (
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
-from surefoot.studies.cell import Cell, Group, run_cell
+from surefoot.studies.cell import Cell, Group, Task
 from surefoot.studies.summary import summarise
 
 TICKS, PERIOD_S = 1000, 0.001
@@ -185,7 +185,7 @@ def test_in_a_study_it_does_not_count_as_up(
 
     monkeypatch.setattr("surefoot.runs.make_controller", make)
     cell = Cell(Group(str(short_scenario), (), "hold", "ideal"), seed=0)
-    row = run_cell(cell, robot="walker", overrides=("estimator.calibration_s=0.1",))
+    row = Task(cell, "walker", ("estimator.calibration_s=0.1",)).run()
     assert row["outcome"] == "not_controlled"
     (summary,) = summarise([row]).values()
     assert (summary.runs, summary.up) == (1, 0)

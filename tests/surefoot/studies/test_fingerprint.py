@@ -11,7 +11,7 @@ import pytest
 
 from surefoot.errors import UsageError
 from surefoot.studies import fingerprint
-from surefoot.studies.cell import Cell, Group, run_cell
+from surefoot.studies.cell import Cell, Group, Task
 from surefoot.studies.execute import execute
 from surefoot.studies.fingerprint import code_of_a_run, inputs_fingerprint
 from surefoot.studies.store import StudyStore
@@ -19,6 +19,17 @@ from surefoot.studies.store import StudyStore
 SHORT = """
 name = "short"
 duration_s = 0.02
+"""
+SHAKEN = """
+name = "shaken"
+duration_s = 0.5
+[[platform]]
+foot = "both"
+[[platform.motion]]
+axis = "x"
+kind = "recorded"
+file = "a.csv"
+quantity = "position"
 """
 CONTROLLER = """
 class Still:
@@ -99,6 +110,18 @@ def test_inputs_are_contents_wherever_the_file_lies(
     assert inputs(cell(scenario)) != before
 
 
+def test_recorded_motion_counts_by_its_values_not_by_its_name(tmp_path: Path) -> None:
+    scenario, record = tmp_path / "shaken.toml", tmp_path / "a.csv"
+    scenario.write_text(SHAKEN)
+    record.write_text("time_s,value\n0.0,0.0\n1.0,0.01\n")
+    before = inputs(cell(scenario))
+    record.rename(tmp_path / "b.csv")
+    scenario.write_text(SHAKEN.replace("a.csv", "b.csv"))
+    assert inputs(cell(scenario)) == before
+    (tmp_path / "b.csv").write_text("time_s,value\n0.0,0.0\n1.0,0.02\n")
+    assert inputs(cell(scenario)) != before
+
+
 def test_controller_from_a_file_counts_by_its_source(
     scenario: Path, tmp_path: Path
 ) -> None:
@@ -131,4 +154,4 @@ def test_changed_scenario_of_the_same_name_is_refused(
 
 def test_run_with_other_inputs_than_the_study_is_refused(scenario: Path) -> None:
     with pytest.raises(UsageError, match="not those that the study began with"):
-        run_cell(cell(scenario), robot="walker", overrides=(), inputs="0" * 64)
+        Task(cell(scenario), "walker", inputs="0" * 64).run()

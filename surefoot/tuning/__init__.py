@@ -1,0 +1,1 @@
+"""Gains that are found by search: parameters, trials, workers, and what came out."""

@@ -1,0 +1,152 @@
+"""What a search is asked for, checked before anything is run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from surefoot.errors import UsageError
+from surefoot.robot_io.robot import load_robot
+from surefoot.run_plan import Settings, resolve_settings
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.catalogue import find_scenario
+from surefoot.studies.cell import Cell, Group, find_variant
+from surefoot.studies.execute import tasks_of
+from surefoot.studies.fingerprint import about_code
+from surefoot.tuning.parameters import Parameter, parse_parameter
+from surefoot.tuning.runs import TuneCell
+from surefoot.tuning.spec import Sampler, Spec
+
+Params = Mapping[str, Any] | Sequence[str]
+"""``{"tsid.com_kp": (10, 80), "zmp.dcm_bias": ["off", "bias"], "dik.com_gain": None}``:
+a range, a choice, or as far as the setting allows; or texts as on the command line."""
+
+
+def make_spec(
+    scenarios: list[str],
+    params: Params,
+    *,
+    objectives: list[str],
+    seeds: list[int],
+    controller: str,
+    settings: Settings,
+    overrides: Sequence[str],
+    robot: str,
+    servo_profile: str | None,
+    sampler: Sampler,
+    sampler_seed: int,
+) -> Spec:
+    """Check what is to be searched; see :func:`surefoot.tune` for the arguments.
+
+    Raises:
+        UsageError: a name or a range that cannot be used.
+    """
+    variant = find_variant(controller)
+    model = load_robot(robot, servo_profile=servo_profile)
+    profile = model.file.servo.profile
+    if settings is None:
+        start = variant.resolve(profile, extra=tuple(overrides))
+    else:
+        start = resolve_settings(settings, overrides=overrides)
+    parameters = [parse_parameter(text, start=start) for text in _texts(params)]
+    _check_once(parameters)
+    for parameter in parameters:
+        parameter.check_start(start)
+    base = _differences(start)
+    places = [_whole(name, find_scenario(name)) for name in scenarios]
+    if len(set(places)) < len(places) or not places or not seeds:
+        raise UsageError("expected scenarios, each once, and at least one seed")
+    groups = [Group(name, (), variant.controller, profile) for name in places]
+    place = _whole(robot, model.path)
+    tasks = tasks_of(
+        [Cell(group, 0) for group in groups], robot=place, overrides=tuple(base)
+    )
+    spec = Spec(
+        scenarios=places,
+        seeds=seeds,
+        parameters=parameters,
+        objectives=objectives,
+        controller=variant.controller,
+        base=base,
+        start={p.name: p.present(start) for p in parameters},
+        robot=place,
+        servo_profile=profile,
+        sampler=sampler,
+        seed=sampler_seed,
+        inputs=[str(task.inputs) for task in tasks],
+        about=about_code(),
+    )
+    assert spec.figures
+    return spec
+
+
+def held_out_cells(
+    spec: Spec, scenarios: Sequence[str], seeds: Iterable[int] | None
+) -> list[TuneCell]:
+    """Cases that the search does not see.
+
+    Raises:
+        UsageError: they are among those of the search.
+    """
+    names = [_whole(name, find_scenario(name)) for name in scenarios]
+    first = max(spec.seeds) + 1
+    fresh = (
+        list(range(first, first + len(spec.seeds))) if seeds is None else list(seeds)
+    )
+    shared = {*(names or spec.scenarios)} & {*spec.scenarios}
+    if shared and {*fresh} & {*spec.seeds}:
+        raise UsageError(
+            f"--held-out-seeds {fresh}: the search sees some of them on "
+            f"{', '.join(sorted(shared))}; name other seeds or other scenarios"
+        )
+    cells = spec.cells(names or spec.scenarios, fresh)
+    tasks_of(cells, robot=spec.robot, overrides=tuple(spec.base))
+    return cells
+
+
+def _texts(params: Params) -> list[str]:
+    if not isinstance(params, Mapping):
+        return list(params)
+    texts = []
+    for name, values in params.items():
+        if values is None:
+            texts.append(name)
+        elif isinstance(values, tuple):
+            texts.append(f"{name}={':'.join(map(str, values))}")
+        else:
+            texts.append(f"{name}={','.join(map(str, values))}")
+    return texts
+
+
+def _check_once(parameters: Sequence[Parameter]) -> None:
+    if not parameters:
+        raise UsageError("--params: expected at least one, such as tsid.com_kp=10:80")
+    for parameter in parameters:
+        same = [p for p in parameters if p.setting == parameter.setting]
+        if len(same) > 1 and len({p.axis for p in same} - {None}) < len(same):
+            raise UsageError(
+                f"--params {parameter.name}: is searched twice; name it once, whole or "
+                "by its axes"
+            )
+
+
+def _differences(settings: ControllerSettings) -> list[str]:
+    """Return settings as texts, those that are not the defaults."""
+    found = []
+    plain = msgspec.to_builtins(ControllerSettings())
+    for section, values in msgspec.to_builtins(settings).items():
+        found += [
+            f"{section}.{name}={json.dumps(value)}"
+            for name, value in values.items()
+            if value != plain[section][name]
+        ]
+    return found
+
+
+def _whole(name: str, path: Path) -> str:
+    """A shipped name as it is; the whole path of anything else."""
+    return name if path.stem == name else str(path.resolve())

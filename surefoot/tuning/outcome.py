@@ -1,0 +1,210 @@
+"""What came out of a search: the front, the choice, and what it is worth elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from surefoot.run_plan import resolve_settings
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.studies.cell import Row
+from surefoot.tuning.objectives import Objective, is_up, mean_figures
+from surefoot.tuning.parameters import Value, overrides_of
+from surefoot.tuning.spec import Spec
+
+NOTICEABLE = 0.005
+"""Relative change below which a value or a figure counts as the same."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A finished trial.
+
+    Attributes:
+        place: its number among the trials; 0 is where the search began.
+        values: of the parameters.
+        rows: its runs.
+        stopped: why it has not all of them; empty when it has, and stood.
+        figures: mean of each objective over its runs.
+    """
+
+    place: int
+    values: dict[str, Value]
+    rows: list[Row] = field(repr=False)
+    stopped: str
+    figures: list[float]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A case before and after.
+
+    Attributes:
+        case: scenario.
+        runs: how many of each.
+        up: how many stood, before and after.
+        before: mean of each objective over the runs that stood; None when none did.
+        after: the same with what was found.
+    """
+
+    case: str
+    runs: int
+    up: tuple[int, int]
+    before: list[float] | None
+    after: list[float] | None
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """A search's outcome.
+
+    Attributes:
+        spec: what was searched.
+        candidates: all finished trials, by place.
+        front: those that no other is better than in every objective, by the first.
+        start: where the search began.
+        chosen: of the front, the one with the least mean of its objectives, each as a
+            share of the start's.
+        training: before and after on the scenarios of the search.
+        held_out: the same on those that it has not seen; empty when it was broken off.
+    """
+
+    spec: Spec
+    candidates: list[Candidate]
+    front: list[Candidate]
+    start: Candidate
+    chosen: Candidate
+    training: list[Comparison]
+    held_out: list[Comparison]
+
+    @property
+    def overrides(self) -> list[str]:
+        """What was found, as texts ``section.name=value`` over the defaults."""
+        spec = self.spec
+        tuned = overrides_of(spec.parameters, self.chosen.values, start=spec.settings)
+        return [*spec.base, *tuned]
+
+    @property
+    def settings(self) -> ControllerSettings:
+        """All settings, as found."""
+        return resolve_settings(None, overrides=self.overrides)
+
+    @property
+    def words(self) -> list[str]:
+        """What changed, and what it is worth, in sentences."""
+        if self.chosen is self.start:
+            return [
+                f"Nothing better than the start was found in {len(self.candidates)} "
+                "trials: no trial that stood has a lower mean of its objectives.",
+                *_front_words(self),
+            ]
+        return [
+            *(_change(self, parameter.name) for parameter in self.spec.parameters),
+            f"Training: {_worth(self.training, self.spec.figures)}.",
+            *(
+                [f"Held out: {_worth(self.held_out, self.spec.figures)}."]
+                if self.held_out
+                else []
+            ),
+        ]
+
+
+def choose(spec: Spec, candidates: Sequence[Candidate]) -> tuple[list[Any], Candidate]:
+    """Return the front, and which of it to take.
+
+    Args:
+        spec: what was searched.
+        candidates: finished trials, the start first.
+    """
+    whole = [c for c in candidates if not c.stopped]
+    front = [c for c in whole if not any(_dominates(o, c) for o in whole)]
+    front.sort(key=lambda c: c.figures)
+    start = candidates[0]
+    if not front:
+        return [], start
+    against = front if start.stopped else [start]
+    scale = [min(c.figures[i] for c in against) for i in range(len(spec.objectives))]
+
+    def share(candidate: Candidate) -> tuple[float, int]:
+        shares = [
+            f / s if s else f for f, s in zip(candidate.figures, scale, strict=True)
+        ]
+        return sum(shares) / len(shares), candidate.place
+
+    return front, min(front, key=share)
+
+
+def compare(
+    before: Sequence[Row], after: Sequence[Row], objectives: Sequence[Objective]
+) -> list[Comparison]:
+    """Set runs side by side, by scenario.
+
+    Args:
+        before: runs with the settings of the start.
+        after: runs of the same cases with others.
+        objectives: which figures.
+    """
+
+    def means(rows: list[Row]) -> list[float] | None:
+        standing = [row for row in rows if is_up(row)]
+        return mean_figures(standing, objectives) if standing else None
+
+    made = []
+    for case in dict.fromkeys(row["scenario"] for row in (*before, *after)):
+        old, new = (
+            [r for r in rows if r["scenario"] == case] for rows in (before, after)
+        )
+        up = (sum(map(is_up, old)), sum(map(is_up, new)))
+        made.append(
+            Comparison(case, max(len(old), len(new)), up, means(old), means(new))
+        )
+    return made
+
+
+def _dominates(one: Candidate, other: Candidate) -> bool:
+    pairs = list(zip(one.figures, other.figures, strict=True))
+    return all(a <= b for a, b in pairs) and any(a < b for a, b in pairs)
+
+
+def _front_words(tuned: Tuned) -> list[str]:
+    if tuned.start in tuned.front:
+        return ["The start is on the front: nothing is better in every objective."]
+    return []
+
+
+def _change(tuned: Tuned, name: str) -> str:
+    (parameter,) = (p for p in tuned.spec.parameters if p.name == name)
+    old, new = tuned.start.values[name], tuned.chosen.values[name]
+    about = f" ({parameter.about})" if parameter.about else ""
+    if old == new:
+        return f"{name} stays {_text(old)} {parameter.unit}".rstrip() + f"{about}."
+    return (
+        f"{name}: {_text(old)} to {_text(new)} {parameter.unit}".rstrip() + f"{about}."
+    )
+
+
+def _text(value: Value) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _worth(comparisons: Sequence[Comparison], objectives: Sequence[Objective]) -> str:
+    """Falls, and each objective's mean over the cases that stood before and after."""
+    runs = sum(c.runs for c in comparisons)
+    up = [sum(c.up[i] for c in comparisons) for i in (0, 1)]
+    words = [f"{up[0]} to {up[1]} of {runs} runs stood"]
+    both = [(c.before, c.after) for c in comparisons if c.before and c.after]
+    for index, objective in enumerate(objectives):
+        if both:
+            old = sum(before[index] for before, _ in both) / len(both)
+            new = sum(after[index] for _, after in both) / len(both)
+            words.append(
+                f"{objective.about} {_figure_change(old, new, objective.unit)}"
+            )
+    return "; ".join(words)
+
+
+def _figure_change(old: float, new: float, unit: str) -> str:
+    share = (new - old) / old if old else 0.0
+    told = f"{share:+.0%}" if abs(share) >= NOTICEABLE else "the same"
+    return f"{old:.4g} to {new:.4g} {unit} ({told})"

@@ -1,0 +1,217 @@
+"""The files of a search's outcome: settings, page, and the same for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import optuna
+import tomli_w
+from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
+
+from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.run_plan import resolve_settings
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.studies.page import inline_svg, render
+from surefoot.tuning.drawings import draw_front, draw_importance
+from surefoot.tuning.outcome import Candidate, Comparison, Tuned
+from surefoot.tuning.parameters import overrides_of
+
+TEMPLATE = Path(__file__).parent / "tune.html.j2"
+OUTCOME, SETTINGS, PAGE, TRIALS = (
+    "tune.json",
+    "settings.toml",
+    "index.html",
+    "trials.csv",
+)
+FRONT = "front"
+LEAST_FOR_IMPORTANCE = 20
+"""Trials below which nothing is said about what matters."""
+
+
+def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
+    """Write settings, page, figures and all trials.
+
+    Args:
+        folder: gets settings.toml, index.html, tune.json, trials.csv, and in ``front``
+            the settings of each trial on the front.
+        tuned: what came out.
+        study: Optuna's view, for the importance of the parameters.
+    """
+    weights = importance(tuned, study)
+    _write(folder / SETTINGS, _settings(tuned, tuned.chosen))
+    (folder / FRONT).mkdir(exist_ok=True)
+    for former in (folder / FRONT).glob("trial-*.toml"):
+        former.unlink()
+    for candidate in tuned.front:
+        name = f"trial-{candidate.place:04d}.toml"
+        _write(folder / FRONT / name, _settings(tuned, candidate))
+    _write(folder / TRIALS, _table(tuned))
+    _write(folder / PAGE, render(TEMPLATE, **_values(tuned, weights)).encode())
+    outcome = msgspec.json.encode(as_dict(tuned, weights))
+    _write(folder / OUTCOME, msgspec.json.format(outcome) + b"\n")
+
+
+def importance(tuned: Tuned, study: optuna.Study) -> dict[str, dict[str, float]]:
+    """Return each parameter's weight for each objective, between 0 and 1.
+
+    By PED-ANOVA: how much a parameter decides whether a trial is among the better
+    tenth. Empty for few trials, or one parameter.
+    """
+    few = len(tuned.candidates) < LEAST_FOR_IMPORTANCE
+    if few or len(tuned.spec.parameters) < 2:
+        return {}
+    return {
+        name: get_param_importances(
+            study,
+            evaluator=PedAnovaImportanceEvaluator(),
+            target=_value(index),
+        )
+        for index, name in enumerate(tuned.spec.objectives)
+    }
+
+
+def _value(index: int) -> Callable[[optuna.trial.FrozenTrial], float]:
+    return lambda trial: float(trial.values[index])
+
+
+def as_dict(
+    tuned: Tuned, weights: dict[str, dict[str, float]] | None = None
+) -> dict[str, Any]:
+    """Return the outcome as built-in types: the content of tune.json.
+
+    Args:
+        tuned: what came out.
+        weights: importance of the parameters, if it was asked for.
+    """
+    return {
+        "scenarios": tuned.spec.scenarios,
+        "seeds": tuned.spec.seeds,
+        "controller": tuned.spec.controller,
+        "robot": tuned.spec.robot,
+        "servo_profile": tuned.spec.servo_profile,
+        "objectives": {o.name: o.unit for o in tuned.spec.figures},
+        "trials": len(tuned.candidates),
+        "start": _candidate(tuned.start),
+        "chosen": _candidate(tuned.chosen),
+        "front": [_candidate(c) for c in tuned.front],
+        "importance": weights or {},
+        "training": [asdict(case) for case in tuned.training],
+        "held_out": [asdict(case) for case in tuned.held_out],
+        "words": tuned.words,
+        "settings": tuned.overrides,
+        "about": tuned.spec.about,
+    }
+
+
+def _candidate(candidate: Candidate) -> dict[str, Any]:
+    return {
+        "place": candidate.place,
+        "values": candidate.values,
+        "figures": candidate.figures,
+        "stopped": candidate.stopped,
+    }
+
+
+def _settings(tuned: Tuned, candidate: Candidate) -> bytes:
+    """What ``--settings`` reads: all that is not the default, and why."""
+    spec = tuned.spec
+    tuning = overrides_of(spec.parameters, candidate.values, start=spec.settings)
+    settings = resolve_settings(None, overrides=[*spec.base, *tuning])
+    plain = msgspec.to_builtins(ControllerSettings())
+    table = {
+        section: {k: _one(v) for k, v in values.items() if v != plain[section][k]}
+        for section, values in msgspec.to_builtins(settings).items()
+    }
+    names = [Path(name).stem for name in spec.scenarios]
+    seeds = ", ".join(map(str, spec.seeds))
+    heading = [
+        f"Trial {candidate.place} of a search on {', '.join(names)}, seeds {seeds},",
+        f"with servo profile {spec.servo_profile}. All else is as by default.",
+        *(tuned.words if candidate is tuned.chosen else []),
+    ]
+    lines = "".join(f"# {line}\n" for line in heading)
+    text = tomli_w.dumps({k: v for k, v in table.items() if v})
+    return f"{lines}\n{text}".encode()
+
+
+def _one(value: Any) -> Any:
+    """A single number stands for all axes."""
+    alike = isinstance(value, (list, tuple)) and len(set(value)) == 1
+    return value[0] if alike else value
+
+
+def _table(tuned: Tuned) -> bytes:
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    names = [p.name for p in tuned.spec.parameters]
+    units = [f"{o.name} [{o.unit}]" for o in tuned.spec.figures]
+    writer.writerow(["trial", *names, *units, "runs", "stopped"])
+    for c in tuned.candidates:
+        values = [c.values[name] for name in names]
+        writer.writerow([c.place, *values, *c.figures, len(c.rows), c.stopped])
+    return text.getvalue().encode()
+
+
+def _values(tuned: Tuned, weights: dict[str, dict[str, float]]) -> dict[str, Any]:
+    spec = tuned.spec
+    drawings = [draw_front(tuned), *([draw_importance(weights)] if weights else [])]
+    stopped = [c.stopped for c in tuned.candidates if c.stopped]
+    worse = sum(why.startswith("worse") for why in stopped)
+    return {
+        "words": tuned.words,
+        "scenarios": spec.scenarios,
+        "seeds": spec.seeds,
+        "spec": spec,
+        "trials": len(tuned.candidates),
+        "fell": len(stopped) - worse,
+        "worse": worse,
+        "drawings": [inline_svg(svg) for svg in drawings],
+        "figures": [f"{o.about} [{o.unit}]" for o in spec.figures],
+        "parameters": [f"{p.name} [{p.unit or '1'}]" for p in spec.parameters],
+        "front": [_row(tuned, c) for c in (tuned.start, *tuned.front)],
+        "comparisons": {
+            "On scenarios that the search has not seen": _cases(tuned.held_out),
+            "On those that it was trained on": _cases(tuned.training),
+        },
+        "settings": _settings(tuned, tuned.chosen).decode(),
+    }
+
+
+def _row(tuned: Tuned, candidate: Candidate) -> list[str]:
+    marks = {tuned.chosen.place: " (chosen)", tuned.start.place: " (start)"}
+    return [
+        f"{candidate.place}{marks.get(candidate.place, '')}",
+        *(_text(figure) for figure in candidate.figures),
+        *(_text(candidate.values[p.name]) for p in tuned.spec.parameters),
+    ]
+
+
+def _cases(comparisons: Sequence[Comparison]) -> list[list[str]]:
+    def pair(comparison: Comparison, index: int) -> str:
+        sides = (comparison.before, comparison.after)
+        old, new = ("-" if s is None else _text(s[index]) for s in sides)
+        return f"{old} → {new}"
+
+    return [
+        [
+            Path(c.case).stem,
+            f"{c.up[0]} → {c.up[1]} of {c.runs}",
+            *(pair(c, i) for i in range(len(c.before or c.after or []))),
+        ]
+        for c in comparisons
+    ]
+
+
+def _text(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _write(path: Path, data: bytes) -> None:
+    with atomic_file(path) as file:
+        file.write(data)

@@ -1,0 +1,264 @@
+"""A search as one call: parameters, scenarios, trials; and its outcome in a folder."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from queue import SimpleQueue
+from tempfile import TemporaryDirectory
+
+from surefoot.errors import EnvironmentFailedError, TuneInterrupted, UsageError
+from surefoot.installation import install_command
+from surefoot.out_folder import make_out_folder
+from surefoot.processes.child import Child, Event, Exit, Progress
+from surefoot.processes.supervise import failure
+from surefoot.progress import CountBar, no_bar
+from surefoot.run_plan import Settings
+from surefoot.studies.cell import Row
+from surefoot.studies.execute import run_tasks
+
+try:
+    from surefoot.tuning.ask import Params, held_out_cells, make_spec
+    from surefoot.tuning.outcome import Candidate, Tuned, choose, compare
+    from surefoot.tuning.page import OUTCOME, write_outcome
+    from surefoot.tuning.parameters import rounded
+    from surefoot.tuning.runs import TuneCell
+    from surefoot.tuning.spec import Sampler
+    from surefoot.tuning.trials import MOST_LOSSES, PLACE, Trials
+    from surefoot.tuning.worker import ROWS, STOPPED
+except ModuleNotFoundError as missing:
+    if missing.name != "optuna":
+        raise
+    raise EnvironmentFailedError(
+        f"tune needs Optuna: {install_command('tune')}"
+    ) from missing
+
+_LOG = logging.getLogger("surefoot.tune")
+JOURNAL = "trials.journal"
+
+
+def tune(
+    scenarios: str | Sequence[str],
+    params: Params,
+    *,
+    trials: int = 100,
+    workers: int = 0,
+    storage: str | Path | None = None,
+    out: str | Path = "out/tune",
+    objectives: Sequence[str] = ("com", "force"),
+    seeds: int | Iterable[int] = 1,
+    held_out: Sequence[str] = (),
+    held_out_seeds: Iterable[int] | None = None,
+    controller: str = "whole-body",
+    settings: Settings = None,
+    overrides: Sequence[str] = (),
+    robot: str = "walker",
+    servo_profile: str | None = None,
+    sampler: Sampler = "tpe",
+    sampler_seed: int = 0,
+    scheduler: str | None = None,
+    bar: CountBar = no_bar,
+) -> Tuned:
+    """Search settings that keep the robot up and make figures of its runs small.
+
+    Workers are processes of their own that take trials from one journal. Any of them,
+    and this process, may be killed: called again, the search goes on. Called twice at
+    once, with the same arguments, both work on it.
+
+    Args:
+        scenarios: shipped names or paths; trials are run on them.
+        params: what to search; see :data:`Params`.
+        trials: how many, those of former calls included.
+        workers: processes; 0 for one per processor.
+        storage: the journal; ``trials.journal`` in ``out`` when None.
+        out: folder of settings, page and figures.
+        objectives: of ``com``, ``com-max``, ``force``, ``peak``, ``tilt``, ``effort``.
+        seeds: of the sensor noise: how many, from 0 on, or which.
+        held_out: scenarios that only start and choice are run on, in the end; those
+            of the search with other seeds when there are none.
+        held_out_seeds: their seeds; as many as ``seeds``, from the next on, when None.
+        controller: name or variant, as for :func:`surefoot.study`.
+        settings: where the search begins; the controller's own when None.
+        overrides: further settings as texts ``section.name=value``.
+        robot: shipped name or path of a robot file.
+        servo_profile: of the robot file; its own choice when None.
+        sampler: ``tpe`` or ``nsga2``.
+        sampler_seed: with one worker, the same seed makes the same search.
+        scheduler: address of a Dask scheduler whose workers do the runs.
+        bar: shows how many trials are done.
+
+    Raises:
+        TuneInterrupted: Ctrl-C; the folder holds what there is, and so does the error.
+        UsageError: a name, a range or a folder that cannot be used.
+        FileFormatError: a file or a setting is malformed.
+        ChildFailedError: a worker failed, not by being killed.
+    """
+    folder = Path(out)
+    journal = folder / JOURNAL if storage is None else Path(storage)
+    _claim(folder, journal)
+    spec = make_spec(
+        [scenarios] if isinstance(scenarios, str) else list(scenarios),
+        params,
+        objectives=list(objectives),
+        seeds=list(range(seeds)) if isinstance(seeds, int) else list(seeds),
+        controller=controller,
+        settings=settings,
+        overrides=overrides,
+        robot=robot,
+        servo_profile=servo_profile,
+        sampler=sampler,
+        sampler_seed=sampler_seed,
+    )
+    unseen = held_out_cells(spec, held_out, held_out_seeds)
+    processes = workers or os.cpu_count() or 1
+    tries = Trials(journal, spec)
+    runs: tuple[list[Row], list[Row]] = ([], [])
+    interrupt: KeyboardInterrupt | None = None
+    try:
+        run_workers(
+            journal, processes, tries, total=trials, scheduler=scheduler, bar=bar
+        )
+        best = _conclude(tries)
+        if best is not None:
+            runs = _held_out_runs(
+                best, unseen, jobs=processes, scheduler=scheduler, bar=bar
+            )
+    except KeyboardInterrupt as error:
+        interrupt, runs = error, ([], [])
+    tuned = _conclude(tries, *runs)
+    if tuned is not None:
+        write_outcome(folder, tuned, tries.study)
+    if interrupt is not None:
+        raise TuneInterrupted(tuned) from interrupt
+    assert tuned is not None
+    return tuned
+
+
+def run_workers(
+    journal: Path,
+    count: int,
+    trials: Trials,
+    *,
+    total: int,
+    scheduler: str | None,
+    bar: CountBar,
+) -> None:
+    """Keep workers at a journal until it has nothing to do; a killed one is replaced.
+
+    Raises:
+        ChildFailedError: one failed; the others are ended, their trials begin anew
+            with the next call.
+    """
+    events: SimpleQueue[Event] = SimpleQueue()
+    done = len(trials.finished())
+    arguments = [str(journal.resolve()), "--trials", str(total)]
+    if scheduler is not None:
+        arguments += ["--scheduler", scheduler]
+    with (
+        TemporaryDirectory(prefix="surefoot-") as logs,
+        bar("search", total=total, done=done, of="trials") as tell,
+    ):
+
+        def start(number: int) -> Child:
+            return Child(
+                f"worker {number}",
+                arguments,
+                log=Path(logs) / f"{number}.log",
+                events=events,
+                module="surefoot.tuning.worker",
+            )
+
+        alive = [start(number) for number in range(1, min(count, total - done) + 1)]
+        losses = 0
+        try:
+            while alive:
+                event = events.get()
+                if isinstance(event, Progress):
+                    tell()
+                    losses = 0
+                if not isinstance(event, Exit):
+                    continue
+                child, code = event.child, event.code
+                alive.remove(child)
+                child.stop()
+                losses += code < 0
+                if code > 0 or losses > MOST_LOSSES * count:
+                    raise failure(child, code)
+                if code < 0:
+                    _LOG.warning(
+                        "%s was ended by signal %d; its trial begins anew",
+                        child.name,
+                        -code,
+                    )
+                    alive.append(start(int(child.name.split()[1])))
+        finally:
+            for child in alive:
+                child.ask_to_end()
+            for child in alive:
+                child.stop()
+
+
+def _held_out_runs(
+    best: Tuned,
+    cells: Sequence[TuneCell],
+    *,
+    jobs: int,
+    scheduler: str | None,
+    bar: CountBar,
+) -> tuple[list[Row], list[Row]]:
+    """Run the start and the choice on what the search has not seen."""
+    spec = best.spec
+    sides = [best.start.values, best.chosen.values]
+    tasks = [spec.task(cell, values) for values in sides for cell in cells]
+    if best.chosen is best.start:
+        tasks = tasks[: len(cells)]
+    rows: list[Row] = []
+    with bar("held-out", total=len(tasks), done=0) as tell:
+        for row in run_tasks(tasks, jobs=jobs, scheduler=scheduler):
+            rows.append(row)
+            tell()
+    of_start = {task.inputs for task in tasks[: len(cells)]}
+    before = [row for row in rows if row["inputs"] in of_start]
+    after = [row for row in rows if row["inputs"] not in of_start]
+    return before, after or before
+
+
+def _conclude(
+    trials: Trials, before: Sequence[Row] = (), after: Sequence[Row] = ()
+) -> Tuned | None:
+    """Sum up the finished trials; None as long as the start is not among them."""
+    spec = trials.spec
+    found = [
+        Candidate(
+            place=int(trial.user_attrs[PLACE]),
+            values={name: rounded(value) for name, value in trial.params.items()},
+            rows=trial.user_attrs[ROWS],
+            stopped=trial.user_attrs[STOPPED],
+            figures=list(trial.values),
+        )
+        for trial in trials.finished()
+    ]
+    if not found or found[0].place != 0:
+        return None
+    front, chosen = choose(spec, found)
+    start = found[0]
+    return Tuned(
+        spec=spec,
+        candidates=found,
+        front=front,
+        start=start,
+        chosen=chosen,
+        training=compare(start.rows, chosen.rows, spec.figures),
+        held_out=compare(before, after, spec.figures),
+    )
+
+
+def _claim(folder: Path, journal: Path) -> None:
+    """See that the folder is new, or that of a former search."""
+    known = (folder / OUTCOME).is_file() or journal.is_file()
+    if folder.is_dir() and any(folder.iterdir()) and not known:
+        raise UsageError(f"--out {folder}: holds something else; name another folder")
+    make_out_folder(folder, out=folder)
+    make_out_folder(journal.parent, out=journal)

@@ -1,0 +1,35 @@
+"""Searches that cost next to nothing: the robot only holds its posture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from surefoot.tuning.ask import make_spec
+from surefoot.tuning.spec import Spec
+
+STILL = 'name = "still"\nduration_s = 0.02\n'
+PARAMS = {"tsid.com_kp": (10, 80), "dik.com_gain": (0.5, 8.0)}
+
+
+def still(folder: Path) -> Path:
+    """A scenario in which nothing happens, and soon."""
+    path = folder / "still.toml"
+    path.write_text(STILL)
+    return path
+
+
+def spec_of(scenario: Path, *, sampler_seed: int = 0) -> Spec:
+    """A search on a scenario."""
+    return make_spec(
+        [str(scenario)],
+        PARAMS,
+        objectives=["com", "force"],
+        seeds=[0],
+        controller="hold",
+        settings=None,
+        overrides=(),
+        robot="walker",
+        servo_profile=None,
+        sampler="tpe",
+        sampler_seed=sampler_seed,
+    )

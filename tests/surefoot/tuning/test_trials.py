@@ -1,0 +1,148 @@
+"""Whatever happens to a process, each place is finished once, and stays."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from surefoot.errors import UsageError
+from surefoot.tuning.trials import PLACE, Trials
+from surefoot.tuning.worker import DOWN, ROWS, STOPPED
+from tests.command import environment
+from tests.support import wait_until
+from tests.surefoot.tuning.searches import spec_of, still
+
+CLAIMS = """
+import sys
+from pathlib import Path
+from surefoot.tuning.trials import Trials
+trials = Trials(Path(sys.argv[1]))
+with trials.worker() as name:
+    trials.claim(name, count=3)
+    print("claimed", flush=True)
+    sys.stdin.read()
+"""
+"""A process that takes a trial and never finishes it."""
+
+COUNT = 20
+FINISHES = f"""    while (claimed := trials.claim(name, count={COUNT})) is not None:
+        claimed[0].set_user_attr("rows", [])
+        claimed[0].set_user_attr("stopped", "")
+        trials.study.tell(claimed[0], [1.0, 2.0])
+"""
+"""Does all that are left, with nothing to be done in each."""
+
+
+@pytest.fixture
+def journal(tmp_path: Path) -> Path:
+    return tmp_path / "trials.journal"
+
+
+def begun(journal: Path) -> Trials:
+    return Trials(journal, spec_of(still(journal.parent)))
+
+
+def finish(trials: Trials, count: int = 3) -> dict[int, dict[str, float]]:
+    """Do what is left of so many; returns values by place."""
+    with trials.worker() as name:
+        while (claimed := trials.claim(name, count=count)) is not None:
+            trial, _ = claimed
+            trial.set_user_attr(ROWS, [])
+            trial.set_user_attr(STOPPED, "")
+            trial.set_constraint(DOWN, 0.0)
+            trials.study.tell(trial, [1.0, 1.0])
+    done = trials.finished()
+    assert [t.user_attrs[PLACE] for t in done] == list(range(len(done)))
+    return {t.user_attrs[PLACE]: dict(t.params) for t in done}
+
+
+def test_first_trial_is_the_start_and_none_is_drawn_twice(journal: Path) -> None:
+    trials = begun(journal)
+    values = finish(trials, 5)
+    assert values[0] == trials.spec.start
+    assert len({tuple(v.values()) for v in values.values()}) == 5
+
+
+def test_search_gone_on_with_is_the_one_that_was_never_ended(journal: Path) -> None:
+    finish(begun(journal), 2)
+    gone_on = finish(begun(journal), 5)
+    other = journal.with_name("other.journal")
+    assert finish(begun(other), 5) == gone_on
+
+
+def test_trial_of_a_killed_process_begins_anew_with_the_same_values(
+    journal: Path,
+) -> None:
+    trials = begun(journal)
+    words = [sys.executable, "-c", CLAIMS, str(journal)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(words, env=environment(), **pipes) as taker:  # type: ignore[call-overload]
+        assert taker.stdout.readline() == b"claimed\n"
+        with trials.worker() as name:
+            other = trials.claim(name, count=3)
+        assert other is not None
+        assert other[0].user_attrs[PLACE] == 1, "that of a living process is left"
+        os.kill(taker.pid, signal.SIGKILL)
+    assert finish(trials)[0] == trials.spec.start
+    assert len(trials.finished()) == 3
+
+
+def test_half_a_line_is_taken_off_and_nothing_else(journal: Path) -> None:
+    trials = begun(journal)
+    whole = journal.read_bytes()
+    journal.write_bytes(whole + whole.splitlines()[-1][:-7])
+    again = Trials(journal)
+    assert finish(again).keys() == {0, 1, 2}
+    assert journal.read_bytes().startswith(whole)
+    assert len(trials.finished()) == 3
+
+
+def test_other_search_in_the_journal_is_refused_by_what_differs(journal: Path) -> None:
+    begun(journal)
+    scenario = still(journal.parent)
+    with pytest.raises(UsageError, match=r"another search \(differing: seed\)"):
+        Trials(journal, spec_of(scenario, sampler_seed=1))
+    scenario.write_text(f"{scenario.read_text()}friction = 0.5\n")
+    with pytest.raises(UsageError, match=r"\(differing: inputs\)"):
+        Trials(journal, spec_of(scenario))
+
+
+@pytest.mark.parametrize("content", ["years of work", "{}\n", '{"op_code": 0}\n'])
+def test_file_that_is_no_journal_is_left_alone(journal: Path, content: str) -> None:
+    journal.write_text(content)
+    with pytest.raises(UsageError, match="no journal"):
+        begun(journal)
+    assert journal.read_text() == content
+
+
+@pytest.mark.process
+def test_processes_killed_at_any_moment_lose_and_repeat_nothing(journal: Path) -> None:
+    """Kills fall into claims and into writes: these workers do nothing else."""
+    trials = begun(journal)
+    worker = CLAIMS[: CLAIMS.index("    trials.claim")] + FINISHES
+    kept: dict[int, object] = {}
+    kills = 0
+    while len(kept) < COUNT:
+        words = [sys.executable, "-c", worker, str(journal)]
+        process = subprocess.Popen(words, env=environment(), stdout=subprocess.DEVNULL)
+        aim = len(kept) + 1 + 2 * kills
+        wait_until(
+            lambda process=process, aim=aim: (  # type: ignore[misc]
+                process.poll() is not None or len(trials.finished()) >= aim
+            ),
+            what="trials",
+        )
+        process.kill()
+        process.wait()
+        kills += 1
+        now = {t.user_attrs[PLACE]: t.datetime_complete for t in trials.finished()}
+        assert kept.items() <= now.items()
+        kept = dict(now)
+    assert sorted(kept) == list(range(COUNT))
+    assert len(trials.finished()) == COUNT
+    assert kills > 3
