@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from surefoot.cli import options
+from surefoot.cli.completion import complete_scenario
 from surefoot.exit_codes import ExitCode
 from surefoot.schemas.reasons import EndReason, in_words
 
@@ -44,6 +45,15 @@ def stabilizer(
             "the posture it holds.",
         ),
     ] = False,
+    walk: Annotated[
+        str | None,
+        typer.Option(
+            "--walk",
+            metavar="SCENARIO",
+            help="Take the steps of this scenario's [walk] table.",
+            autocompletion=complete_scenario,
+        ),
+    ] = None,
     settings: options.SettingsOption = None,
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
@@ -75,7 +85,7 @@ def stabilizer(
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
     from surefoot.run_folder import QP_FAILURE, write_struct
-    from surefoot.run_plan import resolve_settings
+    from surefoot.run_plan import resolve_settings, steps_of
 
     set_up_logging("stabilizer")
     if child:
@@ -95,6 +105,7 @@ def stabilizer(
     from surefoot.stabilizer.settings_check import check_settings
 
     check_settings(resolved, model)
+    steps = None if walk is None else steps_of(walk, model, resolved)
     make = find_controller(controller)
     folder = result_file.parent if result_file is not None else Path.cwd()
     stop = StopRequest()
@@ -115,6 +126,7 @@ def stabilizer(
             settings=resolved,
             stop=stop,
             ticks=ticks,
+            walk=steps,
         )
     if ticks is not None:
         result = replace(result, unrecorded_ticks=ticks.lost_ticks)

@@ -78,6 +78,28 @@ class RecordedGround(msgspec.Struct, frozen=True, kw_only=True):
     """The largest [m/s^2 or deg/s^2]."""
 
 
+class WalkReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A walk, as the stabilizer knows it."""
+
+    steps_done: int
+    """Steps of plans that were set down; bringing the feet together is none."""
+    steps_planned: int
+    """Steps of the plans that were taken."""
+    is_over: bool
+    """Whether the robot has come to stand after them."""
+    dcm_error_rms_mm: Pair
+    """Divergent component of motion against its reference, x and y: root mean square
+    over the walk."""
+    dcm_error_max_mm: Pair
+    """The same: largest."""
+    placement_error_max_mm: float
+    """Farthest that a foot was set from where it was meant."""
+    touchdown_late_s: Pair
+    """Earliest and latest touchdown against plan, negative when early."""
+    refusal: str = ""
+    """Why the last plan was refused, in words; empty when it was taken."""
+
+
 class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the simulated robot measured of its own truth.
 
@@ -130,6 +152,10 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """Times of the robot's side, when asked for."""
     unrecorded_ticks: int = 0
     """Ticks that its ticks file lacks."""
+    distance_m: float | None = None
+    """How far the middle of the true soles has come, in a walk; else None."""
+    touchdown_peak_n: Pair | None = None
+    """Largest true normal force within 0.1 s of a touchdown, in a walk; else None."""
 
 
 class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -165,6 +191,8 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """Times of the stabilizer's side, when asked for."""
     unrecorded_ticks: int = 0
     """Ticks that its ticks file lacks."""
+    walk: WalkReport | None = None
+    """Of a robot that was given steps; else None."""
 
 
 class RelayResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -266,3 +294,19 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Ticks that a ticks file lacks, since the disk was too slow, or full."""
     relay: RelayResult | None = None
     """What a relay did to the bus, if there was one."""
+    steps_done: int | None = None
+    """Steps of the walk that were set down; null without a walk, like all that
+    follows."""
+    steps_planned: int | None = None
+    """Steps that were asked for."""
+    distance_m: float | None = None
+    """How far the middle of the soles has come, true."""
+    dcm_error_rms_mm: Pair | None = None
+    """Divergent component of motion against its reference, as estimated, x and y:
+    root mean square over the walk."""
+    dcm_error_max_mm: Pair | None = None
+    """The same: largest."""
+    placement_error_max_mm: float | None = None
+    """Farthest that a foot was set from where it was meant, as estimated."""
+    touchdown_peak_n: Pair | None = None
+    """Largest true normal force within 0.1 s of a touchdown, left and right."""

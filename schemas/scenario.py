@@ -21,6 +21,7 @@ from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS
 from surefoot.schemas.true_robot import ModelError, Payload, Start
+from surefoot.schemas.walk_plan import Walk
 
 PositiveNumber = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
 FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
@@ -170,6 +171,8 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     """What the controller does not know."""
     fault: list[SensorFault] = []
     """Sensors that fail."""
+    walk: Walk | None = None
+    """Walk instead of stand."""
 
     def __post_init__(self) -> None:
         """Check that every foot has at most one platform."""

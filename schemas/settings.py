@@ -16,6 +16,7 @@ import msgspec
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import NonNegative, Positive
 from surefoot.schemas.toml_file import FileStruct, convert
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.schemas.zmp_settings import ZmpSettings
 
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
@@ -299,6 +300,8 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     """Plausibility of sensors, stopping and falling."""
     zmp: ZmpSettings = ZmpSettings()
     """The ZMP baseline."""
+    walk: WalkSettings = WalkSettings()
+    """Steps of the whole-body stabilizer."""
 
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {

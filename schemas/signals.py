@@ -33,6 +33,9 @@ PLATFORMS = "platforms"
 Axis = str | tuple[str, ...]
 
 _XYZ = ("x", "y", "z")
+_XY = ("x", "y")
+_FOOTHOLD = ("x", "y", "z", "yaw")
+_FOOTHOLD_UNITS = ("m", "m", "m", "rad")
 _QUAT = ("qx", "qy", "qz", "qw")
 _WRENCH = ("f_x", "f_y", "f_z", "m_x", "m_y", "m_z")
 _WRENCH_UNITS = ("N",) * 3 + ("N m",) * 3
@@ -229,6 +232,58 @@ SIGNALS = (
         "",
         "Time the controller took, snapshot to command; by the wall clock.",
     ),
+    Signal(
+        "dcm",
+        _C,
+        "m",
+        _STANCE,
+        "Estimated divergent component of motion, of a robot that walks.",
+        (_XY,),
+    ),
+    Signal("dcm_reference", _C, "m", _STANCE, "Where it should be.", (_XY,)),
+    Signal(
+        "zmp_reference",
+        _C,
+        "m",
+        _STANCE,
+        "Zero-moment point that the steps are planned with.",
+        (_XY,),
+    ),
+    Signal(
+        "footholds",
+        _C,
+        _FOOTHOLD_UNITS * 2,
+        _STANCE,
+        "Where the feet were set down, and those in the air are.",
+        (_per_side(_FOOTHOLD),),
+    ),
+    Signal(
+        "foot_goals",
+        _C,
+        _FOOTHOLD_UNITS * 2,
+        _STANCE,
+        "The same, but those in the air where they are being set.",
+        (_per_side(_FOOTHOLD),),
+    ),
+    Signal(
+        "walk_phase",
+        _C,
+        "1",
+        "",
+        "What the walk is at.",
+        dtype="int8",
+        words=("stand", "shift", "single", "double", "settle"),
+    ),
+    Signal(
+        "foot_state",
+        _C,
+        "1",
+        "",
+        "What each foot is doing.",
+        (_SIDES,),
+        dtype="int8",
+        words=("planted", "leaving", "swing", "landing", "relanding"),
+    ),
     Signal("true_com", _S, "m", "world", "Centre of mass.", (_XYZ,)),
     Signal("true_com_velocity", _S, "m/s", "world", "Its velocity.", (_XYZ,)),
     Signal(
@@ -259,6 +314,11 @@ SIGNALS = (
     ),
 )
 """All signals there are, in the order they are told in."""
+WALK_SIGNALS = (
+    *("dcm", "dcm_reference", "zmp_reference", "footholds", "foot_goals"),
+    *("walk_phase", "foot_state"),
+)
+"""Kept where a scenario has the robot walk, and nowhere else."""
 BY_NAME = {signal.name: signal for signal in SIGNALS}
 
 

@@ -1,4 +1,4 @@
-"""How well the robot stands, from its true state at every tick."""
+"""How well the robot stands and walks, from its true state at every tick."""
 
 from __future__ import annotations
 
@@ -18,6 +18,10 @@ PEAK_FROM_S = 0.2
 """Force peaks count from here on."""
 CONTACT_LOST_N = 5.0
 """A foot pressed less than this has lost the ground."""
+AIRBORNE_S = 0.05
+"""A foot off the ground for so long was lifted; sooner it has bounced."""
+TOUCHDOWN_S = 0.1
+"""How long after a touchdown forces are its own."""
 _TIME_TOLERANCE = 1e-9
 FALL_HEIGHT_RATIO = 0.6
 """Base height above the soles, against standing, under which the robot fell."""
@@ -155,6 +159,48 @@ class PlantMetrics:
         for foot, force in enumerate(state.vertical_forces):
             deviation = force - self._half_weight
             self._force_squares[foot] += deviation * deviation
+
+
+class WalkMetrics:
+    """Running figures over ticks; its memory does not grow with the run.
+
+    Attributes:
+        distance: from where the middle of the soles was at first, level [m].
+        touchdown_peak: left and right, largest normal force of a touchdown [N].
+    """
+
+    def __init__(self, *, period_s: float) -> None:
+        """Start where the robot stands.
+
+        Args:
+            period_s: control period.
+        """
+        self._airborne = AIRBORNE_S / period_s
+        self._touchdown = round(TOUCHDOWN_S / period_s)
+        self._begin: tuple[float, float] | None = None
+        self._off = [0, 0]
+        self._since = [self._touchdown, self._touchdown]
+        self.distance = 0.0
+        self.touchdown_peak = [0.0, 0.0]
+
+    def update(self, state: StandingState) -> None:
+        """Take in one tick; each tick once."""
+        left_x, left_y, _ = state.sole_left.tolist()
+        right_x, right_y, _ = state.sole_right.tolist()
+        x, y = 0.5 * (left_x + right_x), 0.5 * (left_y + right_y)
+        begin = self._begin = self._begin or (x, y)
+        self.distance = math.hypot(x - begin[0], y - begin[1])
+        for foot, force in enumerate(state.normal_forces):
+            self._since[foot] += 1
+            if force < CONTACT_LOST_N:
+                self._off[foot] += 1
+                continue
+            if self._off[foot] > self._airborne:
+                self._since[foot] = 0
+            self._off[foot] = 0
+            if self._since[foot] < self._touchdown:
+                peak = max(self.touchdown_peak[foot], force)
+                self.touchdown_peak[foot] = peak
 
 
 def _com_over_soles(state: StandingState) -> tuple[float, float, float]:

@@ -23,6 +23,9 @@ HALF_THICKNESS_M = 0.03
 SHARED_HALF_SIZE_M = (0.40, 0.45)
 """Half length (x) and half width (y) of a platform under both feet."""
 
+WALKED_HALF_SIZE_M = (12.0, 12.0)
+"""The same where the robot walks."""
+
 SINGLE_HALF_LENGTH_M = 0.30
 
 SINGLE_OUTWARD_M = 0.30
@@ -103,6 +106,7 @@ def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...
     """
     left, right = start.soles_in_world
     soles = {"left": left, "right": right, "both": 0.5 * (left + right)}
+    shared = SHARED_HALF_SIZE_M if scenario.walk is None else WALKED_HALF_SIZE_M
     plans = []
     for at, platform in enumerate(scenario.platform):
         placed = [
@@ -122,13 +126,17 @@ def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...
                 in_scenario=True,
                 yaw=start.yaw,
                 size_m=platform.size_m,
+                shared=shared,
             )
         )
     feet = {platform.foot for platform in scenario.platform}
     if not feet and scenario.tile:
         return ()
     if not feet:
-        return (_plan("both", soles, motions={}, in_scenario=False, yaw=start.yaw),)
+        plan = _plan(
+            "both", soles, motions={}, in_scenario=False, yaw=start.yaw, shared=shared
+        )
+        return (plan,)
     if "both" not in feet:
         for foot in ("left", "right"):
             if foot not in feet:
@@ -146,9 +154,10 @@ def _plan(
     in_scenario: bool,
     yaw: float,
     size_m: list[float] | None = None,
+    shared: tuple[float, float] = SHARED_HALF_SIZE_M,
 ) -> PlatformPlan:
     top_centre = soles[foot] * (1.0, 1.0, 0.0)
-    half_length, half_width = SHARED_HALF_SIZE_M
+    half_length, half_width = shared
     y_centre = 0.0
     if foot != "both":
         x, y, _ = top_centre - soles["both"]

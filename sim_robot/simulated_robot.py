@@ -14,7 +14,7 @@ from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import CommandError, ScenarioError
-from surefoot.sim_robot.metrics import Fall, PlantMetrics
+from surefoot.sim_robot.metrics import Fall, PlantMetrics, WalkMetrics
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.sim_robot.run_record import RobotRecorder, RunDigest
@@ -139,6 +139,7 @@ class SimulatedRobot:
             weight=self.plant.world.weight,
             period_s=period_s,
         )
+        self._walk = None if scenario.walk is None else WalkMetrics(period_s=period_s)
         self._digest = RunDigest(joints=robot.n_a)
         self._recorder: RobotRecorder | None = None
         if ticks is not None:
@@ -243,6 +244,8 @@ class SimulatedRobot:
         """
         snapshot = self.sense()
         self._metrics.update(self.plant.view, tick=self.plant.tick)
+        if self._walk is not None:
+            self._walk.update(self.plant.view)
         if self._recorder is not None:
             self._recorder.add(self.truth(), snapshot, q_command)
         self.plant.step(q_command)
@@ -343,4 +346,6 @@ class SimulatedRobot:
             log_sha256=self._digest.hexdigest(),
             pushes=self._asked_pushes,
             recorded_ground=self._recorded_ground,
+            distance_m=None if self._walk is None else self._walk.distance,
+            touchdown_peak_n=None if self._walk is None else self._walk.touchdown_peak,
         )

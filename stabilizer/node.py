@@ -25,7 +25,12 @@ from surefoot.schemas.messages import SettingsChange
 from surefoot.schemas.reasons import EndReason, RequestRefusal, in_words
 from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.control.controller import Controller, ControllerFactory
+from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.stabilizer.control.controller import (
+    Controller,
+    ControllerFactory,
+    Walks,
+)
 from surefoot.stabilizer.loop import End, Loop
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
@@ -54,6 +59,7 @@ def run_stabilizer(
     settings: ControllerSettings | None = None,
     stop: StopRequest | None = None,
     ticks: TickSink | None = None,
+    walk: WalkPlan | None = None,
 ) -> ControllerResult:
     """Wait for the robot, take command of it and answer its ticks.
 
@@ -83,6 +89,8 @@ def run_stabilizer(
         settings: to begin with; None for defaults.
         stop: ends the run from outside, besides signals.
         ticks: gets the controller's signals of every tick; None keeps none.
+        walk: steps to take, given to the first controller: one that begins anew
+            stands elsewhere. None to stand.
 
     Returns:
         Figures of the run and why it ended.
@@ -102,6 +110,7 @@ def run_stabilizer(
         settings=settings or ControllerSettings(),
         stop=stop or StopRequest(),
         ticks=ticks,
+        walk=walk,
     )
     end = node.run(connect_timeout_s=connect_timeout_s, reconnect=reconnect)
     result = node.telemetry.result(end.reason, end.detail, histogram=histogram)
@@ -130,7 +139,9 @@ class _Node:
         settings: ControllerSettings,
         stop: StopRequest,
         ticks: TickSink | None,
+        walk: WalkPlan | None,
     ) -> None:
+        self._walk = walk
         self._make, self._robot = make_controller, robot
         # The first one is made now: what cannot be made is told before dialing.
         first = make_controller(settings)
@@ -143,7 +154,7 @@ class _Node:
             first.name,
             period_s=robot.period_s,
             calibration_s=settings.estimator.calibration_s,
-            recorder=recorder_to(ticks, robot),
+            recorder=recorder_to(ticks, robot, walks=walk is not None),
         )
         self._requests: RequestHandler | None = None
         self._stays = 0
@@ -233,6 +244,9 @@ class _Node:
             settings = requests.settings
             controller = self._first or self._make(settings)
             self._first = None
+            walk, self._walk = self._walk, None
+            if walk is not None and isinstance(controller, Walks):
+                controller.follow_plan(walk)
             return Safety(controller, self._robot, settings.safety)
 
         return Loop(

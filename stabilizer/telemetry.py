@@ -11,6 +11,7 @@ from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.result import ControllerResult, Distribution
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.tick_recorder import ControllerRecorder
+from surefoot.stabilizer.walking.state import WalkState
 
 NS_PER_S = 1e9
 TICKS_IN_STATUS = 1024
@@ -65,6 +66,7 @@ class ControllerTelemetry:
         self._degraded = 0
         self._squares_left = self._squares_right = 0.0
         self._settled = 0
+        self._walk: WalkState | None = None
 
     def begin(self) -> None:
         """Note that a controller starts."""
@@ -102,6 +104,7 @@ class ControllerTelemetry:
         if self._since_start > self._calibration_ticks:
             self._balancing += 1
             self._balancing_failures += is_failure
+        self._walk = output.walk or self._walk
         wanted, measured = output.F_id, output.F_meas
         if (
             self._ticks > self._settled_ticks
@@ -213,6 +216,7 @@ class ControllerTelemetry:
             slow_ticks=self._slow,
             restarts=self.restarts,
             histograms={name: log.histogram() for name, log in ticks.items()},
+            walk=None if self._walk is None else self._walk.report(),
         )
 
 

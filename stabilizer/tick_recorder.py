@@ -9,13 +9,17 @@ import numpy as np
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.ticks.recorder import TickRecorder, TickSink
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.signals import MISSING, QP_WORDS, lay_out
+from surefoot.schemas.signals import MISSING, QP_WORDS, WALK_SIGNALS, lay_out
 from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.walking.feet import FootState
+from surefoot.stabilizer.walking.gait import Phase
+from surefoot.stabilizer.walking.state import WalkState
 
 _ARRAYS = (
     *("F_id", "F_meas", "base_pose", "base_twist"),
     *("com", "com_reference", "r", "v_joint"),
 )
+_PHASES, _FOOT_STATES = list(Phase), list(FootState)
 _NUMBERS = ("in_contact", "wrench_qp", "motion_qp", "controller_ms")
 _MS_PER_NS = 1e-6
 _OTHER = len(QP_WORDS) - 1
@@ -27,7 +31,12 @@ class ControllerRecorder:
     """Takes in a controller's answers; what it does not tell is left out."""
 
     def __init__(
-        self, sink: TickSink, *, joints: Sequence[str], period_s: float
+        self,
+        sink: TickSink,
+        *,
+        joints: Sequence[str],
+        period_s: float,
+        walks: bool = False,
     ) -> None:
         """Begin.
 
@@ -35,8 +44,11 @@ class ControllerRecorder:
             sink: gets the ticks.
             joints: names, in the order of the robot file.
             period_s: of the robot [s].
+            walks: whether to keep what only a walk has.
         """
-        arrays = [lay_out(name, joints=joints) for name in _ARRAYS]
+        names = (*_ARRAYS, *WALK_SIGNALS) if walks else _ARRAYS
+        self._walks = walks
+        arrays = [lay_out(name, joints=joints) for name in names]
         others = [lay_out(name, joints=joints) for name in _NUMBERS]
         clock = [lay_out(name, joints=joints) for name in ("tick", "time_s")]
         self._recorder = TickRecorder([*clock, *arrays, *others], sink)
@@ -72,6 +84,8 @@ class ControllerRecorder:
             output.r,
             output.v_joint,
         )
+        if self._walks:
+            told += _of_walk(output.walk)
         parts = [
             nothing if values is None else values
             for values, nothing in zip(told, self._nothing, strict=True)
@@ -79,8 +93,35 @@ class ControllerRecorder:
         self._recorder.add(tick, (self._time_s, *parts, self._numbers))
 
 
-def recorder_to(sink: TickSink | None, robot: Robot) -> ControllerRecorder | None:
-    """A recorder for a robot's controller; None without a sink."""
+def _of_walk(walk: WalkState | None) -> tuple[Array | None, ...]:
+    """What a walk adds."""
+    if walk is None:
+        return (None,) * len(WALK_SIGNALS)
+    phase = _PHASES.index(walk.phase)
+    left, right = (_FOOT_STATES.index(state) for state in walk.feet)
+    return (
+        walk.dcm,
+        walk.dcm_reference,
+        walk.zmp_reference,
+        walk.footholds,
+        walk.goals,
+        np.array((phase,)),
+        np.array((left, right)),
+    )
+
+
+def recorder_to(
+    sink: TickSink | None, robot: Robot, *, walks: bool = False
+) -> ControllerRecorder | None:
+    """A recorder for a robot's controller; None without a sink.
+
+    Args:
+        sink: gets the ticks.
+        robot: names the joints.
+        walks: whether to keep what only a walk has.
+    """
     if sink is None:
         return None
-    return ControllerRecorder(sink, joints=robot.joint_names, period_s=robot.period_s)
+    return ControllerRecorder(
+        sink, joints=robot.joint_names, period_s=robot.period_s, walks=walks
+    )

@@ -9,7 +9,8 @@ The rules, in this order; the first that holds decides:
    only kept; or the robot refused commands in more than half of its ticks.
 4. **fault**: the robot's gate ended in FAULT.
 5. **held**: the gate ended in HOLD or OFF, or the stabilizer had given up.
-6. **stood**.
+6. **walked**: it was given steps, has taken all of them, and stands.
+7. **stood**.
 
 In real time a fall, a hold or a fault is put down to the machine when the gate found
 the loop too slow, or when more than 5 % of the commands that were due before came late
@@ -22,7 +23,7 @@ from typing import NamedTuple
 
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause, Outcome, in_words, plain
-from surefoot.schemas.result import ControllerResult, PlantResult
+from surefoot.schemas.result import ControllerResult, PlantResult, WalkReport
 
 LARGEST_UNSOLVED_SHARE = 0.5
 """Share of ticks in which nothing was balanced, above which nobody was in control."""
@@ -81,7 +82,20 @@ def judge(
     has_given_up = controller is not None and controller.end not in _TO_THE_END
     if gate.mode is not RobotMode.ACTIVE or has_given_up:
         return Judgement(Outcome.HELD, _hold(plant, controller, slow))
-    return Judgement(Outcome.STOOD, f"{plant.duration_s:g} s")
+    return _up(plant, None if controller is None else controller.walk)
+
+
+def _up(plant: PlantResult, walk: WalkReport | None) -> Judgement:
+    """Whether it stood, or walked all the way that it was to walk."""
+    detail = f"{plant.duration_s:g} s"
+    if walk is None:
+        return Judgement(Outcome.STOOD, detail)
+    done, planned = walk.steps_done, walk.steps_planned
+    if walk.is_over and done == planned > 0 and not walk.refusal:
+        far = "" if plant.distance_m is None else f", {plant.distance_m:.2f} m"
+        return Judgement(Outcome.WALKED, f"{done} steps{far}, {detail}")
+    why = f": {walk.refusal}" if walk.refusal else ""
+    return Judgement(Outcome.STOOD, f"{detail}, {done} of {planned} steps taken{why}")
 
 
 def _fall(plant: PlantResult, slow: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +13,7 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.robot_io.relay.catalogue import find_plan
 from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan
 from surefoot.schemas.scenario import (
     Scenario,
@@ -22,6 +24,7 @@ from surefoot.schemas.scenario import (
 )
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
+from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.stabilizer.factory import find_settings
@@ -69,6 +72,13 @@ class RunPlan:
     def total_ticks(self) -> int:
         """Ticks of the whole scenario."""
         return round(self.scenario.duration_s / self.robot.period_s)
+
+    @cached_property
+    def walk(self) -> WalkPlan | None:
+        """The steps of the scenario's walk; None when it has none."""
+        if self.scenario.walk is None:
+            return None
+        return _steps(self.scenario, self.robot, self.settings)
 
     @property
     def recordings(self) -> dict[str, str]:
@@ -146,6 +156,55 @@ def make_plan(
         relay=None if relay_path is None else load_relay_plan(relay_path),
         relay_path=relay_path,
     )
+
+
+def steps_of(name: str, robot: Robot, settings: ControllerSettings) -> WalkPlan:
+    """Return the steps of a scenario's walk.
+
+    Args:
+        name: shipped scenario or the path of one.
+        robot: that walks.
+        settings: of its controller.
+
+    Raises:
+        ScenarioError: no such scenario.
+        FileFormatError: it is malformed, or nobody walks in it.
+    """
+    path = find_scenario(name)
+    scenario = load_scenario(path)
+    if scenario.walk is None:
+        raise FileFormatError(
+            f"{path}: has no [walk] table; name a scenario in which the robot walks",
+            field="walk",
+        )
+    return _steps(scenario, robot, settings)
+
+
+def steps_in(
+    table: dict[str, Any], robot: Robot, settings: ControllerSettings, *, source: str
+) -> WalkPlan | None:
+    """Return the steps of a scenario given as a table; None where nobody walks.
+
+    Args:
+        table: as its TOML is read.
+        robot: that walks.
+        settings: of its controller.
+        source: named in errors.
+
+    Raises:
+        FileFormatError: it is malformed.
+    """
+    if "walk" not in table:
+        return None
+    return _steps(scenario_from_table(table, source=source), robot, settings)
+
+
+def _steps(scenario: Scenario, robot: Robot, settings: ControllerSettings) -> WalkPlan:
+    # Slow import; report bad files first.
+    from surefoot.stabilizer.walking.footsteps import plan_of
+
+    assert scenario.walk is not None
+    return plan_of(scenario.walk, robot, settings.walk, duration_s=scenario.duration_s)
 
 
 def _not_none(path: Path | None) -> Path:

@@ -63,6 +63,7 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         period_s=plan.robot.period_s,
     )
     controller = answered or _NOTHING
+    walk = controller.walk
     return RunResult(
         scenario=plan.scenario_name,
         controller=plan.controller,
@@ -106,4 +107,11 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         histograms={**plant.histograms, **controller.histograms},
         relay=relay,
         unrecorded_ticks=max(plant.unrecorded_ticks, controller.unrecorded_ticks),
+        steps_done=None if walk is None else walk.steps_done,
+        steps_planned=None if walk is None else walk.steps_planned,
+        distance_m=plant.distance_m,
+        dcm_error_rms_mm=None if walk is None else walk.dcm_error_rms_mm,
+        dcm_error_max_mm=None if walk is None else walk.dcm_error_max_mm,
+        placement_error_max_mm=None if walk is None else walk.placement_error_max_mm,
+        touchdown_peak_n=plant.touchdown_peak_n,
     )

@@ -34,7 +34,7 @@ from surefoot.signals import Signals, TickSinks, memory_sinks
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.truth import PlantTruth
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.control.controller import ControllerOutput, Walks
 from surefoot.stabilizer.factory import adapt
 from surefoot.stabilizer.loop import told_end
 from surefoot.stabilizer.qp import save_failure
@@ -125,12 +125,17 @@ class Simulation:
         for action in ("take", "enable"):
             self.gate.request(action, COMMANDER, now_s=0.0)
         self._given: object = None
+        self._walk = plan.walk
         self._safety: Safety | None = None
         self._telemetry = ControllerTelemetry(
             plan.controller,
             period_s=robot.period_s,
             calibration_s=plan.settings.estimator.calibration_s,
-            recorder=recorder_to(None if sinks is None else sinks.controller, robot),
+            recorder=recorder_to(
+                None if sinks is None else sinks.controller,
+                robot,
+                walks=plan.walk is not None,
+            ),
         )
         self._delivery = Delivery()
         self._commands: dict[int, JointCommand] = {}
@@ -286,6 +291,9 @@ class Simulation:
         ours = adapt(controller, self.robot)
         self._given = controller
         self._safety = Safety(ours, self.robot, self.plan.settings.safety)
+        walk, self._walk = self._walk, None
+        if walk is not None and isinstance(ours, Walks):
+            ours.follow_plan(walk)
         first = self.simulated.sense() if snapshot is None else snapshot
         self._safety.start(first, self.gate.posture.copy())
         return self._safety

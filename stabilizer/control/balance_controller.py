@@ -38,6 +38,7 @@ class BalanceController(ABC):
         self.model = RobotModel(robot)
         self.stance = standing(self.model)
         self.failure: QpData | None = None
+        self._tick = 0
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begin on a robot that stands still, once.
@@ -61,6 +62,7 @@ class BalanceController(ABC):
         Returns:
             Joint command in bus order, and what led to it.
         """
+        self._tick = snapshot.tick
         state = self.observer.update(snapshot)
         if state is None:
             return self._answer(QpStatus.SENSORS_NOT_FINITE, QpStatus.NOT_TRIED)

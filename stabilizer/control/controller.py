@@ -12,10 +12,12 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.errors import QpStatus
 
 if TYPE_CHECKING:
     from surefoot.stabilizer.qp import QpData
+    from surefoot.stabilizer.walking.state import WalkState
 
 
 @dataclass(slots=True)
@@ -39,6 +41,7 @@ class ControllerOutput:
         v_joint: (n_a,) joint velocities of the second QP, bus order [rad/s].
         wrench_qp: status of the QP that gives F_id; ``ok`` when solved.
         motion_qp: status of the QP that gives joint velocities; ``ok`` when solved.
+        walk: how the walk goes; None without steps so far.
     """
 
     q_command: Array
@@ -53,6 +56,7 @@ class ControllerOutput:
     v_joint: Array | None = None
     wrench_qp: QpStatus = QpStatus.OK
     motion_qp: QpStatus = QpStatus.OK
+    walk: WalkState | None = None
 
     @property
     def qp_status(self) -> str:
@@ -107,6 +111,18 @@ class Tunable(Protocol):
 
         Args:
             settings: differ from those in use in LIVE_SETTINGS only.
+        """
+
+
+@runtime_checkable
+class Walks(Protocol):
+    """A controller that takes footsteps; one without this only stands."""
+
+    def follow_plan(self, plan: WalkPlan) -> None:
+        """Walk by a plan from the next step on.
+
+        Args:
+            plan: the newest; its steps replace those that have not begun.
         """
 
 

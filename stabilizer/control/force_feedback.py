@@ -37,6 +37,11 @@ class ForceFeedback:
         minus_K_inv: (12,) diagonal of -K^-1.
         blend: of the low-pass, per tick.
         lead: of the feed-forward, in ticks.
+        fed: (12,) the part of it that is fed forward, as the ground's own; zero for
+            a foot that does not stand.
+        landing: whether the left and the right foot feel the impact of a touchdown:
+            their wrench errors then count as no more than ``landing_force_n``.
+        walks: whether steps are under way: then no stand is a firm one.
     """
 
     def __init__(
@@ -49,6 +54,7 @@ class ForceFeedback:
         period_s: float,
         lag_s: float = 0.0,
         speed: float = 0.0,
+        landing_force_n: float = math.inf,
     ) -> None:
         """Precompute gains.
 
@@ -63,6 +69,8 @@ class ForceFeedback:
                 the loop through the feet must be slower than its delays.
             speed: of the fastest mode with the default K, see
                 :func:`surefoot.stabilizer.control.feedback_speed.fastest_mode` [1/s].
+            landing_force_n: largest normal force error that a landing foot yields to
+                [N].
         """
         self._lag_s, self._period_s, self._speed = lag_s, period_s, speed
         self.firmness = 1.0
@@ -86,6 +94,10 @@ class ForceFeedback:
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
         self.ground_twist: Array = np.zeros(12)
+        self.fed: Array = np.zeros(12)
+        self.landing = [False, False]
+        self.walks = False
+        self._landing_force = landing_force_n
         self.r: Array = np.zeros(12)
         self.retune(dik, ground)
 
@@ -147,6 +159,8 @@ class ForceFeedback:
         for side, rows in enumerate(SOLE_ROWS):
             if not in_contact[side]:
                 e_F[rows] = 0.0
+            elif self.landing[side]:
+                self._soften(e_F[rows])
         np.multiply(e_F, self.minus_K_inv, out=self._scaled)
         dynamics.Lambda_c_inv.dot(self._scaled, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
@@ -160,6 +174,7 @@ class ForceFeedback:
             if in_contact[side]:
                 self._feed_forward(side, F)
             else:
+                self.fed[rows] = 0.0
                 self._search(side, dynamics, F[NORMAL])
             self._pull_to_stance(side, dynamics, stance)
         return self.r
@@ -167,7 +182,8 @@ class ForceFeedback:
     def _judge_stand(self, F_meas: Array, in_contact: list[bool]) -> None:
         """Be soft as soon as a foot does not stand firmly, and for a while after."""
         left, right = F_meas.item(NORMAL), F_meas.item(6 + NORMAL)
-        if all(in_contact) and min(left, right) > self._firm_force:
+        stands = all(in_contact) and not self.walks
+        if stands and min(left, right) > self._firm_force:
             self._set_firmness(min(1.0, self.firmness + self._firm_again))
         else:
             self._set_firmness(0.0)
@@ -189,6 +205,16 @@ class ForceFeedback:
         soft = 1.0 - firmness
         np.divide(self._firm_K_inv, 1.0 + soft * self._soft, out=self.minus_K_inv)
         self.lead = (self._lead_s + soft * self._lag_s) / self._period_s
+
+    def _soften(self, e_F: Array) -> None:
+        """Scale down the wrench error of a landing foot, in place.
+
+        The impact is over before the servos have answered it: what they did about it
+        would come when the foot has just come to rest.
+        """
+        normal = abs(e_F.item(NORMAL))
+        if normal > self._landing_force:
+            e_F *= self._landing_force / normal
 
     def _feed_forward(self, side: int, F: list[float]) -> None:
         """Have a foot that stands firmly move with its ground.
@@ -216,7 +242,9 @@ class ForceFeedback:
         share, gain = self._share[side], self._ground_gain
         start = 6 * side
         for i, rate in enumerate((v_x, v_y, v_z, w_x, w_y, w_z)):
-            self.r[start + i] += share * gain[i] * rate
+            fed = share * gain[i] * rate
+            self.fed[start + i] = fed
+            self.r[start + i] += fed
 
     def _turning(self, side: int, axis: int, outward: float) -> float:
         """Return the part of a rotation that is the ground's: it drops at once.

@@ -34,6 +34,8 @@ class Stance:
         yaw_sole: yaw of left and right sole [rad].
         base_error: (3,) rotation from base to reference, base axes [rad].
         com_nominal: height of the centre of mass in the nominal stance [m].
+        load: part of the weight that left and right foot are to carry when both
+            stand [1].
     """
 
     com: Vec3
@@ -46,6 +48,7 @@ class Stance:
     yaw_sole: list[float]
     com_nominal: float
     base_error: Vec3
+    load: list[float]
     _followed: Reference | None = None
 
     def compare_base(self, R_world_base: Mat) -> None:
@@ -115,4 +118,5 @@ def standing(model: RobotModel) -> Stance:
         yaw_sole=[yaw_from(data.oMf[i].rotation, 0.0) for i in model.sole_ids],
         com_nominal=float(com[2]),
         base_error=np.zeros(3),
+        load=[0.5, 0.5],
     )

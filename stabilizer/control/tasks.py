@@ -263,8 +263,8 @@ class SoleTwistTask(Task):
         out[:] = self.r
 
 
-class EvenLoadTask:
-    """The standing feet share the robot's weight evenly, straight up.
+class LoadTask:
+    """The standing feet share the robot's weight as planned, straight up.
 
     It is a task on wrenches, not on motion, so the first QP alone has it.
 
@@ -279,17 +279,21 @@ class EvenLoadTask:
         )
         self._weight = model.mass * GRAVITY
 
-    def wrenches(self, dynamics: Dynamics, feet: tuple[int, ...], out: Array) -> None:
+    def wrenches(
+        self, dynamics: Dynamics, stance: Stance, feet: tuple[int, ...], out: Array
+    ) -> None:
         """Write the wrenches that the first QP should reach, in sole frames.
 
         Args:
             dynamics: quantities at the present state.
+            stance: plans how two feet share it: evenly, standing.
             feet: those that stand.
             out: (6 n,) for n standing feet; their moments are to be zero already.
         """
-        share = self._weight / len(feet)
         for i, foot in enumerate(feet):
-            out[6 * i : 6 * i + 3] = share * dynamics.R_world_sole[foot][2]
+            share = stance.load[foot] if len(feet) > 1 else 1.0
+            up = dynamics.R_world_sole[foot][2]
+            out[6 * i : 6 * i + 3] = share * self._weight * up
 
 
 def standing_tasks(model: RobotModel, settings: ControllerSettings) -> list[Task]:

@@ -28,7 +28,7 @@ from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.settings import TsidSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import (
-    EvenLoadTask,
+    LoadTask,
     SelectionTask,
     Task,
     weight_roots,
@@ -173,6 +173,7 @@ class Tsid:
         settings: TsidSettings,
         tasks: Sequence[Task],
         *,
+        swing: Sequence[Task] = (),
         solver: Callable[[], QpSolver] = PiqpSolver,
     ) -> None:
         """Allocate one problem for each set of standing feet.
@@ -181,11 +182,13 @@ class Tsid:
             model: the robot.
             settings: limits and weights.
             tasks: what to do with the motion; their rows are stacked in this order.
+            swing: for left and right foot, what to do with it in the air, where it is
+                there by plan; none for a robot that only stands.
             solver: makes the solver of each problem.
         """
         self._model = model
         self._settings = settings
-        self._load = EvenLoadTask(model, settings)
+        self._load = LoadTask(model, settings)
         n_a = model.n_a
         cones = [
             cone_rows(settings, foot.half_length_m, foot.half_width_m)
@@ -193,8 +196,9 @@ class Tsid:
         ]
         self.A: Mat = np.zeros((model.n_v, n_a))
         self.b: Array = np.zeros(model.n_v)
-        self._problems = {
-            standing: _FeetProblem(
+
+        def problem_of(feet: tuple[int, ...], tasks: Sequence[Task]) -> _FeetProblem:
+            return _FeetProblem(
                 n_a,
                 feet,
                 cones=cones,
@@ -204,9 +208,14 @@ class Tsid:
                 load_weights=self._load.weights,
                 solver=solver(),
             )
-            for standing, feet in FEET_OF.items()
+
+        self._problems = {
+            standing: problem_of(feet, tasks) for standing, feet in FEET_OF.items()
         }
-        for problem in self._problems.values():
+        self._swinging = [
+            problem_of((1 - side,), [*tasks, task]) for side, task in enumerate(swing)
+        ]
+        for problem in (*self._problems.values(), *self._swinging):
             problem.qp.x_l[:] = -model.torque_limit
             problem.qp.x_u[:] = model.torque_limit
         self._weight = model.mass * GRAVITY
@@ -220,6 +229,7 @@ class Tsid:
         *,
         in_contact: list[bool],
         allowed: Array,
+        airborne: int | None = None,
     ) -> QpSolution:
         """Compute F_id for this tick.
 
@@ -228,6 +238,7 @@ class Tsid:
             stance: reference.
             in_contact: which feet stand.
             allowed: (2,) largest normal force of each foot [N].
+            airborne: the foot that is in the air by plan; None when none is.
 
         Returns:
             The QP's solution; ``F_id`` keeps its last value when it failed.
@@ -236,6 +247,8 @@ class Tsid:
         if problem is None:
             self.F_id[:] = 0.0
             return self.problem([True, True]).failed(QpStatus.NO_CONTACT)
+        if airborne is not None:
+            problem = self._swinging[airborne]
         if not self.condense(dynamics, problem):
             return problem.qp.failed(QpStatus.SINGULAR_CONTACT)
         self._stack_tasks(dynamics, stance, problem)
@@ -295,7 +308,7 @@ class Tsid:
             selection.acceleration(dynamics, stance, y)
             T[:] = A
             bias[:] = b
-        self._load.wrenches(dynamics, problem.feet, problem.load_y)
+        self._load.wrenches(dynamics, stance, problem.feet, problem.load_y)
         problem.load_T[:] = problem.Gamma_c
         problem.load_bias[:] = problem.h_c
         np.multiply(problem.T, problem.roots[:, None], out=problem.T)

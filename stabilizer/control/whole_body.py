@@ -15,6 +15,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.balance_controller import BalanceController
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.control.dik import Dik
@@ -31,8 +32,9 @@ from surefoot.stabilizer.estimation.observer import (
     Observer,
     StateEstimator,
 )
-from surefoot.stabilizer.model import GRAVITY, N_BASE_V
+from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from surefoot.stabilizer.qp import PiqpSolver, QpSolver
+from surefoot.stabilizer.walking.walk import Walk
 
 
 class WholeBodyController(BalanceController):
@@ -66,24 +68,43 @@ class WholeBodyController(BalanceController):
         super().__init__(robot, settings)
         self.dynamics = Dynamics(self.model)
         weight = self.model.mass * GRAVITY
+        largest_force = settings.tsid.normal_force_max_weights * weight
         self.observer = Observer(
             self.model,
             settings,
             self.dynamics,
-            largest_force=settings.tsid.normal_force_max_weights * weight,
+            largest_force=largest_force,
             period_s=robot.period_s,
             estimator=estimator,
         )
         self.tasks = [*standing_tasks(self.model, settings), *extra_tasks]
-        self.tsid = Tsid(self.model, settings.tsid, self.tasks, solver=solver)
+        lag_s = robot.servo_profile.lag_s
+        self.walk = Walk(
+            settings.walk,
+            self.stance,
+            contacts=self.observer.contacts,
+            anchors=self.observer.anchors,
+            weight=weight,
+            largest_force=largest_force,
+            servo_lag_s=lag_s + _damping_lag(robot, self.model),
+            period_s=robot.period_s,
+        )
+        self.tsid = Tsid(
+            self.model,
+            settings.tsid,
+            self.tasks,
+            swing=self.walk.swing_tasks,
+            solver=solver,
+        )
         self.law = ForceFeedback(
             settings.dik,
             settings.ground,
             settings.contact,
             half_sizes=self.model.half_sizes,
             period_s=robot.period_s,
-            lag_s=robot.servo_profile.lag_s,
+            lag_s=lag_s,
             speed=self._fastest_mode(robot),
+            landing_force_n=settings.walk.landing_force_n,
         )
         self.dik = Dik(self.model, settings.dik, self.tasks, solver=solver)
         self.drives = DriveInverse(
@@ -121,6 +142,10 @@ class WholeBodyController(BalanceController):
             )
         return super().step(snapshot, reference)
 
+    def follow_plan(self, plan: WalkPlan) -> None:
+        """Walk by a plan from the next step on; see :class:`Walks`."""
+        self.walk.follow(plan)
+
     def degrade(self, lost: tuple[bool, bool]) -> None:
         """Go on without ankle sensors; see :meth:`Observer.leave_out`.
 
@@ -154,16 +179,22 @@ class WholeBodyController(BalanceController):
 
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
         """Solve both QPs and integrate."""
-        dynamics, stance = self.dynamics, self.stance
+        dynamics, stance, walk = self.dynamics, self.stance, self.walk
+        walk.update(state, dynamics, stance, fed=self.law.fed, tick=self._tick)
         stance.limit_height(state.ground_height, travel=self.model.com_travel)
         stance.compare_base(state.R_world_base)
         tsid = self.tsid.solve(
-            dynamics, stance, in_contact=state.in_contact, allowed=state.allowed
+            dynamics,
+            stance,
+            in_contact=state.in_contact,
+            allowed=state.allowed,
+            airborne=walk.airborne,
         )
         if not tsid.ok and tsid.status is not QpStatus.NO_CONTACT:
             self._keep_failure(tsid)
             return tsid.status, QpStatus.NOT_TRIED
         self.observer.assume_wanted()
+        self.law.landing, self.law.walks = walk.landing, walk.is_walking
         r = self.law.update(
             dynamics,
             stance,
@@ -171,6 +202,7 @@ class WholeBodyController(BalanceController):
             F_id=self.tsid.F_id,
             in_contact=state.in_contact,
         )
+        walk.swing_twist(dynamics, r)
         dik = self.dik.solve(dynamics, stance, r=r, q_command=self._q_command)
         if not dik.ok:
             self._keep_failure(dik)
@@ -203,4 +235,11 @@ class WholeBodyController(BalanceController):
             com=self.dynamics.p_com,
             r=self.law.r,
             v_joint=self._v_joint[self.model.to_bus],
+            walk=self.walk.state,
         )
+
+
+def _damping_lag(robot: Robot, model: RobotModel) -> float:
+    """By how much a leg's servos lag behind a moving command, kd / kp [s]."""
+    lags = (robot.kd / robot.kp)[model.to_model]
+    return float(np.median(lags[model.is_leg]))

@@ -20,6 +20,7 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.accelerometer_bias import HorizontalBias
 from surefoot.stabilizer.estimation.attitude import AttitudeFilter
+from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.estimation.felt_motion import FeltMotion
 from surefoot.stabilizer.estimation.height import HeightFilter
 from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
@@ -65,8 +66,10 @@ class Estimator:
         nominal = model.nominal_configuration()
         pin.framesForwardKinematics(model.pin_model, self._data, nominal)
         soles = [self._data.oMf[i] for i in model.sole_ids]
-        self._p_nominal = [sole.translation.tolist() for sole in soles]
-        self._nominal_yaws = [yaw_from(sole.rotation, 0.0) for sole in soles]
+        self.anchors = Anchors(
+            [sole.translation for sole in soles],
+            [yaw_from(sole.rotation, 0.0) for sole in soles],
+        )
         self._leg_velocity = np.zeros(3)
         self._velocity = np.zeros(3)
         self._other = np.zeros(3)
@@ -138,6 +141,8 @@ class Estimator:
         self._vertical.update(self._acceleration(), difference, over=over, rate=rate)
         self._take_height()
         self._place()
+        if not all(self.anchors.planted):
+            self._follow_feet()
         self._pull_yaw()
 
     def _read(self, snapshot: Snapshot) -> None:
@@ -170,10 +175,12 @@ class Estimator:
         np.multiply(v_right, share - 1.0, out=other)
         mixed += other
         R_left, R_right = T_left.rotation, T_right.rotation
-        yaw_left, yaw_right = self._nominal_yaws
-        self._sole_yaw = 0.5 * (
-            yaw_from(R_left, yaw_left) + yaw_from(R_right, yaw_right)
-        )
+        yaw_left, yaw_right = self.anchors.yaw
+        turn_left, turn_right = yaw_from(R_left, yaw_left), yaw_from(R_right, yaw_right)
+        if self.anchors.by_load:
+            self._sole_yaw = share * turn_left + (1.0 - share) * turn_right
+        else:
+            self._sole_yaw = 0.5 * (turn_left + turn_right)
 
     def _leg_rate(self) -> Vec3:
         """Return the angular velocity that the legs see, IMU frame, (3,) [rad/s]."""
@@ -200,7 +207,7 @@ class Estimator:
         """Set base position and velocity from the anchor and the height."""
         q, v = self.q, self.v
         share = self._left_share
-        left, right = self._p_nominal
+        left, right = self.anchors.p
         q[0] = share * left[0] + (1.0 - share) * right[0] - self._anchor.item(0)
         q[1] = share * left[1] + (1.0 - share) * right[1] - self._anchor.item(1)
         q[2] = self.height
@@ -216,6 +223,21 @@ class Estimator:
         if left + right > MIN_TOTAL_FORCE_N:
             share = left / (left + right)
             self._left_share += self._share_blend * (share - self._left_share)
+        self._left_share = self.anchors.share(self._left_share)
+
+    def _follow_feet(self) -> None:
+        """Have the anchors of feet that are not planted follow them."""
+        anchors, data, q = self.anchors, self._data, self.q
+        for side, frame in enumerate(self._model.sole_ids):
+            if anchors.planted[side]:
+                continue
+            sole, other = data.oMf[frame], data.oMf[self._model.sole_ids[1 - side]]
+            p = anchors.p[side]
+            p[0] = q.item(0) + sole.translation[0]
+            p[1] = q.item(1) + sole.translation[1]
+            rise = sole.translation[2] - other.translation[2]
+            p[2] = anchors.p[1 - side][2] + rise
+            anchors.yaw[side] = yaw_from(sole.rotation, 0.0)
 
     def _compare(self, snapshot: Snapshot, wrenches: Array | None) -> float | None:
         """Compare accelerometer and feet; return their vertical difference [m/s^2]."""
@@ -224,6 +246,9 @@ class Estimator:
         feet = self._felt_motion
         v_imu = self._unit_velocity() - self._leg_velocity
         if not feet.compare(self._data, felt=felt, v_imu=v_imu, wrenches=wrenches):
+            felt -= self.R_world_base @ bias.bias
+            return None
+        if self.anchors.by_load:  # on the way, impacts and swinging legs tell nothing
             felt -= self.R_world_base @ bias.bias
             return None
         bias.learn(feet.by_force, feet.by_pressure, self.R_world_base)
@@ -236,7 +261,13 @@ class Estimator:
         It is half way between the inertial unit and the centre of mass.
         """
         lift, lift_rate = self._lift()
-        return lift - self._anchor.item(2), lift_rate + self._leg_velocity.item(2)
+        over = lift - self._anchor.item(2) + self._level()
+        return over, lift_rate + self._leg_velocity.item(2)
+
+    def _level(self) -> float:
+        """Return the height of the foothold that carries, by odometry [m]."""
+        left, right = self.anchors.p
+        return self._left_share * left[2] + (1.0 - self._left_share) * right[2]
 
     def _acceleration(self) -> float:
         """Return that point's vertical acceleration by the accelerometer [m/s^2]."""
@@ -247,7 +278,7 @@ class Estimator:
         lift, lift_rate = self._lift()
         self.height = self._vertical.height - lift
         self.height_rate = self._vertical.rate - lift_rate
-        self.ground_height = self._vertical.ground
+        self.ground_height = self._vertical.ground + self._level()
 
     def _lift(self) -> tuple[float, float]:
         """Return the height of that point over the base's origin [m], and its rate."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS
-from surefoot.stabilizer.estimation.contact import ContactMonitor
+from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.estimator import Estimator
 from surefoot.stabilizer.estimation.wrench_compensation import WrenchCompensation
 from surefoot.stabilizer.model import GRAVITY, RobotModel
@@ -53,6 +53,17 @@ class StateEstimator(Protocol):
             snapshot: reading of all sensors.
             wrenches: as for :meth:`calibrate`.
         """
+
+
+@runtime_checkable
+class Odometry(Protocol):
+    """An estimator that goes along when the feet are moved.
+
+    Attributes:
+        anchors: where the feet were set down; a walk says which of them are not.
+    """
+
+    anchors: Anchors
 
 
 class SoleKinematics(Protocol):
@@ -158,6 +169,11 @@ class Observer:
             is_calibrating=True,
             active_s=-self._calibration_s,
         )
+
+    @property
+    def anchors(self) -> Anchors | None:
+        """Where the feet were set down; None of an estimator that knows no steps."""
+        return self.estimator.anchors if isinstance(self.estimator, Odometry) else None
 
     def start(self, snapshot: Snapshot) -> None:
         """Begin on a robot that stands still, once.

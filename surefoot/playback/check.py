@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,7 +19,8 @@ from surefoot.playback.timeline import Entry, Timeline
 from surefoot.recording.attachments import VERSIONS, Versions, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
-from surefoot.run_folder import MARKER, SETTINGS
+from surefoot.run_folder import MARKER, SCENARIO, SETTINGS
+from surefoot.run_plan import steps_in
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import FileFormatError, MessageError
 from surefoot.schemas.messages import (
@@ -31,6 +33,7 @@ from surefoot.schemas.messages import (
     StabilizerStatus,
 )
 from surefoot.schemas.settings import ControllerSettings, build_settings
+from surefoot.schemas.walk_plan import WalkPlan
 
 M = TypeVar("M", bound=Message)
 
@@ -100,6 +103,29 @@ def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSet
     return build_settings(table, overrides=overrides, source=f"attached {SETTINGS}")
 
 
+def recorded_walk(
+    timeline: Timeline, robot: Robot, settings: ControllerSettings
+) -> WalkPlan | None:
+    """Return the steps of the scenario attached to a record; None without any.
+
+    Args:
+        timeline: the record.
+        robot: that walked.
+        settings: of its controller.
+
+    Raises:
+        FileFormatError: the attached scenario cannot be used.
+    """
+    data = timeline.record.attachments.get(SCENARIO)
+    if data is None:
+        return None
+    try:
+        table = tomllib.loads(data.decode())
+    except ValueError as error:
+        raise FileFormatError(f"the attached {SCENARIO}: {error}") from error
+    return steps_in(table, robot, settings, source=f"attached {SCENARIO}")
+
+
 def check(
     timeline: Timeline,
     robot: Robot,
@@ -125,9 +151,16 @@ def check(
         UsageError: it holds no command, or not the start of any commander.
     """
     said = _Said(timeline, robot, until_s=until_s)
-    outcomes, notes = [], said.notes
+    outcomes: list[SessionOutcome] = []
+    notes = said.notes
     sensors = RecordedSensors(said.entries, joint_count=robot.n_a, raw=said.raw)
-    inputs = Inputs(robot, settings, said.of(SettingsChange), said.of(Reference))
+    inputs = Inputs(
+        robot,
+        settings,
+        said.of(SettingsChange),
+        said.of(Reference),
+        recorded_walk(timeline, robot, settings),
+    )
     for session in find_sessions(said.of(JointCommand), said.of(RobotStatus)):
         whole = _followable(session, notes)
         if whole is None:
@@ -136,7 +169,7 @@ def check(
         outcome_of_one = recompute(
             whole,
             sensors,
-            _of_session(inputs, whole),
+            _of_session(inputs, whole, is_first=not outcomes),
             controller=name,
             on_tick=on_tick,
         )
@@ -195,11 +228,11 @@ def _gap(session: Session) -> tuple[int, int]:
     raise AssertionError("no command is missing")
 
 
-def _of_session(inputs: Inputs, session: Session) -> Inputs:
+def _of_session(inputs: Inputs, session: Session, *, is_first: bool) -> Inputs:
     """Keep the session's own changes of settings, and all references of planners."""
     first, last = session.commands[0].tick, session.commands[-1].tick
     mine = [change for change in inputs.changes if first <= change.tick <= last]
-    return Inputs(inputs.robot, inputs.settings, mine, inputs.references)
+    return replace(inputs, changes=mine, walk=inputs.walk if is_first else None)
 
 
 def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:

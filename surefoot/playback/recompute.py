@@ -14,7 +14,8 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import JointCommand, Reference, SettingsChange
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.control.controller import Controller, Tunable
+from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.stabilizer.control.controller import Controller, Tunable, Walks
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.settings_ramp import SettingsRamp
@@ -80,12 +81,14 @@ class Inputs:
         settings: it was made with.
         changes: of settings while it ran, in order.
         references: of a planner, in order.
+        walk: steps that the first controller was given at its start, if any.
     """
 
     robot: Robot
     settings: ControllerSettings
     changes: Sequence[SettingsChange]
     references: Sequence[Reference]
+    walk: WalkPlan | None = None
 
 
 def recompute(
@@ -130,6 +133,8 @@ def recompute(
         if start is not None:
             law = make_controller(controller, inputs.robot, gains.settings)
             gains.serve_controller(law)
+            if index == 0 and inputs.walk is not None and isinstance(law, Walks):
+                law.follow_plan(inputs.walk)
             safety = Safety(law, inputs.robot, inputs.settings.safety)
             safety.start(reading.snapshot, np.array(start.q_held))
         if safety is None:

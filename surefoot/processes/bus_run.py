@@ -221,7 +221,7 @@ def run_processes(
         *("--result-file", str(plant_file)),
     ]
     stabilizer_argv = [
-        *_stabilizer_argv(plan),
+        *_stabilizer_argv(plan, folder),
         *shared,
         *("--endpoints", str(beyond_file)),
         *("--settings", str(folder / SETTINGS)),
@@ -310,12 +310,18 @@ def _relay_result(
 
 
 def _robot_argv(plan: RunPlan, folder: Path) -> list[str]:
-    scenario = plan.scenario_path or folder / SCENARIO
-    return ["robot", str(scenario), "--seed", str(plan.seed)]
+    return ["robot", _scenario_of(plan, folder), "--seed", str(plan.seed)]
 
 
-def _stabilizer_argv(plan: RunPlan) -> list[str]:
-    return ["stabilizer", "--controller", plan.controller, "--wait", str(_START_S)]
+def _scenario_of(plan: RunPlan, folder: Path) -> str:
+    return str(plan.scenario_path or folder / SCENARIO)
+
+
+def _stabilizer_argv(plan: RunPlan, folder: Path) -> list[str]:
+    words = ["stabilizer", "--controller", plan.controller, "--wait", str(_START_S)]
+    if plan.scenario.walk is not None:
+        words += ["--walk", _scenario_of(plan, folder)]
+    return words
 
 
 def _relay_argv(

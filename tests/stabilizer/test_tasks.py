@@ -236,6 +236,6 @@ def test_both_qps_take_another_solver(walker: Robot) -> None:
         )
     ]
     assert sum(solver.solved for solver in made) > 0
-    assert len(made) == 4
+    assert len(made) == 6
     assert runs[0].statuses == runs[1].statuses == {"ok"}
     np.testing.assert_allclose(runs[0].commands, runs[1].commands, atol=1e-4)

@@ -1,0 +1,132 @@
+"""A walk as it is planned: a list of footsteps, on the bus and in scenario files."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+
+from surefoot.schemas.arrays import Floats3
+from surefoot.schemas.messages import Count, Message
+from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.toml_file import FileStruct
+
+Side = Literal["left", "right"]
+Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
+StepHeight = Annotated[float, msgspec.Meta(gt=0.0, le=0.5)]
+Position2 = Annotated[list[float], msgspec.Meta(min_length=2, max_length=2)]
+SINGLE_S = 0.6
+"""Single support of a step, where nothing else is said [s]."""
+DOUBLE_S = 0.2
+"""Double support after it [s]."""
+HEIGHT_M = 0.05
+"""Height of the swing foot over the ground [m]."""
+
+
+class Step(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One foot set to one place, in the odometry frame.
+
+    That frame is the stance frame of the first stance: origin midway between the
+    soles, x ahead, z up. It stays where it was while the robot walks on.
+    """
+
+    id: Count
+    """Grows from step to step, also from plan to plan."""
+    side: Side
+    """The foot that is moved."""
+    position: Floats3
+    """Sole's centre when it is set down [m]. Of z only the rise against the other
+    foothold counts."""
+    yaw: float
+    """Heading of the sole [rad]."""
+    single_s: Seconds
+    """Time on the other foot alone."""
+    double_s: Seconds
+    """Time on both feet that follows."""
+    height_m: StepHeight
+    """How high the foot is lifted over the higher of its two footholds [m]."""
+
+
+class WalkPlan(Message, frozen=True, kw_only=True):
+    """What a planner wants walked; ``tick`` is the robot's tick it was made at.
+
+    It takes the place of all steps that have not begun; steps that have are passed
+    over by their ``id``. Without steps the robot brings its feet together and stands.
+    """
+
+    begin_tick: Count
+    """The first step's weight shift begins at this tick of the robot, or at once
+    where it has gone by."""
+    steps: Annotated[list[Step], msgspec.Meta(max_length=2000)]
+    """In order; left and right take turns."""
+
+    def __post_init__(self) -> None:
+        """Check order of ids and sides."""
+        for before, step in zip(self.steps, self.steps[1:], strict=False):
+            if step.id <= before.id:
+                raise ValueError(f"step ids must grow, got {step.id} after {before.id}")
+            if step.side == before.side:
+                raise ValueError(
+                    f"step {step.id} moves the {step.side} foot, as the step before "
+                    "it; left and right take turns"
+                )
+
+
+class WalkStep(FileStruct, frozen=True, kw_only=True):
+    """A footstep of a scenario file."""
+
+    side: Side
+    """The foot that is moved."""
+    position_m: Position2
+    """Sole's centre, x ahead and y to the left of where the robot stands at first."""
+    yaw_deg: float = 0.0
+    """Heading of the sole, against that at first."""
+    rise_m: float = 0.0
+    """Height of the foothold over the ground the robot stands on at first."""
+    step_s: Seconds | None = None
+    """Single support; the walk's when absent."""
+    double_s: Seconds | None = None
+    """Double support after it; the walk's when absent."""
+    height_m: StepHeight | None = None
+    """How high the foot is lifted; the walk's when absent."""
+
+
+class Walk(FileStruct, frozen=True, kw_only=True):
+    """Walk instead of stand: with a velocity, or by footsteps."""
+
+    velocity_m_s: float = 0.0
+    """Ahead; negative for backwards."""
+    lateral_m_s: float = 0.0
+    """To the left; negative to the right."""
+    yaw_rate_deg_s: float = 0.0
+    """Counter-clockwise from above."""
+    start_s: NonNegative = 2.0
+    """When the weight begins to shift onto the first foot."""
+    stop_s: Positive | None = None
+    """No step begins later; then the feet come together. Absent: in time to stand for
+    a second at the scenario's end."""
+    step_s: Seconds = SINGLE_S
+    """Single support of a step."""
+    double_s: Seconds = DOUBLE_S
+    """Double support after it."""
+    height_m: StepHeight = HEIGHT_M
+    """How high the swing foot is lifted."""
+    step: list[WalkStep] = []
+    """Footsteps in place of a velocity."""
+
+    def __post_init__(self) -> None:
+        """Check that there is one kind of walk and time for it."""
+        moves = (self.velocity_m_s, self.lateral_m_s, self.yaw_rate_deg_s)
+        if self.step and any(moves):
+            raise ValueError("takes a velocity, or [[walk.step]], not both")
+        if self.stop_s is not None and self.stop_s <= self.start_s:
+            raise ValueError(
+                f"`stop_s` is {self.stop_s:g}, expected later than `start_s`, "
+                f"{self.start_s:g}"
+            )
+
+    @property
+    def yaw_rate(self) -> float:
+        """Of the walk [rad/s]."""
+        return math.radians(self.yaw_rate_deg_s)

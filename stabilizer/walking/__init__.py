@@ -1,0 +1,1 @@
+"""Walking: footsteps to references; standing is a walk without steps."""

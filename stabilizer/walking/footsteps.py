@@ -1,0 +1,209 @@
+"""Footsteps: from a velocity, from a scenario, and what a robot may be asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.walk_plan import Side, Step, Walk, WalkPlan
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.control.reference import standing
+from surefoot.stabilizer.model import RobotModel
+
+SIDES: tuple[Side, Side] = ("left", "right")
+STAND_AT_END_S = 1.0
+"""A walk without an end of its own stops in time to stand for so long."""
+_LENGTH_TOLERANCE = 1e-6
+
+
+class Foothold(NamedTuple):
+    """A place for a sole.
+
+    Attributes:
+        x: ahead, odometry frame [m].
+        y: to the left [m].
+        z: up [m].
+        yaw: heading [rad].
+    """
+
+    x: float
+    y: float
+    z: float
+    yaw: float
+
+    def beside(self, x: float, y: float, yaw: float = 0.0) -> Foothold:
+        """Return the place at an offset in this one's own axes."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return Foothold(
+            self.x + cos * x - sin * y,
+            self.y + sin * x + cos * y,
+            self.z,
+            self.yaw + yaw,
+        )
+
+    def seen_from(self, other: Foothold) -> tuple[float, float, float]:
+        """Return x, y [m] and yaw [rad] of this place in another one's axes."""
+        cos, sin = math.cos(other.yaw), math.sin(other.yaw)
+        x, y = self.x - other.x, self.y - other.y
+        turn = math.remainder(self.yaw - other.yaw, math.tau)
+        return cos * x + sin * y, cos * y - sin * x, turn
+
+
+class Pace(NamedTuple):
+    """A velocity and the times and height of its steps.
+
+    Attributes:
+        ahead: [m/s].
+        lateral: to the left [m/s].
+        yaw_rate: counter-clockwise from above [rad/s].
+        single_s: single support.
+        double_s: double support.
+        height_m: of the swing foot.
+    """
+
+    ahead: float
+    lateral: float
+    yaw_rate: float
+    single_s: float
+    double_s: float
+    height_m: float
+
+
+def steps_at(
+    pace: Pace,
+    middle: Foothold,
+    *,
+    half_width: float,
+    first_id: int,
+    first_side: int | None = None,
+) -> Iterator[Step]:
+    """Yield footsteps for a velocity, without end.
+
+    A robot that goes sideways, or turns, opens its stance with the leading foot and
+    closes it with the other one, so that its feet never come nearer than standing.
+
+    Args:
+        pace: velocity and times.
+        middle: between the feet at first.
+        half_width: sole to middle, standing [m].
+        first_id: of the first step; the others count on.
+        first_side: which foot goes first; None for the leading one.
+    """
+    period = pace.single_s + pace.double_s
+    leads, turns = _leading(pace.lateral), _leading(pace.yaw_rate)
+    side = first_side
+    if side is None:
+        side = leads if pace.lateral else turns
+    ahead, lateral, turn = (
+        rate * period for rate in (pace.ahead, pace.lateral, pace.yaw_rate)
+    )
+    number = 0
+    while True:
+        # The leading foot goes both steps' way to the side, or turns for both.
+        middle = _advanced(
+            middle,
+            ahead,
+            2.0 * lateral if side == leads else 0.0,
+            2.0 * turn if side == turns else 0.0,
+        )
+        place = middle.beside(0.0, half_width if side == 0 else -half_width)
+        yield Step(
+            id=first_id + number,
+            side=SIDES[side],
+            position=[place.x, place.y, place.z],
+            yaw=place.yaw,
+            single_s=pace.single_s,
+            double_s=pace.double_s,
+            height_m=pace.height_m,
+        )
+        number += 1
+        side = 1 - side
+
+
+def _leading(rate: float) -> int:
+    """The foot on the side that one goes, or turns, to."""
+    return 1 if rate < 0.0 else 0
+
+
+def _advanced(middle: Foothold, ahead: float, lateral: float, turn: float) -> Foothold:
+    """Go on for a step, along the chord of the arc."""
+    half = middle.beside(0.0, 0.0, 0.5 * turn)
+    return half.beside(ahead, lateral, 0.5 * turn)
+
+
+def half_width_of(robot: Robot) -> float:
+    """Return the distance from sole to middle in a robot's nominal stance [m].
+
+    Args:
+        robot: what its files say.
+    """
+    left, right = standing(RobotModel(robot)).p_sole
+    return 0.5 * float(left[1] - right[1])
+
+
+def plan_of(
+    walk: Walk, robot: Robot, settings: WalkSettings, *, duration_s: float
+) -> WalkPlan:
+    """Return the plan of a scenario's walk.
+
+    Args:
+        walk: of the scenario.
+        robot: that walks.
+        settings: the times of the first and the last shift.
+        duration_s: of the scenario.
+    """
+    half_width, period_s = half_width_of(robot), robot.period_s
+    steps = (
+        _written_steps(walk)
+        if walk.step
+        else _velocity_steps(walk, settings, duration_s, half_width)
+    )
+    return WalkPlan(
+        schema=SCHEMA_VERSION,
+        tick=0,
+        stamp_ns=0,
+        begin_tick=round(walk.start_s / period_s),
+        steps=steps,
+    )
+
+
+def _written_steps(walk: Walk) -> list[Step]:
+    return [
+        Step(
+            id=number,
+            side=step.side,
+            position=[*step.position_m, step.rise_m],
+            yaw=math.radians(step.yaw_deg),
+            single_s=step.step_s or walk.step_s,
+            double_s=step.double_s or walk.double_s,
+            height_m=step.height_m or walk.height_m,
+        )
+        for number, step in enumerate(walk.step)
+    ]
+
+
+def _velocity_steps(
+    walk: Walk, settings: WalkSettings, duration_s: float, half_width: float
+) -> list[Step]:
+    period = walk.step_s + walk.double_s
+    last_s = walk.stop_s
+    if last_s is None:
+        # One more step brings the feet together.
+        last_s = duration_s - STAND_AT_END_S - settings.settle_s - 2.0 * period
+    begun_s = walk.start_s + settings.shift_s
+    count = max(0, math.floor((last_s - begun_s) / period + 1.0 + _LENGTH_TOLERANCE))
+    pace = Pace(
+        ahead=walk.velocity_m_s,
+        lateral=walk.lateral_m_s,
+        yaw_rate=walk.yaw_rate,
+        single_s=walk.step_s,
+        double_s=walk.double_s,
+        height_m=walk.height_m,
+    )
+    steps = steps_at(
+        pace, Foothold(0.0, 0.0, 0.0, 0.0), half_width=half_width, first_id=0
+    )
+    return [step for step, _ in zip(steps, range(count), strict=False)]

@@ -1,0 +1,267 @@
+"""The phases of a walk, and the DCM's reference through them.
+
+    stand -> shift -> [single -> double]* -> settle -> stand
+
+One clock runs in each phase. What ends a phase is told by the walk, which knows the
+feet; here is only what follows for ZMP, DCM and centre of mass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from enum import StrEnum
+
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.walking.dcm import (
+    Point,
+    ZmpPhase,
+    dcm_now,
+    end_of_support,
+    shift_between,
+)
+from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.step_queue import Move
+
+EVERY_TICKS = 4
+"""The DCM's reference is computed anew so often; between, it goes on by its law."""
+
+AT_REST_M = 0.001
+"""A centre of mass this near to where it belongs has come to rest [m]."""
+
+
+class Phase(StrEnum):
+    """Of a walk."""
+
+    STAND = "stand"
+    SHIFT = "shift"
+    """The weight goes onto the first support."""
+    SINGLE = "single"
+    DOUBLE = "double"
+    SETTLE = "settle"
+    """The weight goes back between the feet."""
+
+
+class Gait:
+    """Where ZMP, DCM and centre of mass belong.
+
+    Attributes:
+        phase: the present one.
+        t: time in it [s].
+        duration_s: as planned.
+        support: the foot that is to carry: alone in single support, ever more in
+            double support.
+        zmp: wanted zero-moment point [m].
+        dcm: reference of the DCM [m].
+        com: reference of the centre of mass [m].
+        com_velocity: [m/s].
+        com_acceleration: [m/s^2].
+        omega: of the pendulum [1/s].
+    """
+
+    def __init__(
+        self,
+        settings: WalkSettings,
+        *,
+        omega: float,
+        com_offset: Point,
+        period_s: float,
+    ) -> None:
+        """Begin standing.
+
+        Args:
+            settings: times.
+            omega: of the pendulum [1/s].
+            com_offset: centre of mass of the nominal stance, from the middle of the
+                soles, ahead and to the left [m].
+            period_s: time between two updates [s].
+        """
+        self._settings = settings
+        self._offset = com_offset
+        self._dt = period_s
+        self.omega = omega
+        self.phase = Phase.STAND
+        self.t = self.duration_s = self._double_s = 0.0
+        self.support = 0
+        self.zmp: Point = com_offset
+        self.dcm: Point = com_offset
+        self.com: Point = com_offset
+        self.com_velocity: Point = (0.0, 0.0)
+        self.com_acceleration: Point = (0.0, 0.0)
+        self._from: Point = com_offset
+        self._halfway: Point = com_offset
+        self._ticks = 0
+
+    @property
+    def left_s(self) -> float:
+        """What is left of the phase [s]; 0 while it waits."""
+        return max(0.0, self.duration_s - self.t)
+
+    def begin_shift(
+        self,
+        support: int,
+        feet: Sequence[Foothold],
+        moves: Sequence[Move],
+        *,
+        com: Point,
+    ) -> None:
+        """Begin to walk: the weight goes onto the first support.
+
+        Args:
+            support: the foot.
+            feet: where both are.
+            moves: the steps to come.
+            com: where the reference of the centre of mass is, at rest [m].
+        """
+        self._enter(Phase.SHIFT, self._settings.shift_s)
+        self.support = support
+        self._from = self.zmp = self.dcm = self.com = com
+        phases, xi_end = self._walk_on(feet, moves)
+        self._halfway = shift_between(
+            com,
+            com,
+            self._point(feet[support]),
+            dcm_now(phases, xi_end, self.omega),
+            duration_s=self.duration_s,
+            omega=self.omega,
+        )
+
+    def begin_single(self, move: Move) -> None:
+        """One foot carries alone; ``support`` is it already."""
+        self._enter(Phase.SINGLE, move.single_s)
+        self._double_s = move.double_s
+
+    def begin_double(self) -> None:
+        """Both carry: the weight goes onto the foot that has landed."""
+        self._enter(Phase.DOUBLE, self._double_s)
+        self._from, self.support = self.zmp, 1 - self.support
+
+    def begin_settle(self) -> None:
+        """The weight goes back between the feet."""
+        self._enter(Phase.SETTLE, self._settings.settle_s)
+        self._from = self.zmp
+
+    def stand(self) -> None:
+        """The walk is over."""
+        self._enter(Phase.STAND, 0.0)
+
+    def advance(self, feet: Sequence[Foothold], moves: Sequence[Move]) -> None:
+        """Advance by one tick.
+
+        Args:
+            feet: where left and right foot are, or are being set.
+            moves: the steps to come after the present one.
+        """
+        dt, omega = self._dt, self.omega
+        self.t += dt
+        self.zmp = self._wanted_zmp(feet)
+        if self._ticks % EVERY_TICKS == 0:
+            self.dcm = dcm_now(*self._ahead(feet, moves), omega)
+        elif self.left_s > 0.0 or self.phase is Phase.SETTLE:
+            self.dcm = (
+                self.dcm[0] + dt * omega * (self.dcm[0] - self.zmp[0]),
+                self.dcm[1] + dt * omega * (self.dcm[1] - self.zmp[1]),
+            )
+        self._ticks += 1
+        (x, y), (xi_x, xi_y), (p_x, p_y) = self.com, self.dcm, self.zmp
+        v_x, v_y = omega * (xi_x - x), omega * (xi_y - y)
+        self.com = (x + dt * v_x, y + dt * v_y)
+        self.com_velocity = (v_x, v_y)
+        square = omega * omega
+        self.com_acceleration = (square * (x - p_x), square * (y - p_y))
+
+    def middle(self, feet: Sequence[Foothold]) -> Point:
+        """Where the centre of mass belongs when the robot stands on these [m]."""
+        left, right = self._point(feet[0]), self._point(feet[1])
+        return 0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1])
+
+    def rests(self, feet: Sequence[Foothold]) -> bool:
+        """Whether the centre of mass has come to rest between the feet."""
+        x, y = self.middle(feet)
+        return math.hypot(self.com[0] - x, self.com[1] - y) < AT_REST_M
+
+    def left_share(self, feet: Sequence[Foothold]) -> float:
+        """Part of the weight that the left foot carries with the wanted ZMP [1]."""
+        left, right = self._point(feet[0]), self._point(feet[1])
+        x, y = left[0] - right[0], left[1] - right[1]
+        along = (self.zmp[0] - right[0]) * x + (self.zmp[1] - right[1]) * y
+        return min(max(along / max(x * x + y * y, 1e-6), 0.0), 1.0)
+
+    def _enter(self, phase: Phase, duration_s: float) -> None:
+        self.phase, self.t, self.duration_s = phase, 0.0, duration_s
+        self._ticks = 0
+
+    def _point(self, foot: Foothold) -> Point:
+        """Where the ZMP belongs while a foot carries alone [m]."""
+        x, y = self._offset
+        cos, sin = math.cos(foot.yaw), math.sin(foot.yaw)
+        return foot.x + cos * x - sin * y, foot.y + sin * x + cos * y
+
+    def _wanted_zmp(self, feet: Sequence[Foothold]) -> Point:
+        phase = self.phase
+        if phase is Phase.STAND:
+            return self.middle(feet)
+        to = self._point(feet[self.support])
+        if phase is Phase.SINGLE:
+            return to
+        done = min(self.t / self.duration_s, 1.0)
+        if phase is Phase.SHIFT:
+            if done < 0.5:
+                return _between(self._from, self._halfway, 2.0 * done)
+            return _between(self._halfway, to, 2.0 * done - 1.0)
+        if phase is Phase.SETTLE:
+            to = self.middle(feet)
+        return _between(self._from, to, done)
+
+    def _ahead(
+        self, feet: Sequence[Foothold], moves: Sequence[Move]
+    ) -> tuple[list[ZmpPhase], Point]:
+        """The wanted ZMP from now on, and where the DCM is at its end."""
+        phase, left_s = self.phase, self.left_s
+        if phase in (Phase.STAND, Phase.SETTLE):
+            middle = self.middle(feet)
+            return [ZmpPhase(left_s, self.zmp, middle)], middle
+        here = self._point(feet[self.support])
+        half_s = 0.5 * self.duration_s
+        if phase is Phase.SHIFT and left_s > half_s:
+            now = [
+                ZmpPhase(left_s - half_s, self.zmp, self._halfway),
+                ZmpPhase(half_s, self._halfway, here),
+            ]
+        else:
+            now = [ZmpPhase(left_s, self.zmp, here)]
+        after, xi_end = self._walk_on(feet, moves)
+        return now + after, xi_end
+
+    def _walk_on(
+        self, feet: Sequence[Foothold], moves: Sequence[Move]
+    ) -> tuple[list[ZmpPhase], Point]:
+        """What follows the present phase."""
+        here, places = self._point(feet[self.support]), list(feet)
+        phases: list[ZmpPhase] = []
+        if self.phase is Phase.SINGLE and moves:
+            there = self._point(feet[1 - self.support])
+            phases.append(ZmpPhase(self._double_s, here, there))
+            here = there
+        for number, move in enumerate(moves):
+            there = self._point(move.place)
+            places[move.side] = move.place
+            if number == self._settings.preview_steps:
+                return phases, end_of_support(
+                    here,
+                    there,
+                    single_s=move.single_s,
+                    double_s=move.double_s,
+                    omega=self.omega,
+                )
+            phases.append(ZmpPhase(move.single_s, here, here))
+            if number < len(moves) - 1:
+                phases.append(ZmpPhase(move.double_s, here, there))
+                here = there
+        middle = self.middle(places)
+        phases.append(ZmpPhase(self._settings.settle_s, here, middle))
+        return phases, middle
+
+
+def _between(a: Point, b: Point, share: float) -> Point:
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])

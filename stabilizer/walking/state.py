@@ -1,0 +1,87 @@
+"""How a walk goes: what is told of every tick, and what it amounts to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.result import WalkReport
+from surefoot.stabilizer.walking.feet import FootState
+from surefoot.stabilizer.walking.gait import Phase
+
+MM_PER_M = 1e3
+
+
+class WalkState:
+    """The present tick of a walk and running sums over all of it.
+
+    Attributes:
+        phase: of the walk.
+        step: id of the step under way, or taken last; -1 brings the feet together.
+        feet: what left and right foot are doing.
+        dcm: (2,) estimated divergent component of motion, odometry frame [m].
+        dcm_reference: (2,) where it should be [m].
+        zmp_reference: (2,) wanted zero-moment point [m].
+        footholds: (8,) x, y, z [m] and yaw [rad] of left and right foot: where they
+            were set down, or are.
+        goals: (8,) the same, of a foot in the air where it is being set.
+        shift: (2,) of the present step, by step adjustment [m].
+        done: steps of plans that were set down.
+        planned: steps of all plans that were taken.
+        refusal: why the last plan was refused, in words; empty when it was taken.
+    """
+
+    def __init__(self) -> None:
+        """Begin standing, all sums at zero."""
+        self.phase = Phase.STAND
+        self.step = -1
+        self.feet = [FootState.PLANTED, FootState.PLANTED]
+        self.dcm: Array = np.zeros(2)
+        self.dcm_reference: Array = np.zeros(2)
+        self.zmp_reference: Array = np.zeros(2)
+        self.footholds: Array = np.zeros(8)
+        self.goals: Array = np.zeros(8)
+        self.shift: Array = np.zeros(2)
+        self.done = self.planned = 0
+        self.refusal = ""
+        self._placement_max = 0.0
+        self._late: list[float] | None = None
+        self._squares = [0.0, 0.0]
+        self._largest = [0.0, 0.0]
+        self._ticks = 0
+
+    def add_error(self) -> None:
+        """Take in the DCM's error at a tick of the walk."""
+        self._ticks += 1
+        for axis in range(2):
+            error = abs(self.dcm.item(axis) - self.dcm_reference.item(axis))
+            self._squares[axis] += error * error
+            self._largest[axis] = max(self._largest[axis], error)
+
+    def touch(self, *, off: float, late_s: float) -> None:
+        """Take in a touchdown of the step under way.
+
+        Args:
+            off: from where the foot was meant to be set [m].
+            late_s: against plan [s].
+        """
+        self.done += self.step >= 0
+        self._placement_max = max(self._placement_max, off)
+        earliest, latest = self._late or (late_s, late_s)
+        self._late = [min(earliest, late_s), max(latest, late_s)]
+
+    def report(self) -> WalkReport:
+        """What the walk amounts to so far."""
+        count = max(self._ticks, 1)
+        return WalkReport(
+            steps_done=self.done,
+            steps_planned=self.planned,
+            is_over=self.phase is Phase.STAND,
+            dcm_error_rms_mm=[MM_PER_M * math.sqrt(x / count) for x in self._squares],
+            dcm_error_max_mm=[MM_PER_M * x for x in self._largest],
+            placement_error_max_mm=MM_PER_M * self._placement_max,
+            touchdown_late_s=self._late or [0.0, 0.0],
+            refusal=self.refusal,
+        )

@@ -1,0 +1,208 @@
+"""The steps to come: the plan's, and the one that brings the feet together."""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.walking.footsteps import SIDES, Foothold
+
+CLOSING_ID = -1
+"""Of a step that no plan has: it brings the feet together."""
+TOGETHER_M = 0.01
+"""Feet this near to side by side are together [m]."""
+TOGETHER_RAD = 0.03
+"""And turned against each other by no more than this [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A step as it is taken.
+
+    Attributes:
+        id: of the plan's step, or CLOSING_ID.
+        side: 0 for the left foot, 1 for the right one.
+        place: where the foot is to be set.
+        single_s: single support.
+        double_s: double support after it.
+        height_m: lift.
+    """
+
+    id: int
+    side: int
+    place: Foothold
+    single_s: float
+    double_s: float
+    height_m: float
+
+
+class StepQueue:
+    """Steps that have not begun.
+
+    Attributes:
+        shift: (x, y) by which the plan's places are off, by step adjustment [m].
+        last: the step begun last; None before the first.
+        planned: steps of all plans that were taken, so far.
+    """
+
+    def __init__(self, settings: WalkSettings, *, half_width: float) -> None:
+        """Begin without a plan.
+
+        Args:
+            settings: how far steps may go.
+            half_width: sole to middle, standing [m].
+        """
+        self._settings = settings
+        self._width = 2.0 * half_width
+        self._steps: deque[Move] = deque()
+        self.shift = (0.0, 0.0)
+        self.last: Move | None = None
+        self.planned = 0
+
+    def __len__(self) -> int:
+        """Steps of the plan that have not begun."""
+        return len(self._steps)
+
+    def take(self, plan: WalkPlan, feet: Sequence[Foothold], *, walks: bool) -> str:
+        """Put a plan in the place of the steps that have not begun.
+
+        Args:
+            plan: the newest.
+            feet: where left and right foot are, or are being set.
+            walks: whether a step is under way, so that the other foot's turn is next.
+
+        Returns:
+            Why the plan is refused, in words: then there are no steps left. Empty
+            when it is taken.
+        """
+        begun = -1 if self.last is None else self.last.id
+        moves = [
+            Move(
+                id=step.id,
+                side=SIDES.index(step.side),
+                place=_foothold(step.position, step.yaw),
+                single_s=step.single_s,
+                double_s=step.double_s,
+                height_m=step.height_m,
+            )
+            for step in plan.steps
+            if step.id > begun
+        ]
+        self.planned -= len(self._steps)
+        self._steps.clear()
+        self.shift = (0.0, 0.0)
+        why = self._why_not(moves, feet, walks=walks)
+        if not why:
+            self._steps.extend(moves)
+            self.planned += len(moves)
+        return why
+
+    def drop(self) -> None:
+        """Forget all steps to come; the feet come together."""
+        self.planned -= len(self._steps)
+        self._steps.clear()
+
+    def ahead(self, feet: Sequence[Foothold], count: int) -> list[Move]:
+        """Return the steps to come, the closing one included.
+
+        Args:
+            feet: where left and right foot are, or are being set.
+            count: as many, if there are.
+        """
+        x, y = self.shift
+        places, moves = list(feet), []
+        for move in itertools.islice(self._steps, count):
+            p = move.place
+            moves.append(_moved(move, Foothold(p.x + x, p.y + y, p.z, p.yaw)))
+            places[move.side] = moves[-1].place
+        if len(moves) < count:
+            closing = self._closing(moves[-1] if moves else self.last, places)
+            if closing is not None:
+                moves.append(closing)
+        return moves
+
+    def begin(self, feet: Sequence[Foothold]) -> Move:
+        """Take the next step out; :meth:`ahead` has it first.
+
+        Args:
+            feet: where left and right foot are.
+        """
+        move = self.ahead(feet, 1)[0]
+        if self._steps:
+            self._steps.popleft()
+        self.last = move
+        return move
+
+    def shift_by(self, x: float, y: float) -> None:
+        """Shift all places to come.
+
+        Args:
+            x: [m], odometry frame.
+            y: [m].
+        """
+        self.shift = (self.shift[0] + x, self.shift[1] + y)
+
+    def _closing(self, before: Move | None, places: list[Foothold]) -> Move | None:
+        """The step that brings the other foot beside the one moved last, if needed."""
+        if before is None:
+            return None
+        side = 1 - before.side
+        goal = places[before.side].beside(
+            0.0, self._width if side == 0 else -self._width
+        )
+        x, y, yaw = places[side].seen_from(goal)
+        if abs(x) < TOGETHER_M and abs(y) < TOGETHER_M and abs(yaw) < TOGETHER_RAD:
+            return None
+        return Move(
+            CLOSING_ID, side, goal, before.single_s, before.double_s, before.height_m
+        )
+
+    def _why_not(
+        self, moves: Sequence[Move], feet: Sequence[Foothold], *, walks: bool
+    ) -> str:
+        """Why these steps cannot be walked; empty when they can."""
+        places = list(feet)
+        last = self.last
+        if moves and walks and last is not None and moves[0].side == last.side:
+            return (
+                f"step {moves[0].id} moves the {SIDES[last.side]} foot, which is on "
+                "its way; the other one's turn is next"
+            )
+        for move in moves:
+            support = places[1 - move.side]
+            why = self._unreachable(move, support)
+            if why:
+                return f"step {move.id}, {SIDES[move.side]} foot: {why}"
+            places[move.side] = move.place
+        return ""
+
+    def _unreachable(self, move: Move, support: Foothold) -> str:
+        limits = self._settings
+        x, y, yaw = move.place.seen_from(support)
+        apart = y if move.side == 0 else -y
+        if abs(x) > limits.longest_m:
+            return f"{x:+.2f} m ahead of the other, at most {limits.longest_m:g} m"
+        if not limits.nearest_m <= apart <= limits.farthest_m:
+            return (
+                f"{apart:.2f} m beside the other, expected {limits.nearest_m:g} to "
+                f"{limits.farthest_m:g} m"
+            )
+        if abs(yaw) > limits.turn_limit_rad:
+            return f"turned by {yaw:+.2f} rad, at most {limits.turn_limit_rad:g} rad"
+        rise = move.place.z - support.z
+        if abs(rise) > limits.rise_limit_m:
+            return f"{rise:+.2f} m higher, at most {limits.rise_limit_m:g} m"
+        return ""
+
+
+def _foothold(position: list[float], yaw: float) -> Foothold:
+    x, y, z = position
+    return Foothold(x, y, z, yaw)
+
+
+def _moved(move: Move, place: Foothold) -> Move:
+    return Move(move.id, move.side, place, move.single_s, move.double_s, move.height_m)

@@ -1,0 +1,399 @@
+"""A walk on top of the two QPs: steps in, references out, tick by tick.
+
+It writes the stance (centre of mass, base yaw, footholds, planned load), the states
+of the feet, and where the swing foot should be. A robot that was asked for no step is
+left alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
+from surefoot.stabilizer.estimation.observer import ObservedState
+from surefoot.stabilizer.model import GRAVITY
+from surefoot.stabilizer.walking.adjustment import StepAdjustment
+from surefoot.stabilizer.walking.feet import Feet, FootState
+from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.gait import Gait, Phase
+from surefoot.stabilizer.walking.state import WalkState
+from surefoot.stabilizer.walking.step_queue import Move, StepQueue
+from surefoot.stabilizer.walking.swing_foot import SwingFoot
+
+LEAVING_FROM = 0.3
+"""Planned share of the weight under which a foot that is to leave is the walk's."""
+ROLL_ON = 0.5
+"""Part of single support after which a force on the swing foot is a touchdown."""
+F_Z = (2, 8)
+
+
+class Walk:
+    """Takes the steps of a plan.
+
+    Attributes:
+        gait: phases and references.
+        feet: what each foot is doing.
+        queue: steps to come.
+        state: how the walk goes; None before there was a plan.
+        swing_tasks: of left and right foot, for the first QP.
+    """
+
+    def __init__(
+        self,
+        settings: WalkSettings,
+        stance: Stance,
+        *,
+        contacts: ContactMonitor,
+        anchors: Anchors | None,
+        weight: float,
+        largest_force: float,
+        servo_lag_s: float,
+        period_s: float,
+    ) -> None:
+        """Begin standing in the nominal stance.
+
+        Args:
+            settings: of walking.
+            stance: the reference; written once there are steps.
+            contacts: of the observer.
+            anchors: of the estimator; None of one that knows no steps, with which
+                every plan is refused.
+            weight: of the robot [N].
+            largest_force: to be asked of a foot that stands [N].
+            servo_lag_s: by which joints follow their commands [s].
+            period_s: control period [s].
+        """
+        self._settings, self._dt = settings, period_s
+        self._has_odometry = anchors is not None
+        anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
+        self._contacts, self._anchors, self._weight = contacts, anchors, weight
+        left, right = stance.p_sole
+        half_width = 0.5 * float(left[1] - right[1])
+        middle = 0.5 * (left + right)
+        x, y = (stance.com[:2] - middle[:2]).tolist()
+        omega = math.sqrt(GRAVITY / stance.com_nominal)
+        self.gait = Gait(settings, omega=omega, com_offset=(x, y), period_s=period_s)
+        self.feet = Feet(
+            settings, contacts, anchors, largest_force=largest_force, period_s=period_s
+        )
+        self.queue = StepQueue(settings, half_width=half_width)
+        self.state: WalkState | None = None
+        self._told = WalkState()
+        self._swing = SwingFoot(
+            settings, lead_s=settings.lead_s + servo_lag_s, period_s=period_s
+        )
+        self.swing_tasks = self._swing.tasks
+        self._adjustment = StepAdjustment(settings, omega=omega, period_s=period_s)
+        self._move: Move | None = None
+        self._plan: WalkPlan | None = None
+        self._begin_tick = 0
+        self._planned_z = [0.0, 0.0]
+        self._standing_base: Mat = np.eye(3)
+        self._waited_s = 0.0
+        self._height_blend = period_s / settings.height_s
+
+    @property
+    def is_walking(self) -> bool:
+        """Whether steps are under way."""
+        return self.gait.phase is not Phase.STAND
+
+    @property
+    def airborne(self) -> int | None:
+        """The foot that is in the air by plan, if any."""
+        for side in range(2):
+            if self.feet.is_airborne(side):
+                return side
+        return None
+
+    @property
+    def landing(self) -> list[bool]:
+        """Which feet feel the impact of a touchdown."""
+        return [state is FootState.LANDING for state in self.feet.state]
+
+    def follow(self, plan: WalkPlan) -> None:
+        """Take a plan over, from the next tick on.
+
+        Args:
+            plan: the newest; its steps replace those that have not begun.
+        """
+        if plan is not self._plan:
+            self._plan = plan
+            self._begin_tick = plan.begin_tick
+            told = self.state = self._told
+            if not self._has_odometry:
+                told.refusal = "the estimator knows no steps: it has no anchors"
+                return
+            told.refusal = self.queue.take(
+                plan, self._footholds(), walks=self.gait.phase is not Phase.STAND
+            )
+            told.planned = self.queue.planned
+
+    def update(
+        self,
+        state: ObservedState,
+        dynamics: Dynamics,
+        stance: Stance,
+        *,
+        fed: Array,
+        tick: int,
+    ) -> None:
+        """Write the references of this tick.
+
+        Args:
+            state: of the robot.
+            dynamics: quantities at it.
+            stance: gets centre of mass, base, footholds and planned load.
+            fed: (12,) sole twists that are the ground's, as the law last fed them
+                forward, sole frames.
+            tick: of the robot.
+        """
+        if not self.is_walking and not self._begins(state, stance, tick):
+            return
+        normals = (state.F_meas.item(F_Z[0]), state.F_meas.item(F_Z[1]))
+        self._go_on(normals, dynamics)
+        if not self.is_walking:
+            self._stand(stance)
+            return
+        self.feet.update(normals, may_touch=self._may_touch)
+        self._note_touchdowns(dynamics)
+        airborne = self.airborne
+        if airborne is None:
+            self._swing.ground.from_both(dynamics)
+        else:
+            self._swing.ground.from_one(dynamics, fed, support=1 - airborne)
+        self.gait.advance(self._footholds(), self._ahead())
+        self._adjust(dynamics)
+        self._write_stance(stance, state)
+        if airborne is not None:
+            self._write_swing(airborne, dynamics)
+        self._tell()
+
+    def swing_twist(self, dynamics: Dynamics, r: Array) -> None:
+        """Put the swing foot's wanted twist in the place of the wrench law's.
+
+        Args:
+            dynamics: quantities at the present state.
+            r: (12,) wanted sole twists, sole frames.
+        """
+        airborne = self.airborne
+        if airborne is not None:
+            rows = slice(6 * airborne, 6 * airborne + 6)
+            self.swing_tasks[airborne].twist(dynamics, r[rows])
+
+    @property
+    def _may_touch(self) -> bool:
+        gait = self.gait
+        return gait.phase is not Phase.SINGLE or gait.t > ROLL_ON * gait.duration_s
+
+    def _footholds(self) -> list[Foothold]:
+        """Where the feet are; of the one on its way, where it is being set."""
+        yaws = self._anchors.yaw
+        feet = [
+            Foothold(x, y, z, yaws[side])
+            for side, (x, y, z) in enumerate(self._anchors.p)
+        ]
+        move = self._move
+        if move is not None and self.feet.state[move.side] is FootState.SWING:
+            x, y = self._adjustment.shift
+            p = move.place
+            feet[move.side] = Foothold(p.x + x, p.y + y, p.z, p.yaw)
+        return feet
+
+    def _ahead(self) -> list[Move]:
+        count = self._settings.preview_steps + 1
+        return self.queue.ahead(self._footholds(), count)
+
+    def _begins(self, state: ObservedState, stance: Stance, tick: int) -> bool:
+        """Begin to walk when it is time for the first step."""
+        if (
+            not len(self.queue)
+            or tick < self._begin_tick
+            or state.is_calibrating
+            or not all(state.in_contact)
+        ):
+            return False
+        feet, moves = self._footholds(), self._ahead()
+        self._standing_base[:] = _turned(-_mean_yaw(feet[0].yaw, feet[1].yaw)) @ (
+            stance.R_base
+        )
+        self._anchors.by_load = True
+        x, y = stance.com[:2].tolist()
+        self.gait.begin_shift(1 - moves[0].side, feet, moves, com=(x, y))
+        self._waited_s = 0.0
+        return True
+
+    def _go_on(self, normals: tuple[float, float], dynamics: Dynamics) -> None:
+        """Go on to the next phase when this one is over."""
+        gait, feet = self.gait, self.feet
+        phase = gait.phase
+        for side in range(2):
+            if phase is not Phase.SINGLE or gait.left_s == 0.0:
+                feet.settle(side)
+        if phase in (Phase.SHIFT, Phase.DOUBLE):
+            leaving = 1 - gait.support
+            moves = self._ahead()
+            if moves and feet.state[leaving] is FootState.PLANTED:
+                share = self._share_of(leaving)
+                if share < LEAVING_FROM:
+                    feet.leave(leaving)
+            if gait.left_s > 0.0:
+                return
+            if not moves:
+                if feet.state[leaving] is FootState.LEAVING:
+                    feet.give_back(leaving)
+                gait.begin_settle()
+                return
+            self._waited_s += self._dt
+            loaded = normals[leaving] > self._settings.unloaded_share * self._weight
+            waits = loaded and self._waited_s <= self._settings.unload_wait_s
+            if not waits and self._carries(gait.support):
+                self._lift(leaving, dynamics)
+        elif phase is Phase.SINGLE:
+            if gait.left_s > 0.0:
+                return
+            assert self._move is not None
+            if self._contacts.in_contact[self._move.side]:
+                self._waited_s = 0.0
+                if self._ahead():
+                    gait.begin_double()
+                else:
+                    gait.begin_settle()
+        elif phase is Phase.SETTLE and gait.left_s == 0.0:
+            is_down = all(state is FootState.PLANTED for state in feet.state)
+            rests = gait.rests(self._footholds())
+            if is_down and rests and all(self._contacts.in_contact):
+                gait.stand()
+
+    def _carries(self, side: int) -> bool:
+        """Whether a foot stands well enough to carry alone."""
+        return self._contacts.in_contact[side] and not self.feet.is_airborne(side)
+
+    def _share_of(self, side: int) -> float:
+        left = self.gait.left_share(self._footholds())
+        return left if side == 0 else 1.0 - left
+
+    def _lift(self, side: int, dynamics: Dynamics) -> None:
+        """Begin the next step."""
+        move = self.queue.begin(self._footholds())
+        assert move.side == side
+        self._move = move
+        self.feet.lift(side)
+        self._adjustment.begin()
+        rise = move.place.z - self._planned_z[1 - side]
+        self._planned_z[side] = move.place.z
+        self._swing.lift(move, dynamics, rise=rise)
+        self.gait.begin_single(move)
+        self._told.step = move.id
+
+    def _note_touchdowns(self, dynamics: Dynamics) -> None:
+        move = self._move
+        if move is None:
+            return
+        side = move.side
+        if self.feet.touched[side] and self.gait.phase is Phase.SINGLE:
+            x, y = self._adjustment.shift
+            self._adjustment.stop()
+            p = dynamics.p_sole[side]
+            self._told.touch(
+                off=math.hypot(p[0] - move.place.x - x, p[1] - move.place.y - y),
+                late_s=self.gait.t - self.gait.duration_s,
+            )
+
+    def _adjust(self, dynamics: Dynamics) -> None:
+        """Compare the DCM with its reference; shift the step where it left it."""
+        gait, told = self.gait, self._told
+        np.divide(dynamics.v_com[:2], gait.omega, out=told.dcm)
+        told.dcm += dynamics.p_com[:2]
+        told.dcm_reference[:] = gait.dcm
+        told.zmp_reference[:] = gait.zmp
+        told.add_error()
+        x, y = (told.dcm - told.dcm_reference).tolist()
+        error = (x, y)
+        move = self._move
+        if (
+            gait.phase is Phase.SINGLE
+            and move is not None
+            and self.feet.state[move.side] is FootState.SWING
+        ):
+            moved = self._adjustment.update(
+                error,
+                move,
+                support=self._footholds()[gait.support],
+                left_s=gait.left_s,
+                double_s=move.double_s,
+            )
+            self.queue.shift_by(*moved)
+
+    def _write_stance(self, stance: Stance, state: ObservedState) -> None:
+        gait, feet = self.gait, self._footholds()
+        stance.com[:2] = gait.com
+        stance.com_velocity[:2] = gait.com_velocity
+        stance.com_acceleration[:2] = gait.com_acceleration
+        level = stance.com_nominal + state.ground_height
+        stance.com_height += self._height_blend * (level - stance.com_height)
+        yaws = list(self._anchors.yaw)
+        airborne = self.airborne
+        if airborne is not None:
+            yaws[airborne] = self._swing.yaw
+        stance.R_base[:] = _turned(_mean_yaw(*yaws)) @ self._standing_base
+        for side in range(2):
+            x, y, z = self._anchors.p[side]
+            stance.p_sole[side][:] = x, y, z
+            stance.yaw_sole[side] = self._anchors.yaw[side]
+        share = gait.left_share(feet)
+        stance.load[:] = share, 1.0 - share
+        for side in range(2):
+            foot = self.feet.state[side]
+            if foot is FootState.LEAVING:
+                part = stance.load[side]
+                margin = self._settings.leaving_margin * min(1.0, 4.0 * part)
+                state.allowed[side] = (part + margin) * self._weight
+            elif foot is FootState.LANDING and gait.phase is Phase.SINGLE:
+                early = self._settings.early_share
+                stance.load[side], stance.load[1 - side] = early, 1.0 - early
+
+    def _write_swing(self, side: int, dynamics: Dynamics) -> None:
+        """Write where the foot in the air should be."""
+        if self.feet.state[side] is FootState.RELANDING:
+            x, y, _ = self._anchors.p[side]
+            yaw = self._anchors.yaw[side]
+            self._swing.go_down(side, dynamics, xy=(x, y), yaw=yaw)
+        else:
+            self._swing.go_on(
+                side, dynamics, t=self.gait.t, shift=self._adjustment.shift
+            )
+
+    def _tell(self) -> None:
+        """Bring what is told of the walk up to date."""
+        told = self._told
+        told.phase, told.feet = self.gait.phase, self.feet.state
+        told.shift[:] = self._adjustment.shift
+        for side, foot in enumerate(self._footholds()):
+            told.goals[4 * side : 4 * side + 4] = foot
+            told.footholds[4 * side : 4 * side + 3] = self._anchors.p[side]
+            told.footholds[4 * side + 3] = self._anchors.yaw[side]
+
+    def _stand(self, stance: Stance) -> None:
+        """Leave the stance that the walk has ended in."""
+        self._move = None
+        self._anchors.by_load = False
+        self._tell()
+        stance.com_velocity[:] = 0.0
+        stance.com_acceleration[:] = 0.0
+        stance.load[:] = 0.5, 0.5
+
+
+def _turned(yaw: float) -> Mat:
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _mean_yaw(left: float, right: float) -> float:
+    return right + 0.5 * math.remainder(left - right, math.tau)

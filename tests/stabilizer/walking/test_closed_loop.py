@@ -1,0 +1,103 @@
+"""The robot walks: it does not fall, keeps to its DCM and knows how far it came."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.reasons import Outcome
+from surefoot.schemas.result import RunResult
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from tests.stabilizer.closed_loop import NOISE
+
+pytestmark = pytest.mark.closed_loop
+DCM_RMS_MM, PLACEMENT_MM, ODOMETRY_M = 10.0, 10.0, 0.01
+QUICK = {"step_s": 0.5, "double_s": 0.15, "start_s": 0.5}
+
+
+def walk(
+    robot: Robot,
+    duration_s: float,
+    *,
+    settings: dict[str, Any] | None = None,
+    **walk: Any,
+) -> tuple[RunResult, WholeBodyController, Array]:
+    """Result, controller, and the soles at last, from where they stood at first."""
+    scenario = scenario_from_table(
+        {
+            "name": "walk",
+            "duration_s": duration_s,
+            "sensors": NOISE,
+            "walk": walk,
+        },
+        source="test",
+    )
+    sim = Simulation(robot, scenario)
+    begin = soles(sim)
+    controller = WholeBodyController(robot, ControllerSettings())
+    sim.run(controller)
+    return sim.result(), controller, soles(sim) - begin.mean(axis=0)
+
+
+def soles(sim: Simulation) -> Array:
+    """(2, 2) x and y of left and right sole, true [m]."""
+    return np.array((sim.truth.sole_left[:2], sim.truth.sole_right[:2]))
+
+
+def test_walks_ahead_and_stands(walker: Robot) -> None:
+    result, controller, feet = walk(walker, 4.6, velocity_m_s=0.4, **QUICK)
+    assert result.outcome is Outcome.WALKED, result.outcome_detail
+    assert result.steps_done == result.steps_planned == 1
+    assert max(result.dcm_error_rms_mm or [np.inf]) < DCM_RMS_MM
+    assert (result.placement_error_max_mm or np.inf) < PLACEMENT_MM
+    assert result.distance_m == pytest.approx(0.26, abs=0.01)
+    odometry = np.mean(controller.observer.anchors.p, axis=0)
+    np.testing.assert_allclose(odometry[:2], feet.mean(axis=0), atol=ODOMETRY_M)
+    assert result.qp_failures == 0
+
+
+def test_written_steps_are_set_where_they_are_written(walker: Robot) -> None:
+    step = {"side": "right", "position_m": [0.0, -0.16], "yaw_deg": -15.0}
+    result, _, feet = walk(walker, 4.3, step=[step], **QUICK)
+    assert result.outcome is Outcome.WALKED, result.outcome_detail
+    np.testing.assert_allclose(feet[1], [0.0, -0.16], atol=0.01)
+    # The other foot came beside it.
+    apart = np.linalg.norm(feet[0] - feet[1])
+    assert apart == pytest.approx(0.22, abs=0.01)
+
+
+def test_standing_is_a_walk_without_steps(walker: Robot) -> None:
+    """Bit for bit: not even the rounding of the walk's own numbers shows."""
+    hashes = []
+    for table in ({}, {"walk": {"start_s": 0.9}}):
+        scenario = scenario_from_table(
+            {"name": "stand", "duration_s": 0.6, "sensors": NOISE, **table},
+            source="test",
+        )
+        sim = Simulation(walker, scenario)
+        sim.run(WholeBodyController(walker, ControllerSettings()))
+        hashes.append(sim.result().log_sha256)
+    assert hashes[0] == hashes[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", ["ideal", "harmonic"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("walk-flat-slow", "walk-flat-quick", "walk-turn", "walk-sideways"),
+        *("walk-platform-slow", "walk-platform-fast", "walk-push"),
+    ],
+)
+def test_shipped_walks_are_walked_to_their_end(name: str, profile: str) -> None:
+    import surefoot as sf
+
+    run = sf.simulate("walker", name, servo_profile=profile, record=False)
+    assert run.outcome is Outcome.WALKED, run.result.outcome_detail

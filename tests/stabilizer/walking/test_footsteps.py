@@ -1,0 +1,100 @@
+"""A velocity becomes footsteps that a robot can take."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.walk_plan import Step, Walk
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.walking.footsteps import (
+    SIDES,
+    Foothold,
+    Pace,
+    half_width_of,
+    plan_of,
+    steps_at,
+)
+from surefoot.stabilizer.walking.step_queue import StepQueue
+
+HALF_M = 0.11
+ORIGIN = Foothold(0.0, 0.0, 0.0, 0.0)
+PACES = {
+    "ahead": (0.25, 0.0, 0.0),
+    "back": (-0.2, 0.0, 0.0),
+    "left": (0.0, 0.1, 0.0),
+    "right": (0.0, -0.1, 0.0),
+    "turn": (0.1, 0.0, 0.3),
+    "turn right on the spot": (0.0, 0.0, -0.3),
+    "all at once": (0.15, -0.05, 0.2),
+}
+
+
+def steps(name: str, count: int = 12) -> list[Step]:
+    pace = Pace(*PACES[name], single_s=0.6, double_s=0.2, height_m=0.05)
+    endless = steps_at(pace, ORIGIN, half_width=HALF_M, first_id=5)
+    return list(itertools.islice(endless, count))
+
+
+def places(some: list[Step]) -> list[tuple[int, Foothold]]:
+    return [(SIDES.index(s.side), Foothold(*s.position, s.yaw)) for s in some]
+
+
+@pytest.mark.parametrize("name", PACES)
+def test_feet_never_come_nearer_than_standing(name: str) -> None:
+    feet = [ORIGIN.beside(0.0, HALF_M), ORIGIN.beside(0.0, -HALF_M)]
+    for side, place in places(steps(name)):
+        feet[side] = place
+        _, y, yaw = feet[0].seen_from(feet[1])
+        assert y > 2.0 * HALF_M * math.cos(yaw) - 0.02
+        outward = yaw if PACES[name][2] else 0.0
+        assert outward >= -1e-9
+
+
+@pytest.mark.parametrize("name", PACES)
+def test_two_steps_go_as_far_as_the_velocity_says(name: str) -> None:
+    ahead, lateral, turn = PACES[name]
+    (_, one), (_, two) = places(steps(name))[1::2][:2]
+    x, y, yaw = two.seen_from(one)
+    assert yaw == pytest.approx(1.6 * turn)
+    if not turn:
+        assert (x, y) == pytest.approx((1.6 * ahead, 1.6 * lateral))
+
+
+@pytest.mark.parametrize("name", PACES)
+def test_steps_can_be_walked(name: str) -> None:
+    from surefoot.schemas.messages import SCHEMA_VERSION
+    from surefoot.schemas.walk_plan import WalkPlan
+
+    plan = WalkPlan(
+        schema=SCHEMA_VERSION, tick=0, stamp_ns=0, begin_tick=0, steps=steps(name)
+    )
+    queue = StepQueue(WalkSettings(), half_width=HALF_M)
+    feet = [ORIGIN.beside(0.0, HALF_M), ORIGIN.beside(0.0, -HALF_M)]
+    assert queue.take(plan, feet, walks=False) == ""
+    assert [step.id for step in plan.steps] == list(range(5, 17))
+
+
+def test_a_circle_closes() -> None:
+    turns = round(math.tau / (0.3 * 0.8))
+    (_, first), *_, (_, last) = places(steps("turn", count=2 * turns))[1::2]
+    radius = math.hypot(first.x - last.x, first.y - last.y)
+    assert radius < 4.0 * 0.1 / 0.3
+
+
+def test_a_walk_without_an_end_stops_in_time(walker: Robot) -> None:
+    settings = WalkSettings()
+    plan = plan_of(
+        Walk(velocity_m_s=0.25, start_s=1.0), walker, settings, duration_s=10.0
+    )
+    period = 0.8
+    ends_s = 1.0 + settings.shift_s + (len(plan.steps) + 1) * period + settings.settle_s
+    assert 8.0 <= ends_s + 1e-9 <= 9.0 + 1e-6 + period
+    assert plan.begin_tick == 1000
+
+
+def test_width_is_that_of_the_nominal_stance(walker: Robot) -> None:
+    assert half_width_of(walker) == pytest.approx(0.11)

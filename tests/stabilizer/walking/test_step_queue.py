@@ -1,0 +1,131 @@
+"""Plans that cannot be walked are refused; feet come together at the end."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.walk_plan import Step, WalkPlan
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.step_queue import CLOSING_ID, StepQueue
+
+HALF_M = 0.11
+LEFT, RIGHT = Foothold(0.0, HALF_M, 0.0, 0.0), Foothold(0.0, -HALF_M, 0.0, 0.0)
+FEET = [LEFT, RIGHT]
+LIMITS = WalkSettings()
+
+
+def step(number: int = 0, **changes: Any) -> Step:
+    side = "left" if number % 2 == 0 else "right"
+    y = HALF_M if side == "left" else -HALF_M
+    table = {
+        "id": number,
+        "side": side,
+        "position": [0.2 * (number + 1), y, 0.0],
+        "yaw": 0.0,
+        "single_s": 0.6,
+        "double_s": 0.2,
+        "height_m": 0.05,
+    }
+    return Step(**{**table, **changes})
+
+
+def plan(*steps: Step) -> WalkPlan:
+    return WalkPlan(
+        schema=SCHEMA_VERSION, tick=0, stamp_ns=0, begin_tick=0, steps=list(steps)
+    )
+
+
+@pytest.fixture
+def queue() -> StepQueue:
+    return StepQueue(LIMITS, half_width=HALF_M)
+
+
+def test_the_other_foot_comes_beside_the_last_step(queue: StepQueue) -> None:
+    assert queue.take(plan(step(0), step(1)), FEET, walks=False) == ""
+    *moves, closing = queue.ahead(FEET, 5)
+    assert [move.id for move in moves] == [0, 1]
+    assert (closing.id, closing.side) == (CLOSING_ID, 0)
+    assert closing.place.seen_from(moves[-1].place) == pytest.approx(
+        (0.0, 2.0 * HALF_M, 0.0)
+    )
+
+
+def test_feet_that_are_together_need_no_closing_step(queue: StepQueue) -> None:
+    beside = step(1, position=[0.2, -HALF_M, 0.0])
+    queue.take(plan(step(0), beside), FEET, walks=False)
+    assert [move.id for move in queue.ahead(FEET, 5)] == [0, 1]
+
+
+def test_steps_begun_are_passed_over_and_the_rest_replaced(queue: StepQueue) -> None:
+    queue.take(plan(step(0), step(1), step(2)), FEET, walks=False)
+    queue.begin(FEET)
+    again = plan(step(0), step(1, height_m=0.08))
+    feet = [Foothold(0.2, HALF_M, 0.0, 0.0), RIGHT]
+    assert queue.take(again, feet, walks=True) == ""
+    assert [(m.id, m.height_m) for m in queue.ahead(feet, 1)] == [(1, 0.08)]
+    assert queue.planned == 2
+
+
+def test_an_empty_plan_brings_the_feet_together(queue: StepQueue) -> None:
+    queue.take(plan(step(0), step(1)), FEET, walks=False)
+    queue.begin(FEET)
+    feet = [Foothold(0.2, HALF_M, 0.0, 0.0), RIGHT]
+    assert queue.take(plan(), feet, walks=True) == ""
+    (closing,) = queue.ahead(feet, 3)
+    assert (closing.id, closing.place.x) == (CLOSING_ID, pytest.approx(0.2))
+    assert queue.planned == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"position": [0.9, HALF_M, 0.0]}, "ahead of the other"),
+        ({"position": [0.2, 0.0, 0.0]}, "beside the other"),
+        ({"position": [0.2, 0.5, 0.0]}, "beside the other"),
+        ({"yaw": 1.0}, "turned by"),
+        ({"position": [0.2, HALF_M, 0.4]}, "higher"),
+    ],
+)
+def test_what_no_robot_can_step_to_is_refused(
+    queue: StepQueue, change: dict[str, Any], words: str
+) -> None:
+    why = queue.take(plan(step(0, **change)), FEET, walks=False)
+    assert words in why
+    assert "step 0" in why
+    assert len(queue) == 0
+
+
+def test_the_foot_on_its_way_cannot_be_next(queue: StepQueue) -> None:
+    queue.take(plan(step(0)), FEET, walks=False)
+    queue.begin(FEET)
+    why = queue.take(plan(step(2)), FEET, walks=True)
+    assert "on its way" in why
+
+
+def test_a_shift_moves_all_that_is_to_come(queue: StepQueue) -> None:
+    queue.take(plan(step(0), step(1)), FEET, walks=False)
+    before = [move.place for move in queue.ahead(FEET, 2)]
+    queue.shift_by(0.05, -0.02)
+    for old, move in zip(before, queue.ahead(FEET, 2), strict=True):
+        assert (move.place.x - old.x, move.place.y - old.y) == pytest.approx(
+            (0.05, -0.02)
+        )
+
+
+@pytest.mark.parametrize(
+    ("steps", "words"),
+    [
+        ((step(0), step(0)), "must grow"),
+        ((step(0), step(2)), "take turns"),
+    ],
+)
+def test_messages_in_disorder_are_refused(steps: tuple[Step, ...], words: str) -> None:
+    raw = msgspec.to_builtins(plan(step(0)))
+    raw["steps"] = [msgspec.to_builtins(one) for one in steps]
+    with pytest.raises(msgspec.ValidationError, match=words):
+        msgspec.convert(raw, WalkPlan)
