@@ -40,7 +40,7 @@ JOURNAL = "trials.journal"
 
 
 def tune(
-    scenarios: str | Sequence[str],
+    scenarios: str | Path | Sequence[str | Path],
     params: Params,
     *,
     trials: int = 100,
@@ -49,12 +49,12 @@ def tune(
     out: str | Path = "out/tune",
     objectives: Sequence[str] = ("com", "force"),
     seeds: int | Iterable[int] = 1,
-    held_out: Sequence[str] = (),
+    held_out: Sequence[str | Path] = (),
     held_out_seeds: Iterable[int] | None = None,
     controller: str = "whole-body",
     settings: Settings = None,
     overrides: Sequence[str] = (),
-    robot: str = "walker",
+    robot: str | Path = "walker",
     servo_profile: str | None = None,
     sampler: Sampler = "tpe",
     sampler_seed: int = 0,
@@ -98,20 +98,21 @@ def tune(
     folder = Path(out)
     journal = folder / JOURNAL if storage is None else Path(storage)
     _claim(folder, journal)
+    several = [scenarios] if isinstance(scenarios, (str, Path)) else scenarios
     spec = make_spec(
-        [scenarios] if isinstance(scenarios, str) else list(scenarios),
+        [str(scenario) for scenario in several],
         params,
         objectives=list(objectives),
         seeds=list(range(seeds)) if isinstance(seeds, int) else list(seeds),
         controller=controller,
         settings=settings,
         overrides=overrides,
-        robot=robot,
+        robot=str(robot),
         servo_profile=servo_profile,
         sampler=sampler,
         sampler_seed=sampler_seed,
     )
-    unseen = held_out_cells(spec, held_out, held_out_seeds)
+    unseen = held_out_cells(spec, [str(name) for name in held_out], held_out_seeds)
     processes = workers or os.cpu_count() or 1
     tries = Trials(journal, spec)
     runs: tuple[list[Row], list[Row]] = ([], [])

@@ -1,0 +1,73 @@
+"""``surefoot tune`` as a process: broken off, gone on with, and refused."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from surefoot.tuning.trials import Trials
+from tests.command import command, environment, run_surefoot
+from tests.support import PATIENCE_S, wait_until
+from tests.surefoot.tuning.searches import still
+
+PLACES = 60
+
+
+def tune(folder: Path, *more: object) -> list[object]:
+    search = ["--params", "tsid.com_kp=10:80", "--controller", "hold"]
+    return ["tune", still(folder), *search, "--out", folder / "out", *more]
+
+
+@pytest.mark.process
+def test_ctrl_c_ends_with_what_is_there_and_the_same_command_goes_on(
+    tmp_path: Path,
+) -> None:
+    journal = tmp_path / "search.journal"
+    words = tune(tmp_path, "--storage", journal, "--workers", 1, "--json")
+    with subprocess.Popen(
+        command(*words, "--trials", PLACES),
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        wait_until(lambda: journal.is_file() and finished(journal) > 2, what="trials")
+        process.send_signal(signal.SIGINT)
+        told, said = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 130, said
+    outcome = json.loads(told)
+    before = outcome["trials"]
+    assert 2 < before < PLACES
+    assert outcome["held_out"] == []
+    assert "Traceback" not in said
+    made = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"settings.toml", "index.html", "trials.csv"} <= made
+    again = run_surefoot(*words, "--trials", before)
+    assert again.returncode == 0, again.stderr
+    assert json.loads(again.stdout)["trials"] == before
+
+
+def finished(journal: Path) -> int:
+    return len(Trials(journal).finished())
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (("--params", "tsid.comkp=1:2"), "did you mean 'tsid.com_kp'"),
+        (("--objectives", "com,fall"), "expected some of com"),
+        (("--sampler", "cma"), "expected tpe or nsga2"),
+        (("--params", "tsid.com_kp.x=1:40"), "searched twice"),
+        (("--held-out-seeds", "0:1"), "the search sees some of them"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused(
+    tmp_path: Path, more: tuple[str, ...], words: str
+) -> None:
+    done = run_surefoot(*tune(tmp_path, *more))
+    assert done.returncode == 2
+    assert words in done.stderr

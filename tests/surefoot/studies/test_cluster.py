@@ -1,0 +1,102 @@
+"""Runs on a cluster are those of this machine, whatever becomes of a worker."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+from surefoot.errors import EnvironmentFailedError, UsageError
+from surefoot.studies import cluster
+from surefoot.studies.cell import Cell, Group, Row
+from surefoot.studies.execute import run_tasks, tasks_of
+from tests.command import environment
+from tests.support import free_port, wait_until
+
+SHORT = 'name = "short"\nduration_s = 0.2\n[sensors]\nforce_noise_n = 2.0\n'
+
+
+@contextmanager
+def process(log: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    """One of Dask's processes, ended in the end."""
+    with (
+        log.open("wb") as file,
+        subprocess.Popen(
+            [sys.executable, "-m", "distributed.cli.dask_" + words[0], *words[1:]],
+            env=environment(),
+            stdout=file,
+            stderr=file,
+        ) as made,
+    ):
+        try:
+            yield made
+        finally:
+            made.terminate()
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[str]:
+    port = free_port()
+    words = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
+    log = tmp_path / "scheduler.log"
+    with process(log, "scheduler", *words):
+        wait_until(lambda: b"Scheduler at:" in log.read_bytes(), what="the scheduler")
+        yield f"tcp://127.0.0.1:{port}"
+
+
+def worker(
+    scheduler: str, folder: Path, name: str
+) -> AbstractContextManager[subprocess.Popen[bytes]]:
+    words = [scheduler, "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    place = ["--local-directory", str(folder / name), "--name", name]
+    return process(folder / f"{name}.log", "worker", *words, *place)
+
+
+def cells(folder: Path, seeds: int) -> list[Cell]:
+    scenario = folder / "short.toml"
+    scenario.write_text(SHORT)
+    group = Group(str(scenario), (), "hold", "ideal")
+    return [Cell(group, seed) for seed in range(seeds)]
+
+
+@pytest.mark.process
+def test_rows_are_the_local_ones_and_a_killed_worker_costs_nothing(
+    tmp_path: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tasks = tasks_of(cells(tmp_path, 12), robot="walker", overrides=())
+    rows: list[Row] = []
+    with ExitStack() as stack:
+        first, _ = (
+            stack.enter_context(worker(scheduler, tmp_path, name)) for name in "ab"
+        )
+        for row in run_tasks(tasks, scheduler=scheduler):
+            rows.append(row)
+            if len(rows) == 3:
+                first.send_signal(signal.SIGKILL)
+                first.wait()
+        changed = cluster.about_code() | {"code": "0" * 64, "mujoco": "3.0"}
+        monkeypatch.setattr(cluster, "about_code", lambda: changed)
+        with pytest.raises(UsageError) as refused:
+            list(run_tasks(tasks, scheduler=scheduler))
+    assert sorted(rows, key=lambda row: row["seed"]) == list(run_tasks(tasks, jobs=1))
+    assert "worker tcp://127.0.0.1" in str(refused.value)
+    assert "instead of 000000000000" in str(refused.value)
+    assert "instead of 3.0" in str(refused.value)
+
+
+@pytest.mark.process
+def test_scheduler_without_workers_and_no_scheduler_say_so(
+    tmp_path: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cluster, "_CONNECT_S", 1.0)
+    tasks = tasks_of(cells(tmp_path, 1), robot="walker", overrides=())
+    with pytest.raises(EnvironmentFailedError, match="dask worker"):
+        list(run_tasks(tasks, scheduler=scheduler))
+    nobody = f"tcp://127.0.0.1:{free_port()}"
+    with pytest.raises(EnvironmentFailedError, match="no Dask scheduler answers"):
+        list(run_tasks(tasks, scheduler=nobody))
