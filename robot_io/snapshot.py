@@ -38,7 +38,8 @@ class Snapshot:
         ft_left: (6,) [force; moment] from below on the left ankle, sensor frame.
         ft_right: (6,) the same for the right ankle.
         measured_ns: when each sensor measured what it reports, by the robot's clock and
-            in the order of the sensor table [ns]; empty: all did at ``stamp_ns``.
+            in the order of the sensor table [ns]; empty: all did at ``stamp_ns``. Of a
+            message that did not come, only the age in ticks is told: see :data:`Ages`.
     """
 
     tick: int
@@ -111,10 +112,12 @@ class SnapshotLayout:
         """
         numbers = np.empty(self.size)
         self._floats.pack_into(numbers.data, 0, *_numbers_of(*messages))
-        stamps = tuple([message.stamp_ns for message in messages])
-        newest = max(stamps)
-        is_all = min(stamps) == newest
-        return self.view(tick, newest, numbers, measured_ns=() if is_all else stamps)
+        stamp_ns, measured_ns = _stamps(
+            [m.stamp_ns if m.tick == tick else None for m in messages]
+        )
+        if stamp_ns is None:
+            stamp_ns = max([message.stamp_ns for message in messages])
+        return self.view(tick, stamp_ns, numbers, measured_ns=measured_ns)
 
     def view(
         self,
@@ -194,8 +197,22 @@ _messages_of: Callable[[Snapshot, list[int]], tuple[Message, ...]] = eval(
 )
 
 
-def _measured_ns(snapshot: Snapshot) -> tuple[int, ...]:
-    return snapshot.measured_ns or (snapshot.stamp_ns,) * len(SENSORS)
+def _stamps(stamps: list[int | None]) -> tuple[int | None, tuple[int, ...]]:
+    """Stamp of a snapshot, and when its readings were measured.
+
+    Args:
+        stamps: of the messages; None for one that did not come.
+
+    Returns:
+        The newest stamp, None without any; and all, or nothing where they are the same.
+    """
+    known = [stamp for stamp in stamps if stamp is not None]
+    if not known:
+        return None, ()
+    newest = max(known)
+    if min(known) == newest:
+        return newest, ()
+    return newest, tuple([newest if stamp is None else stamp for stamp in stamps])
 
 
 class Delivery:
@@ -220,14 +237,17 @@ class Delivery:
         """
         tick = snapshot.tick
         old: dict[str, Any] = {}
-        measured = list(_measured_ns(snapshot))
-        for index, entry in enumerate(SENSORS):
+        for entry in SENSORS:
             if entry.name in missing and self._last is not None:
                 old.update((f, getattr(self._last, f)) for f in entry.fields)
-                measured[index] = _measured_ns(self._last)[index]
             else:
                 self._ticks[entry.name] = tick
-        if old:
-            snapshot = replace(snapshot, **old, measured_ns=tuple(measured))
-        self._last = snapshot
+        if snapshot.measured_ns:
+            came = [entry.name not in missing for entry in SENSORS]
+            stamps = zip(snapshot.measured_ns, came, strict=True)
+            stamp_ns, measured = _stamps(
+                [s if has_come else None for s, has_come in stamps]
+            )
+            old |= {"stamp_ns": stamp_ns or snapshot.stamp_ns, "measured_ns": measured}
+        self._last = replace(snapshot, **old) if old else snapshot
         return self._last, tuple([tick - then for then in self._ticks.values()])

@@ -6,9 +6,16 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.snapshot import Delivery, Snapshot, sensor_messages
+from surefoot.robot_io.snapshot import (
+    Delivery,
+    Snapshot,
+    SnapshotLayout,
+    sensor_messages,
+)
+from surefoot.robot_io.snapshot import readings as readings_of
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.messages import Message
 from surefoot.schemas.sensors import SENSORS
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.plant import Plant
@@ -125,14 +132,24 @@ def test_messages_are_stamped_when_they_were_measured(
     assert messages["left_ankle_ft"].tick == late.tick
 
 
-def test_a_missing_message_leaves_the_old_stamp(
-    prompt: list[Snapshot],
+@pytest.mark.parametrize("missing", [(), ("imu",), ("left_ankle_ft",)])
+def test_delivery_tells_of_stamps_what_messages_tell(
+    make_plant: Make, walker: Robot, missing: tuple[str, ...]
 ) -> None:
-    delivery = Delivery()
-    delivery.deliver(prompt[0], ())
-    joined, _ = delivery.deliver(prompt[1], ("imu",))
-    assert measured_ticks(joined, "imu") == 0
-    assert measured_ticks(joined, "joints") == 1
+    """In one process and on the bus a controller must see the same."""
+    delay = {"sensor_ms": {"force_torque": 2.0}, "jitter_ms": 2.0}
+    layout, delivery = SnapshotLayout(walker.n_a), Delivery()
+    newest: dict[str, Message] = {}
+    for snapshot in shaken(make_plant, walker, delay=delay):
+        lost = missing if snapshot.tick % 3 == 2 else ()
+        sent = sensor_messages(snapshot, stamp_ns=snapshot.stamp_ns)
+        newest |= {n: m for n, m in zip(NAMES, sent, strict=True) if n not in lost}
+        joined = layout.join(snapshot.tick, list(newest.values()))
+        delivered, _ = delivery.deliver(snapshot, lost)
+        assert delivered.measured_ns == joined.measured_ns
+        assert delivered.stamp_ns == joined.stamp_ns
+        for one, other in zip(readings_of(delivered), readings_of(joined), strict=True):
+            np.testing.assert_array_equal(one, other)
 
 
 def test_errors_of_each_axis_and_side(make_plant: Make) -> None:
