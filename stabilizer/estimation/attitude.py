@@ -12,8 +12,12 @@ from surefoot.stabilizer.model import GRAVITY
 
 FEWEST_READINGS = 20
 """From fewer readings nobody can tell noise from ground that turns."""
-TILT_LEARNING, BIAS_LEARNING = 1.0, 0.15
-"""Bandwidths times the time for which the robot has been watched [1]."""
+TILT_LEARNING, BIAS_LEARNING = 3.0, 0.5
+"""After a start on turning ground: bandwidths times the time watched [1]."""
+LIKELY_BIAS_RAD_S = 0.02
+"""What gyroscopes are off by [rad/s]."""
+DOUBT_RAD_S, DOUBT_SHARE = 0.005, 0.1
+"""Of a bias shown by gravity: by noise [rad/s], and of the ground's rate [1]."""
 LEAST_KNOWN_S = 0.3
 """Shorter times make gains that noise would shake [s]."""
 BIAS_LIMIT_RAD_S = 0.1
@@ -32,7 +36,8 @@ class AttitudeFilter:
 
     With y the velocity difference and d the tilt error, both horizontal:
     dy/dt = g (d x z) - l_1 y and dd/dt = -(l_2 / g) (z x y), poles at the bandwidth.
-    Both that and the bias are learnt the quicker, the less time there was so far.
+    After a start on turning ground, which hides tilt and bias, both are learnt the
+    quicker, the less time there was so far.
 
     Attributes:
         R_world_imu: (3, 3) rotation estimate.
@@ -159,9 +164,11 @@ class AttitudeFilter:
         is_too_much = np.linalg.norm(rate) > BIAS_LIMIT_RAD_S
         self.ground_turns = bool(turns > self._still_rate or is_too_much)
         if self.ground_turns:
-            # On ground shaken to and fro, gravity's direction tells nothing.
+            # The faster the ground, the less gravity's direction tells.
+            doubt = DOUBT_RAD_S + DOUBT_SHARE * turns
+            weight = LIKELY_BIAS_RAD_S**2 / (LIKELY_BIAS_RAD_S**2 + doubt**2)
             believed = np.linalg.norm(by_gravity) < BIAS_LIMIT_RAD_S
-            self.bias[:] = by_gravity if believed else 0.0
+            self.bias[:] = weight * by_gravity if believed else 0.0
         return R @ self.bias, felt
 
     def update(self, gyro: Vec3, accel: Vec3, *, leg_velocity: Vec3) -> None:
@@ -193,11 +200,12 @@ class AttitudeFilter:
         self._rotate(step)
 
     def _gains(self) -> tuple[float, float, float]:
-        """Return l_2 / g, l_1 and l_3 / g: the less is known, the greater."""
-        self._known_s += self._dt
-        known_s = self._known_s
-        bandwidth = max(self._bandwidth, TILT_LEARNING / known_s)
-        pull = max(self._bias_pull, BIAS_LEARNING / known_s)
+        """Return l_2 / g, l_1 and l_3 / g."""
+        bandwidth, pull = self._bandwidth, self._bias_pull
+        if self.ground_turns:
+            self._known_s += self._dt
+            bandwidth = max(bandwidth, TILT_LEARNING / self._known_s)
+            pull = max(pull, BIAS_LEARNING / self._known_s)
         tilt_gain = bandwidth * bandwidth / GRAVITY
         return tilt_gain, 1.4 * bandwidth, tilt_gain * pull
 

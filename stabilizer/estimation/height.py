@@ -21,6 +21,10 @@ STILL_WEIGHT = 50.0
 """A second of still ground tells as much as so many of ground that moves."""
 LEAST_KNOWN_S = 0.3
 """Shorter times make gains that noise would shake [s]."""
+LEARNING, BIAS_LEARNING = 3.0, 0.5
+"""Bandwidths times the time watched, for as long as that is more [1]."""
+KNOWN_S = 5.0
+"""After so long on ground that moves the height is believed."""
 SEEN_M = 5e-4
 """On still ground an unbiased accelerometer's noise leads less astray [m]."""
 NOISE_MARGIN_M_S2 = 0.012
@@ -46,8 +50,8 @@ class HeightFilter:
         h' = rate + k_1 e,   rate' = acceleration - bias + k_2 e,   bias' = -k_3 e
 
     where the roots of s^3 + k_1 s^2 + k_2 s + k_3 are a pair, by bandwidth and damping,
-    and the pull of the bias. As long as little is known, the gains are those of a
-    parabola fitted to all readings so far: 9/t, 36/t^2 and 60/t^3.
+    and the pull of the bias. After a start on ground that moves, all three are greater
+    for as long as little is known, and the legs' word is taken for a share of the rest.
 
     The ground is taken to be level on average, within the legs' stroke: ground that
     goes farther takes the level along.
@@ -81,6 +85,7 @@ class HeightFilter:
         self._count = 0
         self._sum = 0.0
         self.height = self.rate = self.bias = self.ground = 0.0
+        self._height = self._rate = 0.0
         self._known_s = LEAST_KNOWN_S
         self._is_seen = False
         self._usual = self._sudden = 0.0
@@ -120,6 +125,7 @@ class HeightFilter:
         self._is_seen = abs(bias) > NOISE_MARGIN_M_S2
         self.bias = bias if self._is_seen else 0.0
         self.height, self.rate, self.ground = height, rate, 0.0
+        self._height, self._rate = height, rate
         self._leg_mean = rate
         self._ground_speed = 0.1 if moves else 0.0
 
@@ -138,17 +144,21 @@ class HeightFilter:
         acceleration -= self._half_of(difference)
         stillness = self._stillness(acceleration - self.bias, rate)
         k_1, k_2, k_3 = self._gains(stillness)
-        error = over - self.height
+        error = over - self._height
         if stillness > STILL_FOR_BIAS and not self._is_seen:
             self._is_seen = abs(error) > SEEN_M
             k_3 *= self._is_seen
-        self.height += dt * (self.rate + k_1 * error)
-        self.rate += dt * (acceleration - self.bias + k_2 * error)
+        self._height += dt * (self._rate + k_1 * error)
+        self._rate += dt * (acceleration - self.bias + k_2 * error)
         self.bias -= dt * k_3 * error
-        ground = self.height - over
+        ground = self._height - over
         lowest, highest = self._stroke
-        self.ground = min(max(ground, lowest), highest)
-        self.height += self.ground - ground
+        within = min(max(ground, lowest), highest)
+        self._height += within - ground
+        share = min(1.0, self._known_s / KNOWN_S)
+        self.ground = share * within
+        self.height = over + self.ground
+        self.rate = rate + share * (self._rate - rate)
 
     def _half_of(self, difference: float | None) -> float:
         """Return what the feet change about the mean acceleration [m/s^2]."""
@@ -194,12 +204,11 @@ class HeightFilter:
         damping = _between(s.height_damping, STILL_DAMPING, stillness)
         is_still = stillness > STILL_FOR_BIAS
         p = STILL_BIAS_PULL if is_still else s.height_bias_pull
+        if w * known_s < LEARNING:
+            w, damping = LEARNING / known_s, STILL_DAMPING
+        p = max(p, BIAS_LEARNING / known_s)
         swing = 2.0 * damping * w
-        return (
-            max(swing + p, 9.0 / known_s),
-            max(w * w + swing * p, 36.0 / known_s**2),
-            max(w * w * p, 60.0 / known_s**3),
-        )
+        return swing + p, w * w + swing * p, w * w * p
 
 
 def _between(moving: float, still: float, stillness: float) -> float:

@@ -104,3 +104,14 @@ def test_run_is_not_its_own_mirror_image(model: RobotModel, short_run: Run) -> N
     mirror = Mirror(model)
     mirrored = np.array([mirror.joints(command) for command in short_run.commands])
     assert np.abs(mirrored - short_run.commands).max() > 1e3 * SYMMETRY_RAD
+
+
+@pytest.mark.parametrize("phase_deg", [0.0, 60.0])
+def test_a_start_on_ground_that_moves_already(walker: Robot, phase_deg: float) -> None:
+    """What the sensors feel while they are calibrated is the ground, not a bias."""
+    motion = [{**one, "start_s": 0.0, "phase_deg": phase_deg} for one in MOTION]
+    platform = [{"foot": "both", "motion": motion}]
+    run = run_closed_loop(walker, duration_s=DURATION_S, platform=platform)
+    assert not run.fell
+    over = (run.com_true - run.soles_true.mean(axis=1))[:, :2]
+    assert np.abs(over - over[0]).max() < 2.0 * MAX_M
