@@ -12,6 +12,7 @@ from surefoot.cli.bus.hz_command import hz
 from surefoot.cli.bus.topics_command import topics
 from surefoot.cli.certs_command import certs
 from surefoot.cli.check_robot_command import check_robot
+from surefoot.cli.check_robot_file_command import check_robot_file
 from surefoot.cli.doctor_command import doctor
 from surefoot.cli.log_command import log
 from surefoot.cli.margins_command import margins
@@ -72,7 +73,7 @@ _COMMANDS = (
     *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
     *(sweep, tune, report, reproduce, bench),
     *(router, relay, certs, check_robot),
-    *(new_robot,),
+    *(new_robot, check_robot_file),
 )
 """In the order of the help."""
 

@@ -55,6 +55,14 @@ def run(
             "or with --inline in simulated time.",
         ),
     ] = None,
+    scale_to_robot: Annotated[
+        bool,
+        typer.Option(
+            "--scale-to-robot",
+            help="Make motions of the ground and pushes smaller that the robot cannot "
+            "reach, and say by how much.",
+        ),
+    ] = False,
     settings: options.SettingsOption = None,
     overrides: options.SetOption = None,
     endpoints: options.EndpointsOption = None,
@@ -93,6 +101,7 @@ def run(
         seed=seed,
         mode=_mode(lockstep=lockstep, inline=inline),
         relay=relay,
+        scale_to_robot=scale_to_robot,
     )
     if notice := loop_notice(plan):
         print_note(notice)

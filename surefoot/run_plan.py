@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,8 @@ from typing import Any, Literal
 import msgspec
 
 from surefoot.errors import UsageError
+from surefoot.robot_files.judge import warnings_of
+from surefoot.robot_files.scenario_fit import scale_to_robot as fitted
 from surefoot.robot_io.relay.catalogue import find_plan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.errors import FileFormatError
@@ -34,6 +37,8 @@ Mode = Literal["lockstep", "realtime", "inline"]
 Settings = ControllerSettings | Mapping[str, Any] | str | Path | None
 """Settings as they may be given: resolved, ``{"tsid.base_kp": 120.0}``, the name of
 shipped settings, a file, or None for the defaults."""
+
+_log = logging.getLogger("surefoot.run")
 
 
 @dataclass(frozen=True)
@@ -113,6 +118,7 @@ def make_plan(
     seed: int = 0,
     mode: Mode = "inline",
     relay: str | None = None,
+    scale_to_robot: bool = False,
 ) -> RunPlan:
     """Load all files a run depends on.
 
@@ -126,9 +132,10 @@ def make_plan(
         seed: of the sensor noise, 0 or more.
         mode: how the two sides are paced.
         relay: a shipped relay plan or the path of one, for a relay between them.
+        scale_to_robot: make motions and pushes smaller that the robot cannot reach.
 
     Raises:
-        UsageError: a relay in lockstep.
+        UsageError: a relay in lockstep; a scenario that cannot be scaled.
         ScenarioError: no such scenario, or no such recording of its ground.
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed, or settings contradict
@@ -141,11 +148,19 @@ def make_plan(
     with naming_scenario(path or Path(world.name)):
         recorded_ground(world)
     model = _robot(robot, servo_profile)
+    for warning in warnings_of(model):
+        _log.warning("%s", warning)
+    name = loaded.name if loaded else _not_none(path).stem
+    if scale_to_robot:
+        world, told = fitted(world, model)
+        if told:
+            path = None  # the run keeps what is run
+            _log.info("%s", told)
     resolved = resolve_settings(settings, overrides=overrides)
     check_settings(resolved, model, duration_s=world.duration_s)
     return RunPlan(
         scenario=world,
-        scenario_name=loaded.name if loaded else _not_none(path).stem,
+        scenario_name=name,
         scenario_path=path,
         robot=model,
         robot_name=str(model.path) if isinstance(robot, Robot) else str(robot),

@@ -10,7 +10,7 @@ import pinocchio as pin
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.arrays import Mat, Vec3
 
-SNAP_RAD = np.radians(25.0)
+SNAP_RAD = np.radians(15.0)
 """An axis of a link this near to a direction is meant by it."""
 SNAP_AHEAD_RAD = np.radians(3.0)
 LEAST_APART_M = 0.02
@@ -49,10 +49,12 @@ class Directions:
     Attributes:
         up: (3,) of length one.
         ahead: (3,) of length one, square to it.
+        is_exact: whether up is an axis of a frame, or was given.
     """
 
     up: Vec3
     ahead: Vec3
+    is_exact: bool = True
 
     @property
     def R_upright_base(self) -> Mat:  # noqa: N802
@@ -84,7 +86,9 @@ def read_body(text: str, *, source: str) -> Body:
     return Body(model, data)
 
 
-def find_directions(body: Body, left: str, right: str) -> Directions:
+def find_directions(
+    body: Body, left: str, places: tuple[Vec3, Vec3], *, up: Vec3 | None = None
+) -> Directions:
     """Find up from the feet to the CoM, and ahead from the right foot to the left.
 
     Directions snap to axes of the base link, or of the left foot, that are near.
@@ -92,29 +96,33 @@ def find_directions(body: Body, left: str, right: str) -> Directions:
     Args:
         body: all joints at zero.
         left: link of the left foot.
-        right: link of the right foot.
+        places: (3,) each, of left and right foot in the base link [m].
+        up: (3,) of length one, where it is known.
 
     Raises:
         RobotFileError: the feet are at one place.
     """
-    p_left, p_right = (body.placement(link).translation for link in (left, right))
-    middle = 0.5 * (p_left + p_right)
-    rough = body.data.com[0] - middle
-    base, foot = np.eye(3), body.placement(left).rotation
-    up = _snapped(rough / np.linalg.norm(rough), (base, foot), within=SNAP_RAD)
+    p_left, p_right = places
+    frames = (np.eye(3), body.placement(left).rotation)
+    is_exact = True
+    if up is None:
+        rough = body.data.com[0] - 0.5 * (p_left + p_right)
+        rough = rough / np.linalg.norm(rough)
+        up = _snapped(rough, frames, within=SNAP_RAD)
+        is_exact = up is not rough
     across = p_left - p_right
-    across -= (across @ up) * up
+    across = across - (across @ up) * up
     apart = float(np.linalg.norm(across))
     if apart < LEAST_APART_M:
         raise RobotFileError(
-            f"soles {left!r} and {right!r} are {1e3 * apart:.0f} mm apart with all "
-            "joints at zero; name one link of each foot"
+            f"the soles are {1e3 * apart:.0f} mm apart with all joints at zero; name "
+            "one link of each foot"
         )
     ahead = np.cross(across / apart, up)
-    snapped = _snapped(ahead, (base, foot), within=SNAP_AHEAD_RAD)
+    snapped = _snapped(ahead, frames, within=SNAP_AHEAD_RAD)
     if abs(snapped @ up) < 1e-6:
         ahead = snapped
-    return Directions(up=up, ahead=ahead / np.linalg.norm(ahead))
+    return Directions(up=up, ahead=ahead / np.linalg.norm(ahead), is_exact=is_exact)
 
 
 def _snapped(direction: Vec3, frames: tuple[Mat, ...], *, within: float) -> Vec3:

@@ -123,12 +123,13 @@ def find_nominal(
         upper=upper - np.minimum(MARGIN_RAD, 0.25 * (upper - lower)),
         is_leg=leg_mask(model, (left, right)),
     )
+    between = np.array([0.0, apart_m, 0.0])
     best: tuple[float, Found, Reach] | None = None
     nearest: Found | None = None
     for share in BENT_TO:
         knees = {leg.knee_index: leg.bent(share) for leg in (left, right)}
         found = solver.solve(
-            Wanted(q=np.clip(0.0, lower, upper), apart_m=apart_m, joints=knees)
+            Wanted(q=np.clip(0.0, lower, upper), between=between, joints=knees)
         )
         if nearest is None or found.error < nearest.error:
             nearest = found

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.stance.solver import StanceSolver, Wanted
 
@@ -29,6 +31,28 @@ class GroundPose(NamedTuple):
     z: float = 0.0
     roll: float = 0.0
     pitch: float = 0.0
+
+    def scaled(self, share: float) -> GroundPose:
+        """A part of it."""
+        return GroundPose(share * self.z, share * self.roll, share * self.pitch)
+
+
+class Ground(NamedTuple):
+    """What is under the feet.
+
+    Attributes:
+        left: under the left foot, turned about its sole; or under both, turned about
+            the middle between them.
+        right: under the right foot; None when there is one ground under both.
+    """
+
+    left: GroundPose
+    right: GroundPose | None = None
+
+    def scaled(self, share: float) -> Ground:
+        """A part of all motions."""
+        right = None if self.right is None else self.right.scaled(share)
+        return Ground(self.left.scaled(share), right)
 
 
 @dataclass(frozen=True)
@@ -63,32 +87,37 @@ class ReachSearch:
         self._apart = float(left[1] - right[1])
         self._height = float(com[2] - 0.5 * (left[2] + right[2]))
 
-    def fits(self, ground: GroundPose) -> bool:
+    def fits(self, ground: Ground) -> bool:
         """Whether the robot can stand upright with its CoM where it was."""
+        left, right = ground.left, ground.right or ground.left
+        between = np.array([0.0, self._apart, left.z - right.z])
+        if ground.right is None:
+            between[1] = self._apart * math.cos(left.roll)
+            between[2] = self._apart * math.sin(left.roll)
         wanted = Wanted(
             q=self._nominal,
-            apart_m=self._apart,
-            com_height_m=self._height - ground.z,
-            roll=ground.roll,
-            pitch=ground.pitch,
+            between=between,
+            com_height_m=self._height - 0.5 * (left.z + right.z),
+            turned=((left.roll, left.pitch), (right.roll, right.pitch)),
         )
         return self._solver.solve(wanted, steps=_STEPS).is_good
 
-    def largest_share(self, poses: Iterable[GroundPose]) -> float:
+    def largest_share(self, grounds: Iterable[Ground]) -> float:
         """Part of all these that fits, between 0 and 1.
 
         Args:
-            poses: extremes of one motion.
+            grounds: extremes of one motion.
         """
-        listed = [pose for pose in poses if any(pose)]
-        if all(self.fits(pose) for pose in listed):
-            return 1.0
-        return _bisect(
-            lambda share: all(
-                self.fits(GroundPose(*(share * value for value in pose)))
-                for pose in listed
-            )
-        )
+        listed = list(grounds)
+        share = 1.0
+        for ground in listed:
+            if self.fits(ground.scaled(share)):
+                continue
+            share *= self._part(ground.scaled(share))
+        return share
+
+    def _part(self, ground: Ground) -> float:
+        return _bisect(lambda share: self.fits(ground.scaled(share)))
 
     def reach(self) -> Reach:
         """Search each direction by itself."""
@@ -107,14 +136,12 @@ class ReachSearch:
         )
 
     def _farthest(self, pose: GroundPose) -> float:
-        """Part of one motion that fits."""
-        return self.largest_share([pose])
+        """Part of one motion of the ground under both feet that fits."""
+        return self.largest_share([Ground(pose)])
 
 
 def _bisect(fits: Callable[[float], bool]) -> float:
     """Largest share of 1 that fits, from below."""
-    if fits(1.0):
-        return 1.0
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)

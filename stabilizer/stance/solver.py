@@ -29,19 +29,17 @@ class Wanted:
 
     Attributes:
         q: (n_a,) where joints are wanted that are free to choose [rad].
-        apart_m: distance between the soles along y.
+        between: (3,) from the right to the left sole [m].
         joints: velocity index to an angle that must be met [rad].
         com_height_m: above the middle of the soles; None when free.
-        roll: of the ground under both soles [rad].
-        pitch: of the same [rad].
+        turned: roll and pitch of the ground under left and right sole [rad].
     """
 
     q: Array
-    apart_m: float
+    between: Vec3
     joints: Mapping[int, float] = field(default_factory=dict)
     com_height_m: float | None = None
-    roll: float = 0.0
-    pitch: float = 0.0
+    turned: tuple[tuple[float, float], tuple[float, float]] = ((0.0, 0.0), (0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -137,11 +135,12 @@ class StanceSolver:
 
     def _residual(self, q: Array, wanted: Wanted) -> Array:
         self._kinematics(q)
-        ground = pin.rpy.rpyToMatrix(wanted.roll, wanted.pitch, 0.0)
         left, right = (self._data.oMf[i] for i in self._soles)
-        turns = [pin.log3(ground.T @ pose.rotation) for pose in (left, right)]
-        apart = ground.T @ (left.translation - right.translation)
-        apart[1] -= wanted.apart_m
+        turns = [
+            pin.log3(ground.T @ pose.rotation)
+            for ground, pose in zip(_grounds(wanted), (left, right), strict=True)
+        ]
+        apart = left.translation - right.translation - wanted.between
         over = self._data.com[0] - 0.5 * (left.translation + right.translation)
         if wanted.com_height_m is None:
             over = over[:2]
@@ -157,14 +156,13 @@ class StanceSolver:
         J_com = pin.jacobianCenterOfMass(model, data, full)[:, 6:]
         pin.computeJointJacobians(model, data, full)
         pin.updateFramePlacements(model, data)
-        ground = pin.rpy.rpyToMatrix(wanted.roll, wanted.pitch, 0.0)
         turns, moves = [], []
-        for i in self._soles:
+        for i, ground in zip(self._soles, _grounds(wanted), strict=True):
             J = pin.getFrameJacobian(model, data, i, pin.LOCAL)[:, 6:]
             R = data.oMf[i].rotation
             turns.append(pin.Jlog3(ground.T @ R) @ J[3:])
             moves.append(R @ J[:3])
-        apart = ground.T @ (moves[0] - moves[1])
+        apart = moves[0] - moves[1]
         over = J_com - 0.5 * (moves[0] + moves[1])
         if wanted.com_height_m is None:
             over = over[:2]
@@ -173,3 +171,8 @@ class StanceSolver:
             given[row, index] = 1.0
         must = MUST * np.vstack((*turns, apart, over, given))
         return np.vstack((must, np.diag(self._pull)))
+
+
+def _grounds(wanted: Wanted) -> list[Mat]:
+    """(3, 3) the world from the ground under each sole."""
+    return [pin.rpy.rpyToMatrix(roll, pitch, 0.0) for roll, pitch in wanted.turned]

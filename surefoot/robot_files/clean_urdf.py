@@ -20,6 +20,7 @@ LIGHT_SHARE = 1e-3
 """Of the robot's mass: what carries less, outside the legs, is a finger or an eye."""
 LEADER_SHARE = 0.02
 """The same of a joint that others follow."""
+NO_LIMIT = "1e9"
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _UPPER = np.triu_indices(3)
 _ROUNDING = 1e-6
@@ -210,6 +211,35 @@ def drop_collisions(draft: Draft) -> None:
     for link in draft.root.iter("link"):
         for shape in link.findall("collision"):
             link.remove(shape)
+
+
+def open_limits(draft: Draft) -> None:
+    """Give joints without torque or speed limit one that nobody takes for told."""
+    for joint in draft.joints.values():
+        limit = joint.find("limit")
+        if limit is None or not _moves(joint):
+            continue
+        for key in ("effort", "velocity"):
+            try:
+                is_limit = float(limit.get(key, "0")) > 0.0
+            except ValueError:
+                continue  # refused with its place when all else is checked
+            if not is_limit:
+                limit.set(key, NO_LIMIT)
+
+
+def check_feet(draft: Draft, soles: Sequence[str]) -> None:
+    """Refuse two soles on one leg.
+
+    Raises:
+        RobotFileError: one hangs on what moves with the other.
+    """
+    for this, other in (soles, reversed(soles)):
+        if other in draft.below(foot_links(draft, this)[0]):
+            raise RobotFileError(
+                f"{draft.path}: soles {this!r} and {other!r} are on one foot; name one "
+                "link of each foot"
+            )
 
 
 def settle_inertias(draft: Draft, *, repair: bool) -> None:

@@ -59,7 +59,7 @@ def find_foot(
             not above it.
     """
     links = foot_links(draft, link)
-    sole, tag = _measure(draft, links, side=side, directions=directions)
+    sole, tag = measure_sole(draft, link, side=side, directions=directions)
     ft_link, how = _sensor(draft, link, sensor, side=side)
     frame = _bare_frame_at(draft, body, links, sole, below=ft_link)
     if frame is None:
@@ -86,9 +86,21 @@ def find_foot(
     return FoundFoot(foot, sole)
 
 
-def _measure(
-    draft: Draft, links: list[str], *, side: str, directions: Directions
+def measure_sole(
+    draft: Draft, link: str, *, side: str, directions: Directions
 ) -> tuple[Sole, Tag]:
+    """Find the rectangle of a foot, and in which shapes.
+
+    Args:
+        draft: meshes by paths that can be opened.
+        link: of the foot.
+        side: for messages.
+        directions: up and ahead.
+
+    Raises:
+        RobotFileError: the foot has no shape that could be a sole.
+    """
+    links = foot_links(draft, link)
     tags: tuple[Tag, ...] = ("collision", "visual")
     words = "none of them has a shape"
     for tag in tags:

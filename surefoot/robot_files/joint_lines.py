@@ -59,6 +59,7 @@ def joint_lines(
             weak.append(name)
         speed, speed_is_told = servos.velocity_limit(float(limit.get("velocity", 0.0)))
         if not speed_is_told:
+            limit.set("velocity", repr(speed))
             slow.append(name)
         lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
         lines.append(

@@ -8,10 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from surefoot.errors import UsageError
 from surefoot.robot_files import clean_urdf
 from surefoot.robot_files.draft import Draft
-from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu
+from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
 from surefoot.robot_files.joint_lines import joint_lines
 from surefoot.robot_files.notes import Note
 from surefoot.robot_files.robot_text import robot_text
@@ -23,6 +25,8 @@ from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.stance.body import Body, Directions, find_directions, read_body
 from surefoot.stabilizer.stance.nominal import NominalPosture, find_nominal
 
+LOWEST_M, HIGHEST_M = 0.05, 3.0
+"""Of the centre of mass above the soles."""
 BESIDE_M = 0.03
 """Least gap between the soles."""
 
@@ -112,8 +116,9 @@ def new_robot(
     checked = Urdf(urdf, draft.root)
     checked.check_masses()
     body = read_body(bare_text(draft.root), source=str(urdf))
-    directions = find_directions(body, options.left_sole, options.right_sole)
+    directions = _directions(draft, body, options)
     feet = _feet(draft, body, options, directions)
+    _check_size(draft, _com_height(body, feet, directions))
     clean_urdf.drop_collisions(draft)
     body = read_body(bare_text(draft.root), source=str(urdf))
     nominal = _posture(body, feet, options, directions)
@@ -166,9 +171,29 @@ def _cleaned(urdf: Path, options: NewRobotOptions) -> Draft:
         keep=options.keep,
         legs_only=options.legs_only,
     )
+    clean_urdf.check_feet(draft, soles)
+    clean_urdf.open_limits(draft)
     clean_urdf.resolve_meshes(draft, options.package_dirs)
     clean_urdf.settle_inertias(draft, repair=options.repair_inertias)
     return draft
+
+
+def _directions(draft: Draft, body: Body, options: NewRobotOptions) -> Directions:
+    """Up and ahead: roughly from the feet's links, then from the soles themselves."""
+    links = (options.left_sole, options.right_sole)
+    left, right = (body.placement(link).translation for link in links)
+    rough = find_directions(body, links[0], (left, right))
+    soles = [
+        measure_sole(draft, link, side=side, directions=rough)[0]
+        for link, side in zip(links, ("left", "right"), strict=True)
+    ]
+    normal = soles[0].R[:, 2] + soles[1].R[:, 2]
+    return find_directions(
+        body,
+        links[0],
+        (soles[0].centre, soles[1].centre),
+        up=rough.up if rough.is_exact else normal / np.linalg.norm(normal),
+    )
 
 
 def _feet(
@@ -211,6 +236,15 @@ def _posture(
         rise_m=options.rise_m,
         sink_m=options.sink_m,
     )
+
+
+def _check_size(draft: Draft, com_height_m: float) -> None:
+    """Refuse a robot of other units."""
+    if not LOWEST_M < com_height_m < HIGHEST_M:
+        raise RobotFileError(
+            f"{draft.path}: its centre of mass is {com_height_m:.4g} m above the "
+            f"soles, expected {LOWEST_M:g} to {HIGHEST_M:g}; are all lengths in metres?"
+        )
 
 
 def _check_sides(

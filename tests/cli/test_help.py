@@ -34,6 +34,7 @@ COMMANDS = (
     "certs",
     "check-robot",
     "new-robot",
+    "check-robot-file",
 )
 
 

@@ -9,7 +9,7 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.legs import find_leg
 from surefoot.stabilizer.stance.nominal import KNEE_ROOM_RAD, find_nominal
-from surefoot.stabilizer.stance.reach import GroundPose, ReachSearch
+from surefoot.stabilizer.stance.reach import Ground, GroundPose, ReachSearch
 from surefoot.stabilizer.stance.solver import StanceSolver, Wanted
 
 MODEL = RobotModel(load_robot("walker"))
@@ -32,7 +32,10 @@ def test_the_jacobian_is_the_derivative_of_what_a_posture_must_do() -> None:
     rng = np.random.default_rng(3)
     q = rng.uniform(-0.3, 0.3, MODEL.n_a)
     wanted = Wanted(
-        q=np.zeros(MODEL.n_a), apart_m=APART_M, com_height_m=0.7, roll=0.1, pitch=0.05
+        q=np.zeros(MODEL.n_a),
+        between=np.array([0.0, APART_M, 0.02]),
+        com_height_m=0.7,
+        turned=((0.1, 0.05), (-0.1, 0.0)),
     )
     tried = solver()
     steps = STEP_RAD * np.eye(MODEL.n_a)
@@ -61,25 +64,28 @@ def test_the_walkers_knee_is_found_and_its_leg_is_as_long_as_its_bones() -> None
 
 
 @pytest.mark.parametrize(
-    "ground",
-    [GroundPose(z=0.06), GroundPose(z=-0.06, roll=0.1), GroundPose(pitch=-0.15)],
+    ("height_m", "left", "right"),
+    [(0.06, (0.0, 0.0), (0.0, 0.0)), (-0.06, (0.1, 0.0), (-0.1, 0.05))],
 )
-def test_a_posture_on_moved_ground_has_its_soles_on_it(ground: GroundPose) -> None:
-    left, right, com = solver().place(MODEL.nominal)
-    height = float(com[2] - 0.5 * (left[2] + right[2]))
+def test_a_posture_on_moved_ground_has_its_soles_on_it(
+    height_m: float, left: tuple[float, float], right: tuple[float, float]
+) -> None:
+    p_left, p_right, com = solver().place(MODEL.nominal)
+    height = float(com[2] - 0.5 * (p_left[2] + p_right[2])) - height_m
+    between = np.array([0.0, APART_M, 0.01])
     found = solver().solve(
         Wanted(
             q=MODEL.nominal,
-            apart_m=APART_M,
-            com_height_m=height - ground.z,
-            roll=ground.roll,
-            pitch=ground.pitch,
+            between=between,
+            com_height_m=height,
+            turned=(left, right),
         )
     )
     assert found.is_good
-    left, right, com = solver().place(found.q)
-    middle = 0.5 * (left + right)
-    np.testing.assert_allclose(com - middle, [0.0, 0.0, height - ground.z], atol=2e-3)
+    p_left, p_right, com = solver().place(found.q)
+    np.testing.assert_allclose(p_left - p_right, between, atol=2e-3)
+    middle = 0.5 * (p_left + p_right)
+    np.testing.assert_allclose(com - middle, [0.0, 0.0, height], atol=2e-3)
     assert np.all(found.q >= MODEL.lower - 1e-6)
     assert np.all(found.q <= MODEL.upper + 1e-6)
     arms = ~MODEL.is_leg
@@ -88,9 +94,13 @@ def test_a_posture_on_moved_ground_has_its_soles_on_it(ground: GroundPose) -> No
 
 def test_the_walker_reaches_what_its_scenarios_ask_for() -> None:
     search = ReachSearch(solver(), MODEL.nominal)
-    assert search.fits(GroundPose(z=-0.06, roll=np.radians(8.6)))
-    assert not search.fits(GroundPose(z=-0.3))
-    assert search.largest_share([GroundPose(z=-0.2)]) == pytest.approx(0.49, abs=0.1)
+    assert search.fits(Ground(GroundPose(z=-0.06, roll=np.radians(8.6))))
+    assert not search.fits(Ground(GroundPose(z=-0.3)))
+    share = search.largest_share([Ground(GroundPose(z=-0.2))])
+    assert share == pytest.approx(0.49, abs=0.1)
+    apart = Ground(GroundPose(z=0.05), GroundPose(z=-0.05))
+    assert search.fits(apart)
+    assert not search.fits(apart.scaled(6.0))
 
 
 def test_knees_are_bent_for_the_travel_and_never_straight() -> None:

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 import surefoot as sf
+from benchmarks.humanoids import HUMANOIDS
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel
-from tests.humanoids import HUMANOIDS
+from tests.humanoids import make_humanoid
 
 LEVEL_M, LEVEL_RAD = 1e-4, 1e-3
 """Nominal angles are written with four digits."""
@@ -36,7 +37,7 @@ def check_posture(model: RobotModel) -> None:
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("name", HUMANOIDS)
 def test_it_stands(name: str, tmp_path: Path) -> None:
-    robot = HUMANOIDS[name].make(tmp_path).robot
+    robot = make_humanoid(name, tmp_path).robot
     check_posture(RobotModel(robot))
     run = sf.simulate(robot, SHORT)
     assert run.outcome is Outcome.STOOD

@@ -1,0 +1,44 @@
+"""The whole judgement of a robot file."""
+
+from __future__ import annotations
+
+import msgspec
+
+from surefoot.robot_files.judge import Finding, quick_findings, reach_findings
+from surefoot.robot_files.scenario_fit import ScenarioFit, fit
+from surefoot.robot_io.robot import Robot
+from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.standing import reach_search, stand
+
+
+class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot file, judged.
+
+    Attributes:
+        robot: its name.
+        path: of the file.
+        findings: line by line.
+        scenarios: the shipped ones.
+    """
+
+    robot: str
+    path: str
+    findings: list[Finding]
+    scenarios: list[ScenarioFit]
+
+
+def judge(robot: Robot) -> RobotFileReport:
+    """Judge a robot whose files were loaded, and so refused if they contradict."""
+    model = RobotModel(robot)
+    search, capture = reach_search(model), stand(model).capture
+    fits = []
+    for name in list_scenarios():
+        found = fit(load_scenario(name), robot, search=search, capture=capture)
+        fits.append(msgspec.structs.replace(found, name=name))
+    return RobotFileReport(
+        robot=robot.file.name,
+        path=str(robot.path),
+        findings=[*quick_findings(robot), *reach_findings(robot, search.reach())],
+        scenarios=fits,
+    )

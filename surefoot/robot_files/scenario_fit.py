@@ -1,0 +1,199 @@
+"""How much of a scenario a robot can reach, and the scenario made to fit it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from surefoot.errors import UsageError
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.scenario import Platform, Push, Scenario
+from surefoot.sim_robot.motion import motion_law
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.reach import Ground, GroundPose, ReachSearch
+from surefoot.stabilizer.stance.standing import reach_search, stand
+
+SAMPLE_S = 0.01
+KEPT_SHARE = 0.9
+"""Of what can just be reached: what a scenario is scaled to."""
+LEAST_SHARE = 0.05
+PUSH_SHARE = 0.6
+"""Of the capture limit: what pushes are scaled to."""
+_AXES = ("z", "roll", "pitch")
+_SIZES = (
+    *("amplitude_m", "amplitude_deg", "peak_to_peak_m", "peak_to_peak_deg"),
+    *("gain", "scale"),
+)
+"""What makes a motion larger, whatever its kind."""
+
+
+class ScenarioFit(msgspec.Struct, frozen=True, kw_only=True):
+    """A scenario against a robot.
+
+    Attributes:
+        name: of the scenario.
+        ground_share: part of the ground's motion that the joints reach, at most 1.
+        push_share: hardest push over what the soles can catch; 0 without pushes.
+        why: in words; empty when all is within reach.
+    """
+
+    name: str
+    ground_share: float
+    push_share: float
+    why: str
+
+
+def fit(
+    scenario: Scenario,
+    robot: Robot,
+    *,
+    search: ReachSearch | None = None,
+    capture: Array | None = None,
+) -> ScenarioFit:
+    """Compare a scenario with what a robot reaches in its nominal stance.
+
+    Args:
+        scenario: its ground and pushes.
+        robot: that should stand it.
+        search: of the robot, when there are many scenarios.
+        capture: (8,) its capture limits; worked out by default [N s].
+    """
+    model = RobotModel(robot)
+    search = search or reach_search(model)
+    share = search.largest_share(_extremes(scenario))
+    capture = stand(model).capture if capture is None else capture
+    pushed = _push_share(scenario, capture)
+    words = []
+    if share < 1.0:
+        words.append(f"the legs reach {100.0 * share:.0f} % of the ground's motion")
+    if pushed > 1.0:
+        words.append(f"a push is {pushed:.1f} times what the soles can catch")
+    return ScenarioFit(
+        name=scenario.name,
+        ground_share=share,
+        push_share=pushed,
+        why="; ".join(words),
+    )
+
+
+def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
+    """Make a scenario smaller where a robot cannot reach it.
+
+    Motions of the ground all get the same part, those along x and y, too; rates and
+    frequencies stay. Pushes beyond the capture limit get a part of it.
+
+    Args:
+        scenario: as it is.
+        robot: that should stand it.
+
+    Returns:
+        The scenario, and in words what was done; the same one and no words if it fits.
+
+    Raises:
+        UsageError: hardly anything of it can be reached.
+    """
+    found = fit(scenario, robot)
+    if not found.why:
+        return scenario, ""
+    if found.ground_share < LEAST_SHARE:
+        raise UsageError(
+            f"{scenario.name}: {robot.file.name} reaches "
+            f"{100.0 * found.ground_share:.0f} % of the ground's motion, too little to "
+            "scale to; see surefoot check-robot-file"
+        )
+    words: list[str] = []
+    changes: dict[str, Any] = {}
+    if found.ground_share < 1.0:
+        share = round(KEPT_SHARE * found.ground_share, 2)
+        changes["platform"] = [_scaled(p, share) for p in scenario.platform]
+        words.append(f"the ground's motion to {100.0 * share:.0f} %")
+    if found.push_share > 1.0:
+        share = PUSH_SHARE / found.push_share
+        changes["push"] = [_scaled_push(push, share) for push in scenario.push]
+        words.append(f"pushes to {100.0 * share:.0f} %")
+    told = f"{scenario.name} scaled to {robot.file.name}: {', '.join(words)}"
+    return msgspec.structs.replace(scenario, **changes), told
+
+
+def _scaled(platform: Platform, share: float) -> Platform:
+    motions = []
+    for motion in platform.motion:
+        sizes = {
+            name: share * value
+            for name in _SIZES
+            if (value := getattr(motion, name, None)) is not None
+        }
+        motions.append(msgspec.structs.replace(motion, **sizes))
+    return msgspec.structs.replace(platform, motion=motions)
+
+
+def _extremes(scenario: Scenario) -> list[Ground]:
+    """The farthest that the ground gets, in every direction of z, roll and pitch."""
+    tracks = {p.foot: _track(p, scenario.duration_s) for p in scenario.platform}
+    if "both" in tracks:
+        return [Ground(GroundPose(*pose)) for pose in _farthest(tracks["both"])]
+    if not tracks:
+        return []
+    still = np.zeros_like(next(iter(tracks.values())))
+    together = np.hstack([tracks.get(foot, still) for foot in ("left", "right")])
+    return [
+        Ground(GroundPose(*pose[:3]), GroundPose(*pose[3:]))
+        for pose in _farthest(together)
+    ]
+
+
+def _track(platform: Platform, duration_s: float) -> Mat:
+    """(n, 3) of z, roll and pitch over time [m, rad]."""
+    times = np.arange(0.0, duration_s + SAMPLE_S / 2.0, SAMPLE_S)
+    track = np.zeros((len(times), len(_AXES)))
+    for motion in platform.motion:
+        if motion.axis not in _AXES:
+            continue
+        law = motion_law(motion)
+        track[:, _AXES.index(motion.axis)] += [law(float(t))[0] for t in times]
+    return track
+
+
+def _farthest(track: Mat) -> Mat:
+    """Rows of a track that are extreme along any axis or any two of them."""
+    size = np.abs(track).max(axis=0)
+    moving = np.flatnonzero(size > 0.0)
+    directions = [sign * np.eye(len(size))[i] for i in moving for sign in (-1.0, 1.0)]
+    directions += [
+        np.eye(len(size))[i] * a + np.eye(len(size))[j] * b
+        for i in moving
+        for j in moving
+        if i < j
+        for a in (-1.0, 1.0)
+        for b in (-1.0, 1.0)
+    ]
+    unit = track / np.where(size > 0.0, size, 1.0)
+    rows = sorted({int(np.argmax(unit @ direction)) for direction in directions})
+    return track[rows]
+
+
+def _push_share(scenario: Scenario, capture: Array) -> float:
+    """Hardest push over what can be caught in its direction."""
+    hardest = 0.0
+    for push in scenario.push:
+        if push.force_n is None:
+            hardest = max(hardest, push.impulse_share or 0.0)
+            continue
+        x, y, _ = push.force_n
+        impulse = push.duration_s * float(np.hypot(x, y))
+        turn = len(capture) * (np.arctan2(y, x) / (2.0 * np.pi))
+        limit = float(capture[round(turn) % len(capture)])
+        hardest = max(hardest, impulse / limit if limit > 0.0 else np.inf)
+    return hardest
+
+
+def _scaled_push(push: Push, share: float) -> Push:
+    """A part of a push."""
+    if push.impulse_share is not None:
+        return msgspec.structs.replace(push, impulse_share=share * push.impulse_share)
+    assert push.force_n is not None  # one of them is given
+    x, y, z = push.force_n
+    return msgspec.structs.replace(push, force_n=(share * x, share * y, share * z))

@@ -1,0 +1,304 @@
+"""URDFs as people have them: each becomes a robot that stands, or one clear line."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from surefoot.robot_files.new_robot import NewRobot, NewRobotOptions, new_robot
+from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.robot import load_robot
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.standing import stand
+from tests.awkward_robot import AWKWARD, make_awkward
+
+WALKER = load_robot("walker").urdf_path
+FEET = NewRobotOptions("left_foot_plate", "right_foot_plate", name="made")
+LEVEL_RAD, LEVEL_M = 1e-3, 1e-3
+Change = Callable[[ElementTree.Element], None]
+SIDES = ("left", "right")
+
+
+def part(root: ElementTree.Element, tag: str, name: str) -> ElementTree.Element:
+    (found,) = root.findall(f"{tag}[@name='{name}']")
+    return found
+
+
+def joint(
+    root: ElementTree.Element,
+    name: str,
+    kind: str,
+    parent: str,
+    child: str,
+    *,
+    xyz: str = "0 0 0",
+) -> ElementTree.Element:
+    """Add a joint with limits, and its child where there is none."""
+    if root.find(f"link[@name='{child}']") is None:
+        ElementTree.SubElement(root, "link", name=child)
+    made = ElementTree.SubElement(root, "joint", name=name, type=kind)
+    ElementTree.SubElement(made, "origin", xyz=xyz, rpy="0 0 0")
+    ElementTree.SubElement(made, "parent", link=parent)
+    ElementTree.SubElement(made, "child", link=child)
+    if kind not in ("fixed", "floating"):
+        ElementTree.SubElement(made, "axis", xyz="0 1 0")
+        ElementTree.SubElement(
+            made, "limit", lower="-0.5", upper="0.5", effort="10", velocity="5"
+        )
+    return made
+
+
+def weigh(link: ElementTree.Element, mass: float) -> None:
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value=str(mass))
+    small = str(mass * 1e-3)
+    zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
+    ElementTree.SubElement(inertial, "inertia", ixx=small, iyy=small, izz=small, **zero)
+
+
+def under_a_world(kind: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        ElementTree.SubElement(root, "link", name="world")
+        joint(root, "to_world", kind, "world", "torso", xyz="0 0 1")
+
+    return change
+
+
+def with_a_unit_on_the_head(root: ElementTree.Element) -> None:
+    part(root, "joint", "imu_mount").find("parent").set("link", "head")  # type: ignore[union-attr]
+
+
+def with_toes(root: ElementTree.Element) -> None:
+    for side in SIDES:
+        joint(
+            root, f"{side}_toe", "revolute", f"{side}_foot_plate", f"{side}_toes",
+            xyz="0.1 0 -0.06",
+        )  # fmt: skip
+        weigh(part(root, "link", f"{side}_toes"), 0.2)
+
+
+def with_fingers(root: ElementTree.Element) -> None:
+    for side in SIDES:
+        joint(root, f"{side}_grip", "revolute", f"{side}_hand", f"{side}_finger")
+        tip = joint(root, f"{side}_tip", "revolute", f"{side}_finger", f"{side}_nail")
+        ElementTree.SubElement(tip, "mimic", joint=f"{side}_grip", multiplier="1")
+        for link in ("finger", "nail"):
+            weigh(part(root, "link", f"{side}_{link}"), 0.1)
+
+
+def endless(name: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        part(root, "joint", name).set("type", "continuous")
+
+    return change
+
+
+def with_limits(**limits: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        for limit in root.iterfind("joint/limit"):
+            for key, value in limits.items():
+                limit.set(key, value)
+
+    return change
+
+
+def in_degrees(root: ElementTree.Element) -> None:
+    for limit in root.iterfind("joint/limit"):
+        for key in ("lower", "upper"):
+            limit.set(key, str(np.degrees(float(limit.get(key, "0")))))
+
+
+def in_millimetres(root: ElementTree.Element) -> None:
+    for element in root.iter():
+        for key in ("xyz", "size", "radius", "length"):
+            if key in element.attrib and element.tag != "axis":
+                numbers = [1e3 * float(word) for word in element.get(key, "").split()]
+                element.set(key, " ".join(map(str, numbers)))
+
+
+def with_meshes_alone(root: ElementTree.Element) -> None:
+    """Feet of a mesh that is a picture, in a package; all other shapes are gone."""
+    for link in root.iter("link"):
+        for tag in ("collision", "visual"):
+            for shape in link.findall(tag):
+                link.remove(shape)
+    for side in SIDES:
+        visual = ElementTree.SubElement(
+            part(root, "link", f"{side}_foot_plate"), "visual"
+        )
+        ElementTree.SubElement(visual, "origin", xyz="0.02 0 -0.05", rpy="1.5708 0 0")
+        geometry = ElementTree.SubElement(visual, "geometry")
+        ElementTree.SubElement(
+            geometry, "mesh", filename="package://feet/foot.obj", scale="0.1 0.1 0.1"
+        )
+
+
+def with_lost_pictures(root: ElementTree.Element) -> None:
+    for link in root.iter("link"):
+        for geometry in link.findall("visual/geometry"):
+            geometry[:] = []
+            ElementTree.SubElement(geometry, "mesh", filename="package://gone/a.stl")
+
+
+def without_shapes(root: ElementTree.Element) -> None:
+    for link in root.iter("link"):
+        for tag in ("collision", "visual"):
+            for shape in link.findall(tag):
+                link.remove(shape)
+
+
+def without_inertia(root: ElementTree.Element) -> None:
+    for name in ("left_foot", "left_foot_plate"):
+        link = part(root, "link", name)
+        for inertial in link.findall("inertial"):
+            link.remove(inertial)
+
+
+def with_impossible_inertia(root: ElementTree.Element) -> None:
+    tensor = part(root, "link", "left_thigh").find("inertial/inertia")
+    assert tensor is not None
+    tensor.set("izz", "9.0")
+
+
+def with_one_knee_reversed(root: ElementTree.Element) -> None:
+    """As a mirrored drawing has it: the axis, and with it the range."""
+    knee = part(root, "joint", "right_knee")
+    knee.find("axis").set("xyz", "0 -1 0")  # type: ignore[union-attr]
+    knee.find("limit").attrib.update(lower="-2.2672", upper="0.2622")  # type: ignore[union-attr]
+
+
+def in_a_ring(root: ElementTree.Element) -> None:
+    part(root, "joint", "left_knee").find("parent").set("link", "left_foot")  # type: ignore[union-attr]
+
+
+def on_two_joints(root: ElementTree.Element) -> None:
+    joint(root, "again", "fixed", "torso", "left_foot")
+
+
+def nothing(root: ElementTree.Element) -> None:
+    del root
+
+
+CUBE = "\n".join(
+    [f"v {x} {y} {z}" for x in (-1.2, 1.2) for y in (-0.2, 0.2) for z in (-0.6, 0.6)]
+    + ["f 1 2 3", "f 2 4 3", "f 5 7 6", "f 6 7 8", "f 1 5 2", "f 2 5 6"]
+    + ["f 3 4 7", "f 4 8 7", "f 1 3 5", "f 3 7 5", "f 2 6 4", "f 4 6 8"]
+)
+
+
+def made(tmp_path: Path, change: Change, options: NewRobotOptions) -> NewRobot:
+    tree = ElementTree.parse(WALKER)
+    change(tree.getroot())
+    folder = tmp_path / "drawn"
+    (folder / "feet").mkdir(parents=True)
+    (folder / "feet" / "foot.obj").write_text(CUBE)
+    tree.write(folder / "drawn.urdf")
+    return new_robot(folder / "drawn.urdf", options, out=tmp_path / "made")
+
+
+def check_posture(robot: NewRobot) -> None:
+    model = RobotModel(robot.robot)
+    standing = stand(model)
+    assert standing.sole_tilt.max() < LEVEL_RAD
+    assert np.abs(standing.sole_yaw).max() < LEVEL_RAD
+    assert np.abs(standing.com[:2]).max() < LEVEL_M
+    assert standing.soles[0, 1] > standing.soles[1, 1]
+    assert standing.plates.min() > 0.0
+    assert np.abs(standing.torques / robot.robot.torque_limit).max() < 1.0
+
+
+STANDS: dict[str, tuple[Change, NewRobotOptions, str]] = {
+    "as it is": (nothing, FEET, "inertial unit: 'imu'"),
+    "world, fixed": (under_a_world("fixed"), FEET, "the base floats"),
+    "world, floating": (under_a_world("floating"), FEET, "the base floats"),
+    "unit on the head": (with_a_unit_on_the_head, FEET, "moves against it, by"),
+    "toes": (with_toes, FEET, "below a foot"),
+    "fingers": (with_fingers, FEET, "as fingers do: left_grip, right_grip"),
+    "endless wrist": (endless("left_wrist_roll"), FEET, "left_wrist_roll"),
+    "12 joints": (nothing, replace(FEET, legs_only=True), "as asked: head_yaw"),
+    "arms fixed by pattern": (
+        nothing,
+        replace(FEET, fix=("*_shoulder_*", "*_wrist_*", "*_elbow")),
+        "14 joints fixed",
+    ),
+    "no efforts": (with_limits(effort="0", velocity="0"), FEET, "torque limits of 28"),
+    "meshes alone": (with_meshes_alone, FEET, "240 x 120 mm"),
+    "lost pictures": (with_lost_pictures, FEET, "meshes are not there"),
+    "one knee reversed": (with_one_knee_reversed, FEET, "knees at 1.28 and -1.28"),
+    "impossible inertia, repaired": (
+        with_impossible_inertia,
+        replace(FEET, repair_inertias=True),
+        "repaired: left_thigh",
+    ),
+    "named by its sole frames": (
+        nothing,
+        replace(FEET, left_sole="left_sole", right_sole="right_sole"),
+        "above 'left_foot_plate', which weighs 0.456 kg",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STANDS)
+def test_it_becomes_a_robot(name: str, tmp_path: Path) -> None:
+    change, options, told = STANDS[name]
+    robot = made(tmp_path, change, options)
+    check_posture(robot)
+    assert told in "\n".join(note.text for note in robot.notes)
+
+
+def test_frames_may_be_turned_as_they_like(tmp_path: Path) -> None:
+    drawn = make_awkward(tmp_path, AWKWARD).robot.urdf_path
+    robot = new_robot(drawn, FEET, out=tmp_path / "made")
+    check_posture(robot)
+    assert robot.robot.left.half_length_m == pytest.approx(0.1357, abs=1e-3)
+    assert robot.robot.left.half_width_m == pytest.approx(0.0774, abs=1e-3)
+
+
+REFUSED: dict[str, tuple[Change, NewRobotOptions, str]] = {
+    "endless knee": (endless("left_knee"), FEET, "'left_knee' of a leg"),
+    "no inertia": (without_inertia, FEET, "'left_ankle_roll' moves link 'left_foot'"),
+    "no shapes": (without_shapes, FEET, "left foot, .*none of them has a shape"),
+    "impossible inertia": (with_impossible_inertia, FEET, "inertia of left_thigh"),
+    "sides exchanged": (
+        nothing,
+        replace(FEET, left_sole="right_foot_plate", right_sole="left_foot_plate"),
+        "exchange --left-sole and --right-sole",
+    ),
+    "no such sole": (nothing, replace(FEET, left_sole="l_sole"), "left_sole"),
+    "one foot twice": (
+        nothing,
+        replace(FEET, left_sole="left_sole", right_sole="left_foot_plate"),
+        "on one foot",
+    ),
+    "sole above the knee": (
+        nothing,
+        replace(FEET, left_sole="left_thigh", right_sole="right_thigh"),
+        "face|no knee|no posture",
+    ),
+    "unit that moves": (with_a_unit_on_the_head, replace(FEET, imu="imu"), "head_yaw"),
+    "sensor elsewhere": (
+        nothing,
+        replace(FEET, left_ft="right_foot_plate"),
+        "does not hang on it",
+    ),
+    "no such joint": (nothing, replace(FEET, fix=("wings",)), "no joint fits 'wings'"),
+    "degrees": (in_degrees, FEET, "in degrees"),
+    "millimetres": (in_millimetres, FEET, "in metres|m away"),
+    "no ranges": (with_limits(lower="0", upper="0"), FEET, "lower 0 is not below"),
+    "ring": (in_a_ring, FEET, "ring|two joints"),
+    "two joints": (on_two_joints, FEET, "hangs on two joints"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_it_is_refused_in_one_line(name: str, tmp_path: Path) -> None:
+    change, options, told = REFUSED[name]
+    with pytest.raises(RobotFileError, match=told) as refused:
+        made(tmp_path, change, options)
+    assert "\n" not in str(refused.value)
+    assert not (tmp_path / "made").exists()

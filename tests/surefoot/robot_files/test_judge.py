@@ -1,0 +1,128 @@
+"""Robot files, judged: numbers that can be checked, and a line for each mistake."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from surefoot.robot_files.judge import quick_findings, warnings_of
+from surefoot.robot_files.scenario_fit import fit, scale_to_robot
+from surefoot.robot_io.robot import Robot, load_robot, make_robot
+from surefoot.schemas.motions import SineMotion
+from surefoot.schemas.scenario import Platform, Push, Scenario
+from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.pushes import CaptureLimit
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.standing import DIRECTIONS, reach_search, stand
+
+WALKER = load_robot("walker")
+STILL = Scenario(name="still", duration_s=1.0)
+HEAVE = Scenario(
+    name="heave",
+    duration_s=3.0,
+    platform=[
+        Platform(
+            foot="both",
+            motion=[
+                SineMotion(axis="z", amplitude_m=0.3, frequency_hz=0.5),
+                SineMotion(axis="x", amplitude_m=0.1, frequency_hz=0.5),
+            ],
+        )
+    ],
+)
+
+
+def changed_joints(where: str = "", **changes: Any) -> Robot:
+    joints = [
+        msgspec.structs.replace(joint, **changes) if where in joint.name else joint
+        for joint in WALKER.file.joint
+    ]
+    file = msgspec.structs.replace(WALKER.file, joint=joints)
+    return make_robot(file, path=WALKER.path, urdf_path=WALKER.urdf_path)
+
+
+@pytest.mark.parametrize("name", ["walker", "walker-real"])
+def test_shipped_robots_have_no_warnings(name: str) -> None:
+    assert not warnings_of(load_robot(name))
+
+
+@pytest.mark.parametrize(
+    ("robot", "name", "word"),
+    [
+        (changed_joints(kp_nm_rad=200.0), "servos under gravity", "soft"),
+        (changed_joints("ankle", armature_kg_m2=0.001), "rotor inertia", "left_ankle"),
+        (changed_joints("right_ankle_pitch", nominal_rad=-0.4), "soles", "flat"),
+    ],
+    ids=["soft", "no rotors", "tilted"],
+)
+def test_a_mistake_is_warned_of(robot: Robot, name: str, word: str) -> None:
+    warned = [f for f in quick_findings(robot) if f.verdict == "warning"]
+    assert any(name in f.name and word in f.advice for f in warned)
+
+
+def test_torques_hold_the_robot_as_the_simulators_do() -> None:
+    plant = Plant(WALKER, STILL, seed=0)
+    for _ in range(300):
+        plant.step(WALKER.nominal)
+    actual = plant.data.actuator_force
+    standing = stand(RobotModel(WALKER))
+    legs = RobotModel(WALKER).is_leg[RobotModel(WALKER).to_bus]
+    knees = [i for i, n in enumerate(WALKER.joint_names) if n.endswith("knee")]
+    np.testing.assert_allclose(standing.torques[knees], actual[knees], rtol=0.15)
+    assert np.abs(standing.torques - actual)[legs].max() < 20.0
+
+
+def test_the_capture_limit_is_the_one_of_the_scenarios_pushes() -> None:
+    plant = Plant(WALKER, STILL, seed=0)
+    limit = CaptureLimit(WALKER, plant.world, plant.data)
+    angles = math.tau * np.arange(DIRECTIONS) / DIRECTIONS
+    simulated = [limit.impulse(np.array([math.cos(a), math.sin(a)])) for a in angles]
+    np.testing.assert_allclose(stand(RobotModel(WALKER)).capture, simulated, rtol=0.02)
+
+
+def test_what_fits_is_left_as_it_is() -> None:
+    small = HEAVE.platform[0].motion[0]
+    calm = msgspec.structs.replace(
+        HEAVE,
+        platform=[
+            Platform(
+                foot="left", motion=[msgspec.structs.replace(small, amplitude_m=0.02)]
+            )
+        ],
+    )
+    assert fit(calm, WALKER).why == ""
+    assert scale_to_robot(calm, WALKER) == (calm, "")
+
+
+def test_a_scaled_scenario_fits_and_is_of_the_same_shape() -> None:
+    found = fit(HEAVE, WALKER)
+    assert 0.1 < found.ground_share < 0.9
+    scaled, told = scale_to_robot(HEAVE, WALKER)
+    assert "%" in told
+    assert fit(scaled, WALKER).why == ""
+    before, after = HEAVE.platform[0].motion, scaled.platform[0].motion
+    shares = [a.amplitude / b.amplitude for a, b in zip(after, before, strict=True)]
+    assert shares[0] == pytest.approx(shares[1])
+    assert shares[0] < found.ground_share
+
+
+def test_a_push_beyond_the_capture_limit_is_scaled_below_it() -> None:
+    hard = Scenario(
+        name="hard",
+        duration_s=2.0,
+        push=[Push(force_n=(0.0, 900.0, 0.0), start_s=1.0, duration_s=0.2)],
+    )
+    assert fit(hard, WALKER).push_share > 1.0
+    scaled, _ = scale_to_robot(hard, WALKER)
+    assert fit(scaled, WALKER).push_share == pytest.approx(0.6)
+
+
+def test_reach_ends_where_the_knee_would_be_straight() -> None:
+    reach = reach_search(RobotModel(WALKER)).reach()
+    sink, rise = WALKER.file.com_travel_m
+    assert rise <= reach.rise_m < rise + 0.03
+    assert reach.sink_m > -sink - 0.01
