@@ -6,7 +6,7 @@
 with and without accelerometer noise. ``limit-pitch.svg``: foot force on swaying ground
 over the feedback in pitch, for three delays of the command. ``limit-push.svg``: CoM and
 centre of pressure after a push along the soles. ``limit-slow.svg``: how fast
-the set-points of slow servos would have to move, and how fast they can. Each run is one
+the set-points of slow servos would have to move, and how fast they can. Runs are those
 of ``surefoot sweep``.
 """
 
@@ -21,12 +21,16 @@ from typing import Any
 
 import numpy as np
 
-from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import Outcome
+from surefoot.schemas.settings import build_settings
 from surefoot.signals import memory_sinks
 from surefoot.simulation import Simulation
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.dynamics import SOLE_ROWS
 from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.model import N_BASE_V
 from surefoot.studies.cell import Cell, Group, Row, Task
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
@@ -40,12 +44,8 @@ GROUND = {
 }
 FELL_N = 1e3
 """Where a case with a fall is drawn [N]."""
-RATES_DEG_S = (60.0, 90.0, 120.0)
-SMOOTHED_S = 0.02
-"""Noise of the set-points is averaged over this [s]."""
-SWAYS_WHOLE_S = 2.0
-"""From here on the sines have faded in [s]."""
-SLOW_SINES = {"tilt-sine-roll": "C0", "tilt-sine-pitch": "C1"}
+RATES_DEG_S = np.linspace(30.0, 180.0, 51)
+SINE_DEG = 8.6
 PUSHED = {"whole-body": "C0", "zmp-tuned": "C1"}
 SEEN_S = (1.9, 4.0)
 EDGE_MM = 10.0
@@ -137,39 +137,56 @@ def pitch(work: Work, grid: Any) -> None:
 
 
 def slow(grid: Any) -> None:
-    """Draw how fast slow servos would have to move on swaying ground, and how fast."""
-    profile = load_robot("walker", servo_profile="harmonic").servo_profile
-    axes, rates = grid[0, 0], np.array(RATES_DEG_S)
-    for scenario, colour in SLOW_SINES.items():
-        fastest = []
-        for rate in RATES_DEG_S:
-            values = (("tilt_rate_deg_s", rate),)
-            arrays = _record(Group(scenario, values, "whole-body", "ideal"))
-            fastest.append(_demanded(arrays, lag_s=profile.lag_s))
-        axes.plot(rates, fastest, "o-", color=colour, label=scenario)
-        pairs = zip(RATES_DEG_S, fastest, strict=True)
-        words = ", ".join(f"{rate:g} deg/s: {v:.2f} rad/s" for rate, v in pairs)
-        print(f"slow: {scenario}: {words}")
-    axes.plot(rates, np.radians(rates), "--", color="gray", label="the ground itself")
+    """Draw how fast slow servos would have to move on swaying ground, and can."""
+    robot = load_robot("walker", servo_profile="harmonic")
+    profile, axes = robot.servo_profile, grid[0, 0]
+    rates = np.radians(RATES_DEG_S)
+    for axis, name in enumerate(("roll", "pitch")):
+        joint, ratio, damping_s = _fastest_joint(robot, axis)
+        omega = rates / np.radians(SINE_DEG)
+        demanded = ratio * rates * np.hypot(1.0, omega * damping_s)
+        demanded *= np.hypot(1.0, omega * profile.lag_s)
+        axes.plot(RATES_DEG_S, demanded, label=f"{name}: {joint}")
+        at_120 = np.interp(120.0, RATES_DEG_S, demanded)
+        print(f"slow: {name}, 120 deg/s: {joint} {at_120:.2f} rad/s")
+    axes.plot(RATES_DEG_S, rates, "--", color="gray", label="the ground itself")
     axes.axhline(profile.velocity_limit_rad_s, color="C3", label="available")
+    axes.axvline(120.0, color="gray", lw=1.0)
     axes.set(
-        title="set-points of slow servos",
+        title=f"set-points of slow servos, sines of {SINE_DEG:g} deg",
         xlabel="fastest rate of the ground [deg/s]",
         ylabel="fastest joint [rad/s]",
         ylim=(0.0, None),
     )
 
 
-def _demanded(arrays: dict[str, Array], *, lag_s: float) -> float:
-    """Fastest set-point that makes servos with lag follow as ideal ones do [rad/s]."""
-    time_s, q = arrays["time_s"], arrays["q_command"]
-    dt = float(time_s[1] - time_s[0])
-    kernel = np.full(round(SMOOTHED_S / dt), dt / SMOOTHED_S)
-    smooth = np.apply_along_axis(np.convolve, 0, q, kernel, mode="valid")
-    rate = np.gradient(smooth, dt, axis=0)
-    demanded = rate + lag_s * np.gradient(rate, dt, axis=0)
-    whole = time_s[: len(smooth)] > SWAYS_WHOLE_S
-    return float(np.abs(demanded[whole]).max())
+def _fastest_joint(robot: Robot, axis: int) -> tuple[str, float, float]:
+    """Which joint the ground moves fastest, body at rest.
+
+    Args:
+        robot: in its nominal stance.
+        axis: 0 for roll, 1 for pitch of ground under both feet.
+
+    Returns:
+        Its name, its rate over the ground's, and damping over stiffness of its servo
+        [s].
+    """
+    controller = WholeBodyController(robot, build_settings({}, overrides=[]))
+    model, dynamics = controller.model, controller.dynamics
+    dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+    rate = np.eye(3)[axis]
+    r = np.zeros(12)
+    for side, rows in enumerate(SOLE_ROWS):
+        rotation = dynamics.R_world_sole[side]
+        linear = np.cross(rate, dynamics.p_sole[side])
+        r[rows] = np.concatenate((linear @ rotation, rate @ rotation))
+    solved = controller.dik.solve(
+        dynamics, controller.stance, r=r, q_command=model.nominal
+    )
+    ratios = np.abs(solved.x[N_BASE_V:])[model.to_bus]
+    joint = int(ratios.argmax())
+    damping_s = (robot.kd + robot.damping)[joint] / robot.kp[joint]
+    return robot.joint_names[joint], float(ratios[joint]), float(damping_s)
 
 
 def _worst_force(seeds: list[Row]) -> float:

@@ -42,6 +42,7 @@ BISECTIONS = 5
 RANGE = 2.0
 """The factor is looked for within this from the one computed."""
 MOST_TICKS = 12
+LINES, MARKS = ("-", "--"), ("o", "x")
 
 
 class Missing:
@@ -170,10 +171,42 @@ def last(holds: Callable[[int], bool], *, first: int) -> int:
     return number
 
 
+def _draw(
+    found: dict[Case, tuple[float, float]],
+    robot: str,
+    profiles: list[str],
+    delays: list[int],
+    *,
+    folder: Path,
+) -> None:
+    """Draw computed and simulated factors over the delay."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+    axes: Any = figure.subplots()
+    for index, profile in enumerate(profiles):
+        pairs = np.array([found[Case(robot, profile, d)] for d in delays])
+        line = f"C{index}{LINES[index % len(LINES)]}"
+        axes.plot(delays, pairs[:, 0], line, label=f"{profile}, computed")
+        mark = f"C{index}{MARKS[index % len(MARKS)]}"
+        axes.plot(delays, pairs[:, 1], mark, ms=8, label=f"{profile}, simulated")
+    axes.set(
+        title=f"{robot}: below this the robot sways",
+        xlabel="delay of the loop [ticks]",
+        ylabel="factor on K",
+        xticks=delays,
+        ylim=(0.0, None),
+    )
+    axes.axhline(1.0, color="gray", lw=1.0)
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize="small")
+    folder.mkdir(parents=True, exist_ok=True)
+    figure.savefig(folder / "margins.svg", metadata={"Date": None})
+
+
 def main() -> int:
     """Run everything, print a table and draw the figure."""
     from joblib import Parallel, delayed
-    from matplotlib.figure import Figure
 
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
@@ -202,24 +235,7 @@ def main() -> int:
                 f"{case.robot} {case.profile}: bears {kind} of {computed} ticks "
                 f"computed, {measured} simulated"
             )
-    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-    axes: Any = figure.subplots()
-    for index, profile in enumerate(profiles):
-        pairs = np.array([found[Case(arguments.robot, profile, d)] for d in delays])
-        axes.plot(delays, pairs[:, 0], f"C{index}-", label=f"{profile}, computed")
-        axes.plot(delays, pairs[:, 1], f"C{index}o", label=f"{profile}, simulated")
-    axes.set(
-        title=f"{arguments.robot}: below this the robot sways",
-        xlabel="delay of the loop [ticks]",
-        ylabel="factor on K",
-        xticks=delays,
-        ylim=(0.0, None),
-    )
-    axes.axhline(1.0, color="gray", lw=1.0)
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize="small")
-    arguments.folder.mkdir(parents=True, exist_ok=True)
-    figure.savefig(arguments.folder / "margins.svg", metadata={"Date": None})
+    _draw(found, arguments.robot, profiles, delays, folder=arguments.folder)
     return 0
 
 
