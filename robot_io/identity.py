@@ -141,7 +141,9 @@ def _posture(robot: Robot) -> Any:
 
 
 def _feet(robot: Robot) -> Any:
-    return [msgspec.to_builtins(foot) for foot in robot.file.foot]
+    feet = [msgspec.to_builtins(foot) for foot in robot.file.foot]
+    virtual = robot.file.virtual_ft
+    return feet if virtual is None else [*feet, msgspec.to_builtins(virtual)]
 
 
 def _imu(robot: Robot) -> Any:

@@ -35,6 +35,15 @@ class Foot(FileStruct, frozen=True, kw_only=True):
     """Half of the sole along y."""
 
 
+class VirtualForceTorque(FileStruct, frozen=True, kw_only=True):
+    """Ankles without sensors: their wrenches follow from joint efforts and dynamics."""
+
+    cutoff_hz: Positive = 50.0
+    """Of the momentum observer: faster is noisier [Hz]."""
+    effort_noise_nm: NonNegative = 0.0
+    """Deviation of one reading of a joint's effort, which the simulator adds [N m]."""
+
+
 class ServoProfile(FileStruct, frozen=True, kw_only=True):
     """How a servo's set-point follows the position command."""
 
@@ -136,6 +145,9 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
     """Inertial unit."""
     foot: Annotated[list[Foot], msgspec.Meta(min_length=2, max_length=2)]
     """Left, then right."""
+    virtual_ft: VirtualForceTorque | None = None
+    """Given where the ankles have no sensors: the ankle channels then carry zeros, and
+    the stabilizer puts what it infers in their place. Efforts must be measured."""
     servo: Servo
     """Servos."""
     gate: Gate

@@ -95,6 +95,7 @@ class Plant:
             ),
             period_s=robot.period_s,
             seed=seed,
+            virtual=robot.file.virtual_ft,
         )
         self._tick = self._waited = 0
         self._steps_done = 0
@@ -207,6 +208,7 @@ class Plant:
             error = self._ctrl - self.data.qpos.take(self.world.joint_qpos)
             self._ctrl -= np.clip(error, -self._half_play, self._half_play)
         self._ground.aim(end_s)
+        self._sensors.begin_step()
         mujoco.mj_step2(self._model, self.data)
         self._ground.arrive()
         mujoco.mj_step1(self._model, self.data)

@@ -13,6 +13,7 @@ import numpy as np
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.messages import JointState
+from surefoot.schemas.robot_file import VirtualForceTorque
 from surefoot.schemas.sensing import Delay, Sensors
 from surefoot.schemas.sensors import SENSORS, Noise, Sensor
 from surefoot.sim_robot.motion import GRAVITY_M_S2
@@ -36,6 +37,8 @@ from surefoot.sim_robot.world import World
 
 NANOSECONDS = 1_000_000_000
 SECONDS_PER_MINUTE = 60.0
+EFFORT_STREAM = 100
+"""Number of the random numbers' stream of joint efforts."""
 BLOCK_ROWS = 256
 """Ticks drawn at a time; the streams do not depend on it."""
 CHANNELS = SENSOR_NOISY.stop - SENSOR_NOISY.start
@@ -233,6 +236,7 @@ class SensorSuite:
         encoder_offset: Array,
         period_s: float,
         seed: int,
+        virtual: VirtualForceTorque | None = None,
     ) -> None:
         """Set up the sensors.
 
@@ -244,6 +248,7 @@ class SensorSuite:
             encoder_offset: (n_a,) reading less true position [rad].
             period_s: control period.
             seed: of the run; equal seeds give equal noise.
+            virtual: of a robot without ankle sensors, which reports zeros for them.
 
         Raises:
             ScenarioError: a delay is no whole number of ticks, or a rate is above the
@@ -270,6 +275,11 @@ class SensorSuite:
             else None
         )
         self._noise = SensorNoise(settings, seed=seed, period_s=period_s)
+        self._virtual = virtual
+        self._kd = -world.model.actuator_biasprm[:, 2]
+        self._dq_before = self._qvel.take(self._joint_dof)
+        children = np.random.SeedSequence(seed, spawn_key=(EFFORT_STREAM,))
+        self._effort_stream = np.random.default_rng(children)
 
     def read(self, tick: int) -> Snapshot:
         """Take one reading; to be called once per tick, in order.
@@ -295,6 +305,11 @@ class SensorSuite:
         measured = tuple([self._period_ns * ticks[kind_of(s)] for s in SENSORS])
         return replace(fresh, **reported, measured_ns=measured)
 
+    def begin_step(self) -> None:
+        """Note what the efforts of the next step are made of; before it."""
+        if self._virtual is not None:
+            self._qvel.take(self._joint_dof, out=self._dq_before)
+
     def _measure(self, tick: int, due: Sequence[str] = KINDS) -> Snapshot:
         """Measure what is due; what is not due is left without a meaning."""
         raw = self._raw.copy()
@@ -315,13 +330,20 @@ class SensorSuite:
         wrenches = raw[SENSOR_WRENCHES]
         np.negative(wrenches, out=wrenches)
         self._noise.add_to(raw[SENSOR_NOISY], tick=tick)
+        effort = self._effort.copy()
+        if self._virtual is not None:
+            wrenches[:] = 0.0
+            # Damping acts with the speed at the end of the step, MuJoCo tells it with
+            # that at its beginning.
+            dq_now = self._qvel.take(self._joint_dof)
+            effort -= self._kd * (dq_now - self._dq_before)
+            noise = self._effort_stream.standard_normal(effort.size)
+            effort += self._virtual.effort_noise_nm * noise
         fields: list[Any] = [
             xyzw(raw[place]) if is_attitude else raw[place]
             for place, is_attitude in _FIELDS
         ]
-        return Snapshot(
-            tick, tick * self._period_ns, q, dq, self._effort.copy(), *fields
-        )
+        return Snapshot(tick, tick * self._period_ns, q, dq, effort, *fields)
 
     def _since(self, kind: str, tick: int) -> int:
         """Ticks since a kind of sensor was last read, which it is now; 1 at first."""

@@ -228,6 +228,16 @@ def _plate_below(model: pin.Model, sensor_id: int) -> Plate:
     return Plate(mass=mass, com=com)
 
 
+def inertia_below(model: pin.Model, sensor_id: int) -> pin.Inertia:
+    """Return the inertia of all links fixed below a sensor, in its joint's frame."""
+    mount_id = model.frames[sensor_id].parentFrame
+    total = pin.Inertia.Zero()
+    for frame_id, frame in enumerate(model.frames):
+        if frame.inertia.mass > 0.0 and _is_below(model, frame_id, mount_id):
+            total += frame.inertia.se3Action(frame.placement)
+    return total
+
+
 def _is_below(model: pin.Model, frame_id: int, ancestor_id: int) -> bool:
     while frame_id not in (0, ancestor_id):
         frame_id = model.frames[frame_id].parentFrame

@@ -93,7 +93,8 @@ def _try_all(probe: Probe, findings: Findings, sections: Collection[str]) -> Non
         check_values(probe.robot, recording, probe.q_held, findings)
     if "wiring" in sections:
         check_joint_order(probe, findings)
-        check_foot_order(probe, findings)
+        if probe.robot.file.virtual_ft is None:
+            check_foot_order(probe, findings)
     if "refusals" in sections:
         check_refusals(probe, findings)
     if "reactions" in sections:

@@ -164,6 +164,9 @@ class SensorHealth:
         self._overload = settings.overload_n**2
         self._recover = round(settings.recover_s / robot.period_s)
         self._limits = SensorLimits(robot, settings)
+        is_virtual = robot.file.virtual_ft is not None
+        ankles = [SENSORS[index].name for index in (LEFT_FT, RIGHT_FT)]
+        self._virtual = dict.fromkeys(ankles, " (virtual)") if is_virtual else {}
         self._good: Snapshot | None = None
         self._sums = (math.nan,) * len(SENSORS)
         self._troubled = [0] * len(SENSORS)
@@ -185,7 +188,10 @@ class SensorHealth:
 
     def in_words(self) -> str:
         """Lost sensors for people: ``imu missing``; empty when there are none."""
-        return ", ".join(f"{name} {plain(why)}" for name, why in self.losses.items())
+        return ", ".join(
+            f"{name}{self._virtual.get(name, '')} {plain(why)}"
+            for name, why in self.losses.items()
+        )
 
     def check(
         self, snapshot: Snapshot, ages: Ages, *, moves: Callable[[], bool]

@@ -19,6 +19,8 @@ from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import Controller, ControllerOutput
+from surefoot.stabilizer.estimation.virtual_force_torque import VirtualWrenches
+from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.safety.health import (
     LEFT_FT,
     REQUIRED,
@@ -73,6 +75,11 @@ class Safety:
         self.losses: dict[str, SensorTrouble] = {}
         self._settings = settings
         self._health = SensorHealth(robot, settings)
+        self._virtual: VirtualWrenches | None = None
+        if robot.file.virtual_ft is not None:
+            self._virtual = VirtualWrenches(
+                RobotModel(robot), robot.file.virtual_ft, period_s=robot.period_s
+            )
         self._least_upright = math.cos(settings.tilt_limit_rad)
         self._unloaded_limit = round(settings.unloaded_after_s / robot.period_s)
         self._fade_ticks = max(1, round(settings.ramp_out_s / robot.period_s))
@@ -103,6 +110,8 @@ class Safety:
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
         """Begin on a robot that stands still; see :meth:`Controller.start`."""
+        if self._virtual is not None:
+            snapshot = self._virtual.infer(snapshot)
         self.controller.start(snapshot, q_command)
         self._up = _up_in_unit(snapshot)
         self._command = self._before = q_command.copy()
@@ -121,6 +130,8 @@ class Safety:
             return self._output
         if self._gives_up():
             return self._fade_out()
+        if self._virtual is not None:
+            snapshot = self._virtual.infer(snapshot)
         believed = self._health.check(snapshot, ages, moves=self._moves)
         if 1 in self._health.overload_ticks:
             self._remember()

@@ -1,0 +1,110 @@
+"""Wrenches inferred from joint efforts against those of ankle sensors.
+
+    python -m benchmarks.virtual_ft [--seeds 2] [--duration 5] [--jobs 1]
+
+Each row is a robot, each run a shipped scenario cut short, in one process. Told are the
+normal force and the moment about the soles' x and y as the controller had them, against
+the simulator's truth (rms from 1 s on), and what became of the CoM. Prints Markdown.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from itertools import product
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+from joblib import Parallel, delayed
+
+import surefoot as sf
+from surefoot.schemas.robot_file import VirtualForceTorque
+
+SCENARIOS = ("standing", "moving-platform-slow", "moving-platform-fast")
+SETTLED_S = 1.0
+NORMALS, TILTS = [2, 8], [3, 4, 9, 10]
+"""Of both soles' wrenches, stacked."""
+
+
+class Case(NamedTuple):
+    """A robot with or without ankle sensors, and what nobody reckons with."""
+
+    name: str
+    virtual: VirtualForceTorque | None
+    error: dict[str, float]
+
+
+EXACT = VirtualForceTorque()
+NOISY = VirtualForceTorque(effort_noise_nm=0.5)
+CASES = (
+    Case("ankle sensors, noise 2 N and 0.1 N m", None, {}),
+    Case("virtual, exact efforts", EXACT, {}),
+    Case("virtual, efforts with noise of 0.5 N m", NOISY, {}),
+    Case("virtual, noise, joint friction 1 N m", NOISY, {"joint_friction_nm": 1.0}),
+    Case("virtual, noise, joint friction 3 N m", NOISY, {"joint_friction_nm": 3.0}),
+    Case("virtual, noise, masses 5 % larger", NOISY, {"mass_scale": 1.05}),
+)
+
+
+class Figures(NamedTuple):
+    """What one run came to."""
+
+    outcome: str
+    normal_n: float
+    moment_nm: float
+    com_mm: float
+
+
+def run_case(case: Case, scenario_name: str, seed: int, duration_s: float) -> Figures:
+    """Run one cell."""
+    shipped = sf.load_scenario(scenario_name)
+    error = msgspec.structs.replace(shipped.model_error, **case.error)
+    scenario = msgspec.structs.replace(
+        shipped, duration_s=duration_s, model_error=error
+    )
+    robot = sf.load_robot("walker")
+    file = msgspec.structs.replace(robot.file, virtual_ft=case.virtual)
+    robot = replace(robot, file=file)
+    run: Any = sf.simulate(robot, scenario, controller="whole-body", seed=seed)
+    signals = run.signals
+    late = signals["time_s"] > SETTLED_S
+    wrong = (signals["F_meas"] - signals["true_F"])[late]
+    return Figures(
+        str(run.outcome),
+        float(np.sqrt(np.mean(wrong[:, NORMALS] ** 2))),
+        float(np.sqrt(np.mean(wrong[:, TILTS] ** 2))),
+        float(np.max(run.result.com_error_max_mm)),
+    )
+
+
+def main() -> None:
+    """Run all cells and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--duration", type=float, default=5.0)
+    parser.add_argument("--jobs", type=int, default=1)
+    words = parser.parse_args()
+    cells = list(product(CASES, SCENARIOS, range(words.seeds)))
+    found = Parallel(n_jobs=words.jobs)(
+        delayed(run_case)(*cell, words.duration) for cell in cells
+    )
+    by_row: dict[tuple[str, str], list[Figures]] = {}
+    for (case, scenario, _), figures in zip(cells, found, strict=True):
+        by_row.setdefault((scenario, case.name), []).append(figures)
+    print(
+        "| scenario | ankles | up | normal force [N] | moments [N m] | CoM max [mm] |"
+    )
+    print("|---|---|---|---|---|---|")
+    for (scenario, name), rows in sorted(by_row.items(), key=lambda item: item[0][0]):
+        up = sum(row.outcome == "stood" for row in rows)
+        print(
+            f"| {scenario} | {name} | {up} of {len(rows)} "
+            f"| {np.mean([row.normal_n for row in rows]):.1f} "
+            f"| {np.mean([row.moment_nm for row in rows]):.2f} "
+            f"| {np.max([row.com_mm for row in rows]):.1f} |"
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,124 @@
+"""Ankle wrenches of a robot without ankle sensors, from joint efforts and dynamics."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.robot_file import VirtualForceTorque
+from surefoot.stabilizer.dynamics import SOLE_ROWS
+from surefoot.stabilizer.model import N_BASE_Q, N_BASE_V, RobotModel, inertia_below
+
+EFFORT_NM = 1.0
+"""Error of a leg's equation that one reckons with: friction, efforts as reported."""
+PRIOR_N, PRIOR_NM = 1000.0, 100.0
+"""Forces and moments at an ankle are of this order: what the joints hardly feel, as the
+load along a straight leg, is not blown up beyond it."""
+
+
+class VirtualWrenches:
+    """A momentum observer over the legs, in a frame that moves with the IMU.
+
+    The momentum of the leg joints changes by gravity, by their efforts and by the
+    wrenches at the ankles; what the first two do not explain are the last. In a frame
+    that moves with the IMU without turning, gravity is what the accelerometer feels,
+    so neither the base's velocity nor the ground's need be known::
+
+        p = (H v)_legs,  r = K (p - p_0 - integral((C^T v)_legs - g_legs + tau + r) dt)
+
+    and r follows J^T F as a first-order low-pass of bandwidth K (De Luca and Mattone,
+    Actuator failure detection and isolation using generalized momenta, ICRA 2003). What
+    hangs below the sensors' place is not part of the model, so that F is what a sensor
+    there would report.
+
+    Pure: no clock. Efforts that are all zero are none; then F is no number, which the
+    sensors' health takes for a lost sensor.
+    """
+
+    def __init__(
+        self, model: RobotModel, settings: VirtualForceTorque, *, period_s: float
+    ) -> None:
+        """Take the plates off a copy of the model.
+
+        Args:
+            model: the robot.
+            settings: of its robot file.
+            period_s: time between two ticks [s].
+        """
+        self._model, self._dt = model, period_s
+        self._pin = pin.Model(model.pin_model)
+        self._data = self._pin.createData()
+        links = [foot.ft_link for foot in model.robot.file.foot]
+        self._frames = [self._pin.getFrameId(link) for link in links]
+        for frame_id in self._frames:
+            joint = self._pin.frames[frame_id].parentJoint
+            rest = self._pin.inertias[joint].toDynamicParameters()
+            plate = inertia_below(model.pin_model, frame_id).toDynamicParameters()
+            self._pin.inertias[joint] = pin.Inertia.FromDynamicParameters(rest - plate)
+        # As a low-pass sampled exactly, so that slow ticks stay stable.
+        rate = 2.0 * math.pi * settings.cutoff_hz
+        self._gain = -math.expm1(-rate * period_s) / period_s
+        self._rows = N_BASE_V + np.flatnonzero(model.is_leg)
+        self._damping = model.robot.damping[model.to_model][model.is_leg]
+        self._q: Array = np.zeros(N_BASE_Q + model.n_a)
+        self._q[N_BASE_Q - 1] = 1.0
+        self._v: Array = np.zeros(model.n_v)
+        self._zero: Array = np.zeros(model.n_v)
+        self._J: Mat = np.zeros((12, len(self._rows)))
+        self._prior = np.diag(np.tile([PRIOR_N**-2] * 3 + [PRIOR_NM**-2] * 3, 2))
+        self._explained: Array | None = None
+        self._residual: Array = np.zeros(len(self._rows))
+
+    def infer(self, snapshot: Snapshot) -> Snapshot:
+        """Put what the ankles feel in the place of their sensors' readings.
+
+        Args:
+            snapshot: with efforts measured; to be called at every tick.
+        """
+        effort = snapshot.effort[self._model.to_model][self._model.is_leg]
+        if not effort.any():
+            nothing = np.full(6, np.nan)
+            return replace(snapshot, ft_left=nothing, ft_right=nothing)
+        momentum, drive = self._momentum_and_drive(snapshot, effort)
+        if self._explained is None:  # at rest, momentum does not change
+            self._residual = -drive
+            self._explained = momentum - self._residual / self._gain
+        else:
+            self._explained += self._dt * (drive + self._residual)
+            self._residual = self._gain * (momentum - self._explained)
+        J = self._J
+        information = J @ J.T / EFFORT_NM**2 + self._prior
+        felt = J @ self._residual / EFFORT_NM**2
+        F: Array = np.asarray(np.linalg.solve(information, felt), dtype=np.float64)
+        left, right = SOLE_ROWS
+        return replace(snapshot, ft_left=F[left], ft_right=F[right])
+
+    def _momentum_and_drive(
+        self, snapshot: Snapshot, effort: Array
+    ) -> tuple[Array, Array]:
+        """Momentum of the leg joints, and what but the ankles changes it; fills J."""
+        model, robot, data, rows = self._pin, self._model, self._data, self._rows
+        q, v = self._q, self._v
+        q[N_BASE_Q:] = snapshot.q[robot.to_model]
+        R, p = robot.T_base_imu.rotation, robot.T_base_imu.translation
+        w: Vec3 = R @ snapshot.angular_velocity
+        v[:3] = np.cross(p, w)  # of the base's origin: w x (origin - IMU)
+        v[3:N_BASE_V] = w
+        v[N_BASE_V:] = snapshot.dq[robot.to_model]
+        C = pin.computeCoriolisMatrix(model, data, q, v)
+        drive = C.T.dot(v)[rows]
+        model.gravity.linear = np.zeros(3)
+        momentum: Array = pin.rnea(model, data, q, self._zero, v)[rows]
+        model.gravity.linear = -(R @ snapshot.linear_acceleration)
+        drive -= pin.computeGeneralizedGravity(model, data, q)[rows]
+        drive += effort - self._damping * v[rows]
+        pin.computeJointJacobians(model, data, q)
+        for side, frame_id in zip(SOLE_ROWS, self._frames, strict=True):
+            J = pin.getFrameJacobian(model, data, frame_id, pin.LOCAL)
+            self._J[side] = J[:, rows]
+        return momentum, drive

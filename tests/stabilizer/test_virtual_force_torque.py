@@ -1,0 +1,174 @@
+"""Ankle wrenches without ankle sensors, against the full model and the simulator."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import surefoot as sf
+from surefoot.robot_io.identity import describe
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.reasons import Outcome
+from surefoot.schemas.robot_file import VirtualForceTorque
+from surefoot.schemas.settings import SafetySettings
+from surefoot.stabilizer.estimation.virtual_force_torque import VirtualWrenches
+from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.safety.safety import Safety
+from tests.awkward_robot import Awkward
+
+PERIOD_S = 1e-3
+QUICK = VirtualForceTorque(cutoff_hz=150.0)
+SETTLED = 60
+MOST_SHARE = 0.02
+"""Of the largest force or moment: the observer's lag, and what the prior takes."""
+MOST_FORCE_N, MOST_MOMENT_NM = 4.0, 0.6
+
+
+class Course:
+    """A robot whose base turns and shakes and whose joints swing, all analytically."""
+
+    def __init__(self, model: RobotModel, seed: int) -> None:
+        self.model, self.pin = model, model.pin_model
+        self.data = self.pin.createData()
+        rng = np.random.default_rng(seed)
+        self.size = np.concatenate(
+            ([0.2, 0.2, 0.3, 0.4, 0.4, 0.4], rng.uniform(0.1, 0.4, model.n_a))
+        )
+        self.rate = rng.uniform(4.0, 12.0, model.n_v)
+        self.F = rng.normal(size=(2, 6)) * ([150.0] * 3 + [15.0] * 3)
+        self.F[:, 2] += 350.0
+        self.q = model.nominal_configuration()
+
+    def tick(self, k: int) -> tuple[Snapshot, Array]:
+        """The sensors at a tick, and the wrenches that the ankles feel."""
+        t = k * PERIOD_S
+        v = self.size * np.sin(self.rate * t)
+        a = self.size * self.rate * np.cos(self.rate * t)
+        if k:
+            self.q = pin.integrate(self.pin, self.q, v * PERIOD_S)
+        model, data = self.model, self.data
+        pin.forwardKinematics(self.pin, data, self.q, v, a)
+        pin.updateFramePlacements(self.pin, data)
+        outside = pin.StdVec_Force()
+        for _ in range(self.pin.njoints):
+            outside.append(pin.Force.Zero())
+        for sole_id, F in zip(model.sole_ids, self.F, strict=True):
+            frame = self.pin.frames[sole_id]
+            outside[frame.parentJoint] += frame.placement.act(pin.Force(F))
+        tau = pin.rnea(self.pin, data, self.q, v, a, outside)
+        effort = tau[6:] + model.robot.damping[model.to_model] * v[6:]
+        imu = pin.Frame(
+            "unit", 1, 0, model.T_base_imu, pin.FrameType.OP_FRAME, pin.Inertia.Zero()
+        )
+        rotation = data.oMi[1].rotation @ imu.placement.rotation
+        lever = imu.placement.translation
+        w, dw = v[3:6], a[3:6]
+        # The base's own acceleration is that of its twist and what turning adds.
+        felt = a[:3] + np.cross(w, v[:3]) + np.cross(dw, lever)
+        felt = felt + np.cross(w, np.cross(w, lever))
+        force = imu.placement.rotation.T @ felt - rotation.T @ self.pin.gravity.linear
+        snapshot = Snapshot(
+            tick=k,
+            stamp_ns=k * 1_000_000,
+            q=self.q[7:][model.to_bus],
+            dq=v[6:][model.to_bus],
+            effort=effort[model.to_bus],
+            quat_xyzw=np.array([0.0, 0.0, 0.0, 1.0]),
+            angular_velocity=imu.placement.rotation.T @ w,
+            linear_acceleration=force,
+            ft_left=np.zeros(6),
+            ft_right=np.zeros(6),
+        )
+        return snapshot, np.concatenate([self._felt(i) for i in (0, 1)])
+
+    def _felt(self, side: int) -> Array:
+        """What passes through the sensor: ground, less what moves the plate."""
+        sensor_id = self.pin.getFrameId(self.model.robot.file.foot[side].ft_link)
+        sensor = self.pin.frames[sensor_id]
+        mount = sensor.parentFrame
+        ground = self.model.T_sensor_sole[side].act(pin.Force(self.F[side]))
+        acceleration = self.data.a[sensor.parentJoint].copy()
+        rotation = self.data.oMi[sensor.parentJoint].rotation
+        acceleration.linear -= rotation.T @ self.pin.gravity.linear
+        speed = self.data.v[sensor.parentJoint]
+        wrench = pin.Force.Zero()
+        for frame in self.pin.frames:
+            if frame.inertia.mass > 0.0 and self._is_below(frame, mount):
+                inertia = frame.inertia.se3Action(frame.placement)
+                wrench += inertia * acceleration + speed.cross(inertia * speed)
+        return (ground - sensor.placement.actInv(wrench)).vector
+
+    def _is_below(self, frame: pin.Frame, mount: int) -> bool:
+        while True:
+            here = self.pin.getFrameId(frame.name)
+            if here in (0, mount):
+                return bool(here == mount)
+            frame = self.pin.frames[frame.parentFrame]
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("is_awkward", [False, True])
+def test_it_feels_what_a_sensor_would_while_everything_moves(
+    walker: Robot, awkward: Awkward, is_awkward: bool, seed: int
+) -> None:
+    model = RobotModel(awkward.robot if is_awkward else walker)
+    course = Course(model, seed)
+    virtual = VirtualWrenches(model, QUICK, period_s=PERIOD_S)
+    worst = np.zeros(12)
+    for k in range(3 * SETTLED):
+        snapshot, felt = course.tick(k)
+        found = virtual.infer(snapshot)
+        if k >= SETTLED:
+            error = np.concatenate((found.ft_left, found.ft_right)) - felt
+            worst = np.maximum(worst, np.abs(error))
+    forces = [0, 1, 2, 6, 7, 8]
+    moments = [3, 4, 5, 9, 10, 11]
+    assert worst[forces].max() < MOST_SHARE * np.abs(felt[forces]).max()
+    assert worst[moments].max() < 3.0 * MOST_SHARE * np.abs(felt[moments]).max()
+
+
+def without_sensors(robot: Robot, **settings: float) -> Robot:
+    virtual = VirtualForceTorque(**settings)
+    return replace(robot, file=msgspec.structs.replace(robot.file, virtual_ft=virtual))
+
+
+@pytest.mark.closed_loop
+def test_the_walker_balances_on_fast_ground_without_ankle_sensors() -> None:
+    robot = without_sensors(sf.load_robot("walker"), effort_noise_nm=0.2)
+    scenario = sf.load_scenario("moving-platform-fast")
+    scenario = msgspec.structs.replace(scenario, duration_s=2.5)
+    run = sf.simulate(robot, scenario, controller="whole-body", seed=1)
+    assert run.outcome is Outcome.STOOD
+    signals = run.signals
+    assert not np.any(signals["ft_left"])  # what the robot says: it has no sensor
+    error = (signals["F_meas"] - signals["true_F"])[signals["time_s"] > 0.5]
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    assert rms[[0, 1, 2, 6, 7, 8]].max() < MOST_FORCE_N
+    assert rms[[3, 4, 5, 9, 10, 11]].max() < MOST_MOMENT_NM
+    assert np.max(run.result.com_error_max_mm) < 15.0
+
+
+def test_efforts_that_are_not_measured_are_a_lost_sensor() -> None:
+    robot = without_sensors(sf.load_robot("walker"))
+    model = RobotModel(robot)
+    snapshot, _ = Course(model, 0).tick(0)
+    silent = replace(snapshot, effort=np.zeros(robot.n_a))
+    safety = Safety(sf.make_controller("whole-body", robot), robot, SafetySettings())
+    safety.start(silent, robot.nominal)
+    for tick in range(50):
+        force = np.array([0.0, 0.0, 9.81 + 1e-6 * tick])
+        later = replace(silent, tick=tick, linear_acceleration=force)
+        safety.step(later, (0, 0, 0, 0))
+    assert set(safety.losses) == {"left_ankle_ft", "right_ankle_ft"}
+    assert "left_ankle_ft (virtual)" in safety.detail
+
+
+def test_who_expects_sensors_is_another_robot() -> None:
+    robot = sf.load_robot("walker")
+    assert describe(without_sensors(robot)) != describe(robot)
