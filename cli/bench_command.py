@@ -32,7 +32,7 @@ ControllersOption = Annotated[
     typer.Option(
         "--controllers",
         metavar="NAMES",
-        help="Comma-separated: whole-body, zmp-tuned, zmp, paper, zmp-stock, hold.",
+        help="Comma-separated: whole-body, zmp-tuned, zmp-stock, paper, hold.",
     ),
 ]
 ServosOption = Annotated[

@@ -113,6 +113,9 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     """Margin to the joint limits."""
     stance_leak: NonNegative = 0.3
     """Pull of the feet back to the stance along the sole and about z [1/s]."""
+    keep_flat: Fraction = 1.0
+    """How far a foot whose pressure is wanted at its edge is kept from tipping over
+    that edge [1]: 0 not at all, 1 wholly."""
     windup_limit_rad: Positive = 0.2
     """Largest distance of a command from its measured joint."""
     ramp_in_s: Positive = 0.1
@@ -277,8 +280,8 @@ class WholeBodySettings(FileStruct, frozen=True, kw_only=True):
     """Which law the whole-body stabilizer follows."""
 
     preset: Literal["surefoot", "paper"] = "surefoot"
-    """``paper`` is the published law alone: no motion of the ground fed forward,
-    one posture weight for all joints. Settings given besides it win."""
+    """``paper`` is the published law alone: no motion of the ground fed forward, feet
+    that may tip, one posture weight for all joints. Settings given besides it win."""
 
 
 class ControllerSettings(FileStruct, frozen=True, kw_only=True):
@@ -309,7 +312,10 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     "paper": {
         "ground": {"gain": 0.0},
         "tsid": {"leg_posture_weight": TsidSettings().posture_weight},
-        "dik": {"leg_posture_weight": DikSettings().posture_weight},
+        "dik": {
+            "leg_posture_weight": DikSettings().posture_weight,
+            "keep_flat": 0.0,
+        },
     },
 }
 """What each preset sets, where neither file nor command line says otherwise."""

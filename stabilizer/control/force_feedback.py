@@ -5,8 +5,9 @@ The contact constraint of the second QP in the paper's section IV-B.
 A standing foot follows r = -Lambda_c^-1 K^-1 e_F, plus, where switched on, its own
 estimated twist: the ground's motion fed forward, which the paper treats as a
 disturbance. Along the sole and about its normal a leak pulls it back to the stance,
-since a tangential wrench error integrated for ever walks the feet apart. A lifted
-foot descends at a bounded speed, its moment terms frozen, until it finds the ground.
+since a tangential wrench error integrated for ever walks the feet apart. A foot whose
+pressure is wanted at its edge is kept from tipping over that edge. A lifted foot
+descends at a bounded speed, its moment terms frozen, until it finds the ground.
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ class ForceFeedback:
         contact: ContactSettings,
         *,
         half_sizes: Sequence[tuple[float, float]],
+        sole_scale: float,
         period_s: float,
         lag_s: float = 0.0,
         speed: float = 0.0,
@@ -63,6 +65,7 @@ class ForceFeedback:
             ground: feed-forward of the ground's motion.
             contact: search for the ground.
             half_sizes: half length and half width of left and right sole [m].
+            sole_scale: part of them that desired centres of pressure may use [1].
             period_s: time between two updates [s].
             lag_s: lag of the servos' set-points beside the servo law's own [s]. It is
                 made up for while the feet stand firmly; else K grows with it, since
@@ -77,11 +80,13 @@ class ForceFeedback:
         self._firm_again = period_s / dik.firm_again_s
         self.minus_K_inv = np.zeros(12)
         self._half_sizes = half_sizes
+        self._sole_scale = sole_scale
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
         self._contact = contact
         self._firm_force = ground.firm_force_n
         self._edge_begins = ground.edge_begins
+        self._kept_flat = dik.keep_flat
         self._recovery = period_s / ground.recovery_s
         self._turn_recovery = period_s / ground.edge_recovery_s
         self._share = [1.0, 1.0]
@@ -172,6 +177,8 @@ class ForceFeedback:
         for side, rows in enumerate(SOLE_ROWS):
             F = F_meas[rows].tolist()
             if in_contact[side]:
+                if self._kept_flat and not self.walks:  # a step may roll
+                    self._keep_flat(side, F, F_id[rows].tolist(), dynamics)
                 self._feed_forward(side, F)
             else:
                 self.fed[rows] = 0.0
@@ -216,6 +223,38 @@ class ForceFeedback:
         if normal > self._landing_force:
             e_F *= self._landing_force / normal
 
+    def _keep_flat(
+        self, side: int, F: list[float], F_id: list[float], dynamics: Dynamics
+    ) -> None:
+        """Have a foot that is to be pressed at its edge not tip over that edge.
+
+        There the centre of pressure stays however far the foot tips, and where it is
+        wanted at the edge as well, no error of the moment shows it: the errors of other
+        axes, which the inertia couples in, turn the foot on and on, and it slaps down
+        when the pressure is wanted elsewhere. So there its own moment alone turns it,
+        and never further over; the point on the ground moves as before.
+        """
+        if F[NORMAL] <= 0.0 or F_id[NORMAL] <= 0.0:
+            return
+        half_length, half_width = self._half_sizes[side]
+        for axis, half in ((3, half_width), (4, half_length)):
+            index = 6 * side + axis
+            # Velocity of the pressed point along the normal is v_z + turn * arm.
+            arm = F[axis] / F[NORMAL]
+            lowers = math.copysign(1.0, arm)  # turning so, the far edge goes down
+            turn = lowers * self.r[index]
+            wanted = lowers * F_id[axis] / F_id[NORMAL]
+            room = max(
+                _room(abs(arm) / half, begins=self._sole_scale, ends=1.0),
+                _room(wanted / half, begins=self._edge_begins, ends=self._sole_scale),
+            )
+            if turn < 0.0 and room < 1.0:
+                own = lowers * dynamics.Lambda_c_inv[index, index] * self._scaled[index]
+                free = 1.0 - self._kept_flat * (1.0 - room)
+                kept = free * turn + (1.0 - free) * max(own, 0.0)
+                self.r[index] = lowers * kept
+                self.r[6 * side + NORMAL] += (turn - kept) * min(abs(arm), half)
+
     def _feed_forward(self, side: int, F: list[float]) -> None:
         """Have a foot that stands firmly move with its ground.
 
@@ -254,9 +293,11 @@ class ForceFeedback:
             axis: 0 for roll, 1 for pitch.
             outward: centre of pressure from the sole's middle (0) to its edge (1).
         """
-        room = (1.0 - outward) / (1.0 - self._edge_begins)
         shares = self._turn_share[side]
-        share = min(max(room, 0.0), 1.0, shares[axis] + self._turn_recovery)
+        share = min(
+            _room(outward, begins=self._edge_begins, ends=1.0),
+            shares[axis] + self._turn_recovery,
+        )
         shares[axis] = share
         return share
 
@@ -284,3 +325,16 @@ class ForceFeedback:
         self.r[start + 1] += self._leak * pull[1]
         yaw = yaw_from(R, stance.yaw_sole[side])
         self.r[start + 5] -= self._leak * yaw
+
+
+def _room(outward: float, *, begins: float, ends: float) -> float:
+    """Return 1 well inside the sole, 0 at its edge, in proportion between.
+
+    Args:
+        outward: centre of pressure from the sole's middle (0) to its edge (1).
+        begins: where it is less than 1.
+        ends: where it is 0.
+    """
+    if outward >= ends:
+        return 0.0
+    return 1.0 if outward <= begins else (ends - outward) / (ends - begins)

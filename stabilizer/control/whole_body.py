@@ -101,6 +101,7 @@ class WholeBodyController(BalanceController):
             settings.ground,
             settings.contact,
             half_sizes=self.model.half_sizes,
+            sole_scale=settings.tsid.sole_scale,
             period_s=robot.period_s,
             lag_s=lag_s,
             speed=self._fastest_mode(robot),

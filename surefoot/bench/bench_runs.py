@@ -17,7 +17,7 @@ from surefoot.studies.execute import execute
 from surefoot.studies.fingerprint import code_fingerprint
 from surefoot.studies.store import StudyStore
 
-CONTROLLERS = ("whole-body", "zmp-tuned", "zmp")
+CONTROLLERS = ("whole-body", "zmp-tuned", "zmp-stock")
 QUICK_CONTROLLERS = CONTROLLERS[:2]
 SERVO_PROFILES = ("ideal", "harmonic")
 QUICK_SERVO_PROFILES = SERVO_PROFILES[:1]

@@ -97,7 +97,7 @@ def comtest(
         robot: shipped name or path of a robot file.
         quick: some minutes of it: one size, pitch and x, fewer sines, two controllers
             and ideal servos, where these are not given.
-        controllers: ``whole-body``, ``zmp-tuned``, ``zmp`` or any name as on the
+        controllers: ``whole-body``, ``zmp-tuned``, ``zmp-stock`` or any name as on the
             command line.
         servo_profiles: of the robot file; ``ideal`` and ``harmonic`` when None.
         protocols: ``transient``, ``sinus``, ``prts``.

@@ -103,7 +103,7 @@ def dysturbance(
         robot: shipped name or path of a robot file.
         quick: some minutes of it: ahead only, one frequency, two controllers and ideal
             servos, where these are not given.
-        controllers: ``whole-body``, ``zmp-tuned``, ``zmp`` or any name as on the
+        controllers: ``whole-body``, ``zmp-tuned``, ``zmp-stock`` or any name as on the
             command line.
         servo_profiles: of the robot file; ``ideal`` and ``harmonic`` when None.
         kinds: ``impulse``, ``sine-displacement``, ``sine-force``,

@@ -30,10 +30,13 @@ def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedba
         settings.ground,
         settings.contact,
         half_sizes=HALF_SIZES,
+        sole_scale=settings.tsid.sole_scale,
         period_s=PERIOD_S,
         lag_s=lag_s,
     )
 
 
-PAPER = settings_with(ground={"gain": NO_GAIN}, dik={"stance_leak": 0.0})
+PAPER = settings_with(
+    ground={"gain": NO_GAIN}, dik={"stance_leak": 0.0, "keep_flat": 0.0}
+)
 """Nothing beside the paper's own law."""
