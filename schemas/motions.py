@@ -217,7 +217,7 @@ class RecordedMotion(
     """
 
     file: Annotated[str, msgspec.Meta(min_length=1)]
-    """Relative to the scenario file."""
+    """Relative to the scenario file; from Python, to the working directory."""
     quantity: Quantity | None = None
     """What was measured; not needed where the file says so (PEER, K-NET)."""
     units: Units | None = None

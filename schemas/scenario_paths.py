@@ -62,7 +62,11 @@ def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     known = scenario_paths(scenario)
     table: Table = msgspec.to_builtins(scenario)
     for path, value in values.items():
-        if path not in known and not _is_within_open(path):
+        if (
+            path not in known
+            and not _is_within_open(path)
+            and not _is_absent(table, path)
+        ):
             raise FileFormatError(_unknown(path, scenario, known), field=path)
         _set(table, path, value)
     words = ", ".join(f"{path}={value}" for path, value in values.items())
@@ -132,6 +136,20 @@ def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:
     near = difflib.get_close_matches(path, known, n=1, cutoff=0.5)
     hint = f"did you mean {near[0]!r}?" if near else f"valid are {', '.join(known)}"
     return f"{path}: no such value in scenario {scenario.name!r}; {hint}"
+
+
+def _is_absent(table: Table, path: str) -> bool:
+    """Whether a path leads to a key of the scenario that has no value so far."""
+    *parents, name = path.split(".")
+    place: Any = table
+    for parent in parents:
+        if isinstance(place, list) and parent.isdigit() and int(parent) < len(place):
+            place = place[int(parent)]
+        elif isinstance(place, dict) and parent in place:
+            place = place[parent]
+        else:
+            return False
+    return isinstance(place, dict) and name in place and place[name] is None
 
 
 def _is_within_open(path: str) -> bool:

@@ -61,6 +61,13 @@ def test_every_plain_path_takes_its_own_value_back(scenario: Scenario) -> None:
     assert override_scenario(scenario, plain) == scenario
 
 
+def test_a_key_without_a_value_takes_one(scenario: Scenario) -> None:
+    path = "platform.0.motion.0.blend_s"
+    assert override_scenario(scenario, {path: 0.5}).platform[0].motion[0].blend_s == 0.5
+    with pytest.raises(FileFormatError, match="no such value"):
+        override_scenario(scenario, {"platform.0.motion.9.blend_s": 0.5})
+
+
 def test_a_value_for_all_becomes_one_for_each(scenario: Scenario) -> None:
     changed = override_scenario(
         scenario,

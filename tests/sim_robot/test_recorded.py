@@ -2,6 +2,9 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
+import tarfile
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +17,21 @@ from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.recorded import recorded_track
 
+IMU = """std_msgs/Header header
+geometry_msgs/Vector3 linear_acceleration
+===
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+===
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+===
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+""".replace("===", 80 * "=")
 RATE_HZ = 100.0
 LENGTH_S = 20.0
 TIMES = np.arange(round(LENGTH_S * RATE_HZ) + 1) / RATE_HZ
@@ -189,3 +207,55 @@ def test_a_file_that_was_changed_is_read_anew(tmp_path: Path) -> None:
     after = recorded_track(motion)
     assert after.sha256 != before.sha256
     assert np.ptp(after.position) == pytest.approx(2.0 * np.ptp(before.position))
+
+
+def test_an_imu_of_ros_2(tmp_path: Path) -> None:
+    writer_of = pytest.importorskip(
+        "mcap_ros2.writer", reason="needs mcap-ros2-support: pip install -e .[dev]"
+    )
+    path = tmp_path / "deck.mcap"
+    with path.open("wb") as file:
+        writer = writer_of.Writer(file)
+        schema = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
+        for time_s, value in zip(TIMES, ACCELERATION, strict=True):
+            stamp = 10**18 + round(1e9 * time_s)
+            writer.write_message(
+                topic="/imu",
+                schema=schema,
+                message={
+                    "header": {
+                        "stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}
+                    },
+                    "linear_acceleration": {"x": value, "y": 0.0, "z": 9.81},
+                },
+                log_time=stamp + 5_000_000,
+                publish_time=stamp,
+            )
+        writer.finish()
+    here = {"quantity": "acceleration", "channel": "/imu"}
+    moved = _on(_motion(str(path), field="linear_acceleration.x", **here), TIMES)
+    assert moved == pytest.approx(POSITION, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_el_centro_has_the_peaks_that_are_published(tmp_path: Path) -> None:
+    """North-south, 1940: 0.319 g, some 0.35 m/s, 0.1 to 0.2 m by how one filters."""
+    fetched = subprocess.run(
+        [
+            *(sys.executable, "-m", "pip", "download", "sdof==0.0.7", "--no-deps"),
+            *("--no-binary", ":all:", "--dest", str(tmp_path)),
+        ],
+        capture_output=True,
+        check=False,
+    )
+    if fetched.returncode != 0:
+        pytest.skip("El Centro's record cannot be fetched from here")
+    with tarfile.open(next(tmp_path.glob("*.tar.gz"))) as archive:
+        archive.extractall(tmp_path, filter="data")
+    (record,) = tmp_path.rglob("elCentro.AT2")
+    track = recorded_track(_motion(str(record)))
+    assert np.abs(track.acceleration).max() == pytest.approx(
+        0.319 * STANDARD_GRAVITY, rel=0.02
+    )
+    assert np.abs(track.velocity).max() == pytest.approx(0.35, rel=0.1)
+    assert 0.08 < np.abs(track.position).max() < 0.25
