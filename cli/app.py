@@ -29,6 +29,7 @@ from surefoot.cli.run_command import run
 from surefoot.cli.scenarios_command import scenarios
 from surefoot.cli.stabilizer_command import stabilizer
 from surefoot.cli.sweep_command import sweep
+from surefoot.cli.tare_command import tare
 from surefoot.cli.tune_command import tune
 from surefoot.cli.view_command import view
 
@@ -72,7 +73,7 @@ _COMMANDS = (
     *(run, robot, stabilizer, view),
     *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
     *(sweep, tune, report, reproduce, bench),
-    *(router, relay, certs, check_robot),
+    *(router, relay, certs, check_robot, tare),
     *(new_robot, check_robot_file),
 )
 """In the order of the help."""

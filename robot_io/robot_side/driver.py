@@ -15,6 +15,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.robot_io.snapshot import Snapshot
+from surefoot.robot_io.tare import load_tare
 from surefoot.robot_io.timing import CommandLatency, TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
@@ -83,7 +84,8 @@ def run_driver(
 ) -> str:
     """Serve a robot until it is asked to stop: sense, publish, guard, command.
 
-    It begins in HOLD at the measured posture. Commands go through the same gate as in
+    Offsets stored beside the robot file are taken off its ankle sensors' readings. It
+    begins in HOLD at the measured posture. Commands go through the same gate as in
     the simulator. When it ends, the servos have been told to hold.
 
     Args:
@@ -99,7 +101,9 @@ def run_driver(
 
     Raises:
         EndpointError: cannot listen there.
+        FileFormatError: the file with the offsets is malformed.
     """
+    tare = load_tare(robot.path)
     stop = stop or StopRequest()
     first = adapter.read(0, time.monotonic_ns())
     gate = make_gate(robot, np.clip(first.q, robot.lower, robot.upper))
@@ -120,7 +124,7 @@ def run_driver(
                 now_s = time.monotonic() - begin_s
                 gate.begin_tick(now_s=now_s, tick=tick)
                 server.serve_requests(now_s=now_s)
-                snapshot = adapter.read(tick, time.monotonic_ns())
+                snapshot = tare.taken_off(adapter.read(tick, time.monotonic_ns()))
                 if paced is not None:
                     missing = paced.missing
                 stamp_ns = snapshot.stamp_ns

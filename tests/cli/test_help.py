@@ -33,6 +33,7 @@ COMMANDS = (
     "relay",
     "certs",
     "check-robot",
+    "tare",
     "new-robot",
     "check-robot-file",
 )

@@ -1,0 +1,76 @@
+"""Offsets of the ankle sensors: measured on a live robot, stored, taken off."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from surefoot.robot_io.tare import Tare, load_tare, save_tare, tare_path
+from surefoot.schemas.errors import FileFormatError
+from tests.command import REPOSITORY, Surefoot, environment
+from tests.hanging_driver import OFFSET
+from tests.patient_robot import JUDGED, patient_robot_file
+from tests.support import PATIENCE_S, free_port
+
+pytestmark = pytest.mark.process
+
+CLOSE = 1e-3
+
+
+@contextmanager
+def hanging(endpoints: Path, robot: Path) -> Iterator[None]:
+    """A robot on its left foot, served until the block ends."""
+    words = [sys.executable, "-m", "tests.hanging_driver", endpoints, robot]
+    driver = subprocess.Popen(words, env=environment(), cwd=REPOSITORY)
+    try:
+        yield
+        driver.send_signal(signal.SIGTERM)
+        assert driver.wait(PATIENCE_S) == 0
+    finally:
+        driver.kill()
+        driver.wait()
+
+
+def test_what_is_measured_is_taken_off_from_then_on(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    endpoints = tmp_path / "endpoints.toml"
+    endpoints.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
+    robot = patient_robot_file(tmp_path, **JUDGED)
+    words = ["tare", "--endpoints", endpoints, "--robot", robot, "--json"]
+    words += ["--wait", PATIENCE_S, "--duration", 1]
+    with hanging(endpoints, robot):
+        refused = surefoot(*words)
+        assert refused.returncode == 2
+        assert "the left foot feels" in refused.stderr
+        assert not tare_path(robot).exists()
+        done = surefoot(*words, "--foot", "right")
+        assert done.returncode == 0, done.stderr
+    told = json.loads(done.stdout)
+    np.testing.assert_allclose(told["right"], OFFSET, atol=CLOSE)
+    assert told["left"] == [0.0] * 6
+    with hanging(endpoints, robot):
+        again = surefoot(*words, "--foot", "right")
+    assert again.returncode == 0, again.stderr
+    np.testing.assert_allclose(json.loads(again.stdout)["right"], OFFSET, atol=CLOSE)
+    assert load_tare(robot) == Tare(left=[0.0] * 6, right=told["right"])
+
+
+def test_a_file_that_is_none_is_refused_by_name(tmp_path: Path) -> None:
+    robot = tmp_path / "mine.toml"
+    assert load_tare(robot).is_zero
+    path = save_tare(robot, Tare(left=[1.0] * 6))
+    assert path.name == "mine.tare.toml"
+    assert load_tare(robot).left == [1.0] * 6
+    path.write_text("left = [1.0]\n")
+    with pytest.raises(FileFormatError, match=r"mine\.tare\.toml"):
+        load_tare(robot)
