@@ -4,8 +4,8 @@
                                  [--delays 1,2,3] [--jobs 2]
 
 For each servo profile and delay of the loop, K is made softer until the robot, standing
-on firm ground, sways: its wrench errors grow beyond three times those of a run in which
-it does not. ``margins.svg`` and a table compare that with ``surefoot margins``; so do
+on firm ground, sways: its wrench errors grow beyond five times what the sensors' noise
+is. ``margins.svg`` and a table compare that with ``surefoot margins``; so do
 delays alone, and trains of missed ticks.
 """
 
@@ -34,10 +34,8 @@ from surefoot.stabilizer.margins.margins import compute_margins
 DURATION_S = 3.0
 SEEN_S = 1.0
 """Errors of the last second tell."""
-SWAYS = 3.0
-"""Times the errors of a calm run."""
-CALM = 2.5
-"""Factor on K of a run that is calm, over the one at which it should sway."""
+SWAYS = np.array([10.0, 10.0, 10.0, 2.5, 2.5, 2.5] * 2)
+"""Rms of wrench errors beyond noise, of both feet [N, N m]."""
 BISECTIONS = 5
 RANGE = 2.0
 """The factor is looked for within this from the one computed."""
@@ -119,14 +117,13 @@ class Case:
 
     def measured_factor(self, computed: float) -> float:
         """Factor on K at which it sways in simulation, by bisection."""
-        calm = self.errors(CALM * computed)
         low, high = computed / RANGE, computed * RANGE
         for _ in range(BISECTIONS):
             middle = (low * high) ** 0.5
-            if np.max(self.errors(middle) / calm) > SWAYS:
-                low = middle
-            else:
+            if is_calm(self.errors(middle)):
                 high = middle
+            else:
+                low = middle
         return float((low * high) ** 0.5)
 
 
@@ -146,10 +143,6 @@ def borne(case: Case) -> dict[str, tuple[int, int]]:
     """Computed and measured delay, and train of missed ticks, in ticks."""
     robot = case.load()
     found = compute_margins(robot, softened(1.0))
-    calm = case.errors(1.0)
-
-    def is_calm(rms: Array) -> bool:
-        return bool(np.max(rms / calm) <= SWAYS)
 
     def later(ticks: int) -> bool:
         return is_calm(replace(case, delay_ticks=ticks).errors(1.0))
@@ -161,6 +154,11 @@ def borne(case: Case) -> dict[str, tuple[int, int]]:
     missed = last(missing, first=0)
     computed = round(1e-3 * found.loop_delay_ms / robot.period_s)
     return {"delay": (computed, delay), "missed": (found.missed_ticks, missed)}
+
+
+def is_calm(rms: Array) -> bool:
+    """Tell whether a robot does not sway, by its errors."""
+    return bool((rms <= SWAYS).all())
 
 
 def last(holds: Callable[[int], bool], *, first: int) -> int:

@@ -7,7 +7,9 @@ import msgspec
 from surefoot.robot_files.judge import Finding, quick_findings, reach_findings
 from surefoot.robot_files.scenario_fit import ScenarioFit, fit
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
+from surefoot.stabilizer.margins.margins import compute_margins
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.standing import reach_search, stand
 
@@ -39,6 +41,23 @@ def judge(robot: Robot) -> RobotFileReport:
     return RobotFileReport(
         robot=robot.file.name,
         path=str(robot.path),
-        findings=[*quick_findings(robot), *reach_findings(robot, search.reach())],
+        findings=[
+            *quick_findings(robot),
+            *reach_findings(robot, search.reach()),
+            _margins(robot),
+        ],
         scenarios=fits,
+    )
+
+
+def _margins(robot: Robot) -> Finding:
+    """Tell what the whole-body stabilizer bears with its default settings."""
+    found = compute_margins(robot, ControllerSettings())
+    return Finding(
+        name=f"margins, {found.servo_profile} servos",
+        verdict="ok" if found.is_enough else "warning",
+        got="; ".join(found.in_words()),
+        advice=""
+        if found.is_enough
+        else "see surefoot margins; softer servos or a quicker loop have more",
     )
