@@ -25,7 +25,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.scenario import Scenario
-from surefoot.schemas.sensing import Delay
+from surefoot.schemas.sensing import Delay, Sensors
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController
@@ -93,6 +93,7 @@ class Case:
         scenario = Scenario(
             name="margins",
             duration_s=DURATION_S,
+            sensors=Sensors(force_noise_n=2.0, moment_noise_nm=0.1),
             delay=Delay(command_ms=1e3 * robot.period_s * self.delay_ticks),
         )
         sim = Simulation(robot, scenario, settings=settings)
