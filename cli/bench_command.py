@@ -83,6 +83,7 @@ def comtest(
     robot: options.RobotOption = "walker",
     overrides: options.SetOption = None,
     jobs: options.JobsOption = 0,
+    scheduler: options.SchedulerOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """COMTEST: steps, sines and a ternary sequence of the ground, next to people.
@@ -107,6 +108,7 @@ def comtest(
         cycles=cycles,
         settings=_settings(overrides),
         jobs=jobs,
+        scheduler=scheduler,
         out=out,
         bar=count_bar,
     )
@@ -156,6 +158,7 @@ def dysturbance(
     robot: options.RobotOption = "walker",
     overrides: options.SetOption = None,
     jobs: options.JobsOption = 0,
+    scheduler: options.SchedulerOption = None,
     as_json: options.JsonOption = False,
 ) -> None:
     """DYSTURBANCE: the largest strikes, swings and slow pushes that a robot stands.
@@ -179,6 +182,7 @@ def dysturbance(
         body=body,
         settings=_settings(overrides),
         jobs=jobs,
+        scheduler=scheduler,
         out=out,
         bar=count_bar,
     )

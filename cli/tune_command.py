@@ -60,7 +60,7 @@ def tune(
         typer.Option(
             "--objectives",
             help="What to make small, comma-separated: com, com-max, force, peak, "
-            "tilt, effort. To stay up is a constraint.",
+            "tilt, effort, score (D of COMTEST), margin. To stay up is a constraint.",
         ),
     ] = "com,force",
     seeds: Annotated[

@@ -32,6 +32,7 @@ class BenchRuns:
         robot: shipped name or path of a robot file.
         overrides: settings for all runs, texts ``section.name=value``.
         jobs: processes; 0 for one per processor.
+        scheduler: address of a Dask scheduler, whose workers do the runs instead.
         bar: shows how many runs are done.
     """
 
@@ -39,6 +40,7 @@ class BenchRuns:
     robot: str
     overrides: tuple[str, ...]
     jobs: int
+    scheduler: str | None
     bar: CountBar
 
     def rows(self, cells: Sequence[BenchCell], *, title: str) -> list[Row]:
@@ -54,6 +56,7 @@ class BenchRuns:
             robot=self.robot,
             overrides=self.overrides,
             jobs=self.jobs,
+            scheduler=self.scheduler,
             title=title,
             bar=self.bar,
         )
@@ -68,6 +71,7 @@ def bench_runs(
     robot: str,
     settings: Mapping[str, Any] | None,
     jobs: int,
+    scheduler: str | None,
     out: str | Path | None,
     bar: CountBar,
 ) -> Iterator[BenchRuns]:
@@ -79,6 +83,7 @@ def bench_runs(
         robot: shipped name or path of a robot file.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
+        scheduler: address of a Dask scheduler, whose workers do the runs instead.
         out: keeps finished runs, so that a benchmark that was ended goes on where it
             was; None keeps nothing on disk.
         bar: shows how many runs are done.
@@ -96,7 +101,7 @@ def bench_runs(
     with tempfile.TemporaryDirectory(prefix="surefoot-") as spare:
         folder = Path(spare) / "runs" if out is None else Path(out)
         with StudyStore(folder, about=about) as store:
-            yield BenchRuns(store, robot, overrides, jobs, bar)
+            yield BenchRuns(store, robot, overrides, jobs, scheduler, bar)
 
 
 def everyone(

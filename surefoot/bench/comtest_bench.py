@@ -85,6 +85,7 @@ def comtest(
     cycles: int = LEAST_CYCLES,
     settings: Mapping[str, Any] | None = None,
     jobs: int = 0,
+    scheduler: str | None = None,
     out: str | Path | None = None,
     bar: CountBar = no_bar,
 ) -> Comtest:
@@ -109,6 +110,7 @@ def comtest(
         cycles: of the ternary sequence, three or more; the first does not count.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
+        scheduler: address of a Dask scheduler, whose workers do the runs instead.
         out: a folder that keeps runs, page and YAML files; None keeps nothing.
         bar: shows how many runs are done.
 
@@ -140,6 +142,7 @@ def comtest(
         robot=robot,
         settings=settings,
         jobs=jobs,
+        scheduler=scheduler,
         out=out,
         bar=bar,
     ) as runs:

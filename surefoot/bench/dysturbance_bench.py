@@ -91,6 +91,7 @@ def dysturbance(
     body: str | None = None,
     settings: Mapping[str, Any] | None = None,
     jobs: int = 0,
+    scheduler: str | None = None,
     out: str | Path | None = None,
     bar: CountBar = no_bar,
 ) -> Dysturbance:
@@ -113,6 +114,7 @@ def dysturbance(
         body: link that is pushed, at its centre of mass; the base link when None.
         settings: for all runs, such as ``{"tsid.base_kp": 120.0}``.
         jobs: processes; 0 for one per processor.
+        scheduler: address of a Dask scheduler, whose workers do the runs instead.
         out: a folder that keeps runs, page and YAML files; None keeps nothing.
         bar: shows how many runs are done.
 
@@ -151,6 +153,7 @@ def dysturbance(
         robot=robot,
         settings=settings,
         jobs=jobs,
+        scheduler=scheduler,
         out=out,
         bar=bar,
     ) as runs:

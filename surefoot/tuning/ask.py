@@ -12,13 +12,14 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.run_plan import Settings, resolve_settings
+from surefoot.schemas.scenario import load_scenario
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import find_scenario
 from surefoot.studies.cell import Cell, Group, find_variant
 from surefoot.studies.execute import tasks_of
 from surefoot.studies.fingerprint import about_code
 from surefoot.tuning.parameters import Parameter, parse_parameter
-from surefoot.tuning.runs import TuneCell
+from surefoot.tuning.runs import SCORE, SENSITIVITY, TuneCell, stimulus_of
 from surefoot.tuning.spec import Sampler, Spec
 
 Params = Mapping[str, Any] | Sequence[str]
@@ -80,7 +81,7 @@ def make_spec(
         inputs=[str(task.inputs) for task in tasks],
         about=about_code(),
     )
-    assert spec.figures
+    _check_objectives(spec)
     return spec
 
 
@@ -120,6 +121,23 @@ def _texts(params: Params) -> list[str]:
         else:
             texts.append(f"{name}={','.join(map(str, values))}")
     return texts
+
+
+def _check_objectives(spec: Spec) -> None:
+    extra = [figure.extra for figure in spec.figures]
+    if SENSITIVITY in extra and spec.controller != "whole-body":
+        raise UsageError(
+            f"--objectives margin: is of the whole-body controller's loop, got "
+            f"{spec.controller}; leave it out"
+        )
+    if SCORE in extra and not any(
+        stimulus_of(load_scenario(find_scenario(name))) for name in spec.scenarios
+    ):
+        raise UsageError(
+            "--objectives score: none of the scenarios is a tilt of COMTEST; name one "
+            'whose ground has a single motion of kind "prts" about pitch or roll, '
+            "from 1 s on, with three cycles or more"
+        )
 
 
 def _check_once(parameters: Sequence[Parameter]) -> None:

@@ -47,7 +47,7 @@ def draw_front(tuned: Tuned) -> bytes:
 
 
 def _label(objective: Any) -> str:
-    return f"{objective.about} [{objective.unit}]"
+    return f"{objective.about} [{objective.unit or 1}]"
 
 
 def _two(candidates: Sequence[Candidate]) -> list[list[float]]:

@@ -10,11 +10,11 @@ from surefoot.errors import UsageError
 from surefoot.schemas.key_names import nearest
 from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import Row
-from surefoot.tuning.runs import EFFORT
+from surefoot.tuning.runs import EFFORT, SCORE, SENSITIVITY
 
 BEYOND = 1e3
-"""For a run that ended before it had a figure: worse than any that stands, in each
-unit."""
+"""For a trial without a figure, since its runs ended before it counted: worse than any
+that stands, in each unit."""
 
 
 class Objective(NamedTuple):
@@ -24,13 +24,16 @@ class Objective(NamedTuple):
         name: as on the command line.
         unit: of the figure.
         about: what it is.
-        of: takes it from a row; None for a run that ended before it counted.
+        of: takes it from a row; None for a run that ended before it counted, or that
+            has no such figure.
+        extra: what a run has to look for besides, if it has to.
     """
 
     name: str
     unit: str
     about: str
     of: Callable[[Row], float | None]
+    extra: str = ""
 
 
 def _norm(name: str, *, mean: bool = False) -> Callable[[Row], float | None]:
@@ -47,6 +50,10 @@ def _largest(name: str) -> Callable[[Row], float | None]:
     return lambda row: None if row[name] is None else float(max(row[name]))
 
 
+def _extra(name: str) -> Callable[[Row], float | None]:
+    return lambda row: row.get(name)
+
+
 _ALL = (
     Objective("com", "mm", "CoM error, rms of its length", _norm("com_error_rms_mm")),
     Objective("com-max", "mm", "largest CoM error", _norm("com_error_max_mm")),
@@ -58,7 +65,15 @@ _ALL = (
     ),
     Objective("peak", "N", "largest force on a foot", _largest("force_peak_n")),
     Objective("tilt", "deg", "largest tilt", lambda row: row["base_tilt_max_deg"]),
-    Objective("effort", "W", "mean power of the joints", lambda row: row[EFFORT]),
+    Objective("effort", "W", "mean power of the joints", _extra(EFFORT), EFFORT),
+    Objective("score", "", "D of COMTEST against people", _extra(SCORE), SCORE),
+    Objective(
+        "margin",
+        "",
+        "two over the loop's disk margin, 1 is best",
+        _extra(SENSITIVITY),
+        SENSITIVITY,
+    ),
 )
 OBJECTIVES = {objective.name: objective for objective in _ALL}
 
@@ -85,11 +100,13 @@ def is_up(row: Row) -> bool:
 
 
 def mean_figures(rows: Sequence[Row], objectives: Sequence[Objective]) -> list[float]:
-    """Return each objective's mean over runs."""
-    return [
-        sum(_figure(row, objective) for row in rows) / len(rows)
-        for objective in objectives
-    ]
+    """Return each objective's mean over the runs that have it."""
+
+    def mean(objective: Objective) -> float:
+        found = [value for row in rows if (value := objective.of(row)) is not None]
+        return sum(found) / len(found) if found else BEYOND
+
+    return [mean(objective) for objective in objectives]
 
 
 def is_beaten(
@@ -102,13 +119,10 @@ def is_beaten(
         by: runs of the other, of the same cases in the same order.
         objectives: what counts.
     """
-    return all(
-        _figure(row, objective) > _figure(other, objective)
+    pairs = [
+        (objective.of(row), objective.of(other))
         for row, other in zip(rows, by, strict=False)
         for objective in objectives
-    )
-
-
-def _figure(row: Row, objective: Objective) -> float:
-    value = objective.of(row)
-    return BEYOND if value is None else value
+    ]
+    both = [(a, b) for a, b in pairs if a is not None and b is not None]
+    return bool(both) and all(a > b for a, b in both)

@@ -207,4 +207,4 @@ def _worth(comparisons: Sequence[Comparison], objectives: Sequence[Objective]) -
 def _figure_change(old: float, new: float, unit: str) -> str:
     share = (new - old) / old if old else 0.0
     told = f"{share:+.0%}" if abs(share) >= NOTICEABLE else "the same"
-    return f"{old:.4g} to {new:.4g} {unit} ({told})"
+    return f"{old:.4g} to {new:.4g} {unit}".rstrip() + f" ({told})"

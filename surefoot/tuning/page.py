@@ -172,12 +172,12 @@ def _values(tuned: Tuned, weights: dict[str, dict[str, float]]) -> dict[str, Any
         "fell": len(stopped) - worse,
         "worse": worse,
         "drawings": [inline_svg(svg) for svg in drawings],
-        "figures": [f"{o.about} [{o.unit}]" for o in spec.figures],
+        "figures": [f"{o.about} [{o.unit or 1}]" for o in spec.figures],
         "parameters": [f"{p.name} [{p.unit or '1'}]" for p in spec.parameters],
         "front": [_row(tuned, c) for c in (tuned.start, *tuned.front)],
         "comparisons": {
-            "On scenarios that the search has not seen": _cases(tuned.held_out),
-            "On those that it was trained on": _cases(tuned.training),
+            "On what the search has not seen": _cases(tuned.held_out),
+            "On what it was trained on": _cases(tuned.training),
         },
         "settings": _settings(tuned, tuned.chosen).decode(),
     }

@@ -73,8 +73,8 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         groups = [
             Group(name, (), self.controller, self.servo_profile) for name in scenarios
         ]
-        effort = "effort" in self.objectives
-        return [TuneCell(group, seed, effort) for seed in seeds for group in groups]
+        extra = tuple(figure.extra for figure in self.figures if figure.extra)
+        return [TuneCell(group, seed, extra) for seed in seeds for group in groups]
 
     def task(self, cell: TuneCell, values: dict[str, Value]) -> Task:
         """A case with the values of a trial.

@@ -74,7 +74,8 @@ def tune(
         workers: processes; 0 for one per processor.
         storage: the journal; ``trials.journal`` in ``out`` when None.
         out: folder of settings, page and figures.
-        objectives: of ``com``, ``com-max``, ``force``, ``peak``, ``tilt``, ``effort``.
+        objectives: of ``com``, ``com-max``, ``force``, ``peak``, ``tilt``, ``effort``,
+            ``score``, ``margin``.
         seeds: of the sensor noise: how many, from 0 on, or which.
         held_out: scenarios that only start and choice are run on, in the end; those
             of the search with other seeds when there are none.

@@ -1,0 +1,98 @@
+"""Figures that only a search asks for are those of the benchmarks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import surefoot as sf
+from surefoot.bench.bench_cell import Under
+from surefoot.bench.sway_cells import Stimulus, sway_cell
+from surefoot.bench.sway_results import sway_result
+from surefoot.errors import UsageError
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.schemas.toml_file import struct_table, toml_text
+from surefoot.studies.cell import Group, Task
+from surefoot.tuning.ask import make_spec
+from surefoot.tuning.objectives import BEYOND, find_objectives, is_beaten, mean_figures
+from surefoot.tuning.runs import SCORE, SENSITIVITY, TuneCell, _sensitivity, stimulus_of
+from surefoot.tuning.spec import Spec
+from tests.surefoot.tuning.searches import still
+
+TILT = Stimulus("prts", "pitch", 4.0)
+SWAY = sway_cell(TILT, Under("whole-body", "ideal"), height_m=0.8)
+
+
+def spec_of(scenario: Path, *, controller: str, objective: str) -> Spec:
+    return make_spec(
+        [str(scenario)],
+        {"tsid.com_kp": (10, 80)},
+        objectives=[objective],
+        seeds=[0],
+        controller=controller,
+        settings=None,
+        overrides=(),
+        robot="walker",
+        servo_profile=None,
+        sampler="tpe",
+        sampler_seed=0,
+    )
+
+
+def changed(**keys: object) -> Scenario:
+    table = struct_table(SWAY.scenario)
+    table["platform"][0]["motion"][0].update(keys)
+    return scenario_from_table(table, source="test")
+
+
+def test_tilt_of_comtest_is_known_again_and_nothing_else_is() -> None:
+    assert stimulus_of(SWAY.scenario) == TILT
+    assert stimulus_of(changed(speed=2.0)) is None
+    assert stimulus_of(changed(start_s=0.5)) is None
+    assert stimulus_of(changed(cycles=4)) is None, "it does not come to its end"
+    assert stimulus_of(sf.load_scenario("moving-platform-fast")) is None
+
+
+def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="none of the scenarios is a tilt"):
+        spec_of(still(tmp_path), controller="whole-body", objective="score")
+    with pytest.raises(UsageError, match="whole-body controller's loop"):
+        spec_of(still(tmp_path), controller="zmp", objective="margin")
+
+
+def test_margin_is_that_of_the_command_and_worse_for_a_fast_loop(
+    tmp_path: Path,
+) -> None:
+    robot = load_robot("walker")
+    margins = sf.compute_margins(robot)
+    profile = robot.file.servo.profile
+    spec = spec_of(still(tmp_path), controller="whole-body", objective="margin")
+    (cell,) = spec.cells(spec.scenarios, [0])
+    row = spec.task(cell, dict(spec.start)).run()
+    assert row[SENSITIVITY] == pytest.approx(2.0 / margins.disk)
+    fast = sf.ControllerSettings(dik=type(spec.settings.dik)(k_force=(-25.0,) * 6))
+    assert _sensitivity(str(robot.path), profile, fast) > row[SENSITIVITY]
+
+
+def test_mean_is_over_the_runs_that_have_the_figure() -> None:
+    objectives = find_objectives(["score", "tilt"])
+    rows = [{SCORE: 2.0, "base_tilt_max_deg": 1.0}, {"base_tilt_max_deg": 3.0}]
+    assert mean_figures(rows, objectives) == [2.0, 2.0]
+    assert mean_figures(rows[1:], objectives) == [BEYOND, 3.0]
+    better = [{SCORE: 1.0, "base_tilt_max_deg": 0.5}, {"base_tilt_max_deg": 2.0}]
+    assert is_beaten(rows, better, objectives)
+    assert not is_beaten(better, rows, objectives)
+    assert not is_beaten(rows[1:], [{"base_tilt_max_deg": 4.0}], objectives)
+
+
+@pytest.mark.slow
+def test_score_is_that_of_the_benchmark(tmp_path: Path) -> None:
+    path = tmp_path / "people.toml"
+    path.write_text(toml_text(struct_table(SWAY.scenario)))
+    cell = TuneCell(Group(str(path), (), "whole-body", "ideal"), 0, (SCORE,))
+    row = Task(cell, "walker").run()
+    benchmark = Task(SWAY, "walker").run()
+    assert row["log_sha256"] == benchmark["log_sha256"]
+    assert row[SCORE] == sway_result(SWAY, benchmark).score
