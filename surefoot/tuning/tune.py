@@ -98,7 +98,6 @@ def tune(
     """
     folder = Path(out)
     journal = folder / JOURNAL if storage is None else Path(storage)
-    _claim(folder, journal)
     several = [scenarios] if isinstance(scenarios, (str, Path)) else scenarios
     spec = make_spec(
         [str(scenario) for scenario in several],
@@ -114,6 +113,7 @@ def tune(
         sampler_seed=sampler_seed,
     )
     unseen = held_out_cells(spec, [str(name) for name in held_out], held_out_seeds)
+    _claim(folder, journal)
     processes = workers or os.cpu_count() or 1
     tries = Trials(journal, spec)
     runs: tuple[list[Row], list[Row]] = ([], [])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -60,6 +61,29 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
         spec_of(still(tmp_path), controller="whole-body", objective="score")
     with pytest.raises(UsageError, match="whole-body controller's loop"):
         spec_of(still(tmp_path), controller="zmp", objective="margin")
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"params": {"tsid.comkp": (1, 2)}}, "did you mean 'tsid.com_kp'"),
+        ({"params": {}}, "expected at least one"),
+        ({"params": ["dik.com_gain", "dik.com_gain.x=1:4"]}, "searched twice"),
+        ({"objectives": ["com", "fall"]}, "expected some of com"),
+        ({"held_out_seeds": [0]}, "the search sees some of them"),
+        ({"out": "."}, "holds something else"),
+    ],
+)
+def test_what_cannot_be_searched_is_refused_before_anything_runs(
+    tmp_path: Path, more: dict[str, Any], words: str
+) -> None:
+    asked = {"params": ["dik.com_gain"], "out": "out", **more}
+    out = tmp_path / asked.pop("out")
+    with pytest.raises(UsageError, match=words):
+        sf.tune(still(tmp_path), out=out, controller="hold", **asked)
+    assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [
+        "still.toml"
+    ]
 
 
 def test_margin_is_that_of_the_command_and_worse_for_a_fast_loop(
