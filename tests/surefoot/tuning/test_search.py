@@ -92,14 +92,13 @@ def test_trial_ends_with_its_first_fall_and_says_where(tmp_path: Path) -> None:
 
 
 def test_trial_worse_in_every_run_is_given_up_after_a_seed(tmp_path: Path) -> None:
-    spec = msgspec.structs.replace(spec_of(still(tmp_path)), seeds=[0, 1])
+    spec = msgspec.structs.replace(
+        spec_of(still(tmp_path)), seeds=[0, 1], objectives=["tilt"]
+    )
     trials = Trials(tmp_path / "trials.journal", spec)
     whole, why, _ = evaluate(trials, dict(spec.start), [], scheduler=None)
     assert (len(whole), why) == (2, "")
-    better = [
-        row | {"com_error_rms_mm": [0.0] * 3, "force_deviation_rms_n": [0.0] * 2}
-        for row in whole
-    ]
+    better = [row | {"base_tilt_max_deg": 0.0} for row in whole]
     rows, why, down = evaluate(trials, dict(spec.start), [better], scheduler=None)
     assert len(rows) == 1
     assert why.startswith("worse in each run")
