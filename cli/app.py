@@ -32,6 +32,7 @@ from surefoot.cli.sweep_command import sweep
 from surefoot.cli.tare_command import tare
 from surefoot.cli.tune_command import tune
 from surefoot.cli.view_command import view
+from surefoot.cli.walk_command import walk
 
 app = typer.Typer(
     name="surefoot",
@@ -70,7 +71,7 @@ def surefoot(
 
 
 _COMMANDS = (
-    *(run, robot, stabilizer, view),
+    *(run, robot, stabilizer, walk, view),
     *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
     *(sweep, tune, report, reproduce, bench),
     *(router, relay, certs, check_robot, tare),

@@ -9,6 +9,7 @@ import msgspec
 from surefoot.schemas import messages
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.sensors import SENSORS
+from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 
 
 class Direction(StrEnum):
@@ -51,6 +52,10 @@ TOPICS: tuple[Topic, ...] = (
           "on request", "stop now; open to everyone"),
     Topic("reference", "ref", Direction.TO_STABILIZER, messages.Reference,
           "as planned", "what a planner asks of the stabilizer"),
+    Topic("walk", "walk", Direction.TO_STABILIZER, WalkPlan,
+          "as planned", "steps to take: a plan, not a state"),
+    Topic("walk_status", "stabilizer/walk", Direction.FROM_STABILIZER, WalkStatus,
+          "50 Hz", "how the walk goes; once there was a plan"),
     Topic("stabilizer", "stabilizer/status", Direction.FROM_STABILIZER,
           messages.StabilizerStatus, "50 Hz", "desired and measured wrenches, timing"),
     Topic("settings_change", "stabilizer/settings", Direction.FROM_STABILIZER,

@@ -14,8 +14,8 @@ from surefoot.schemas.toml_file import FileStruct
 
 Side = Literal["left", "right"]
 Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
-StepHeight = Annotated[float, msgspec.Meta(gt=0.0, le=0.5)]
 Position2 = Annotated[list[float], msgspec.Meta(min_length=2, max_length=2)]
+StepHeight = Annotated[float, msgspec.Meta(gt=0.0, le=0.5)]
 SINGLE_S = 0.6
 """Single support of a step, where nothing else is said [s]."""
 DOUBLE_S = 0.2
@@ -71,6 +71,48 @@ class WalkPlan(Message, frozen=True, kw_only=True):
                     f"step {step.id} moves the {step.side} foot, as the step before "
                     "it; left and right take turns"
                 )
+
+
+Place = Annotated[list[float], msgspec.Meta(min_length=4, max_length=4)]
+"""x, y, z [m] and yaw [rad] of a sole, odometry frame."""
+
+
+class WalkStatus(Message, frozen=True, kw_only=True):
+    """How a walk goes: what a planner needs to go on."""
+
+    phase: str
+    """``stand``, ``shift``, ``single``, ``double`` or ``settle``."""
+    phase_s: float
+    """Time in it [s]."""
+    moved: str
+    """The foot moved last, or on its way: ``left`` or ``right``; empty before the first
+    step."""
+    last_step: int
+    """Largest id of a step that has begun; -1 before the first."""
+    steps_done: Count
+    """Steps of plans that were set down."""
+    steps_planned: Count
+    """Steps of all plans that were taken."""
+    foot_left: str
+    """``planted``, ``leaving``, ``swing``, ``landing`` or ``relanding``."""
+    foot_right: str
+    """The same of the right foot."""
+    foothold_left: Place
+    """Where the left foot was set down, or is."""
+    foothold_right: Place
+    """The same of the right foot."""
+    goal_left: Place
+    """The same, but of a foot in the air where it is being set."""
+    goal_right: Place
+    """The same of the right foot."""
+    shift: Position2
+    """Of the step under way, by step adjustment [m]."""
+    dcm: Position2
+    """Estimated divergent component of motion [m]."""
+    dcm_reference: Position2
+    """Where it should be [m]."""
+    refusal: str
+    """Why the last plan was refused, in words; empty when it was taken."""
 
 
 class WalkStep(FileStruct, frozen=True, kw_only=True):

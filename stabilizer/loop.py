@@ -17,7 +17,8 @@ from surefoot.robot_io.errors import RobotIoError
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState, in_words
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.stabilizer.control.controller import ControllerOutput, Walks
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
@@ -79,6 +80,7 @@ class Loop:
         """
         self._requests = requests
         self._output: ControllerOutput | None = None
+        self._plan: WalkPlan | None = None
         self._make_safety = make_safety
         self._begin_with(make_safety())
         self._client = client
@@ -181,6 +183,7 @@ class Loop:
             self._began_ns = reading.snapshot.stamp_ns
             self._hold_since_ns = None
             self._last_tick = tick - 1
+        self._take_plan()
         output = self._safety.step(
             reading.snapshot, reading.ages, self._client.reference()
         )
@@ -201,6 +204,16 @@ class Loop:
         if output.qp_status != GOOD and self._failure_file is not None:
             self._keep_failure(self._failure_file)
         return output
+
+    def _take_plan(self) -> None:
+        """Give the controller a planner's newest steps, once."""
+        plan = self._client.plan()
+        if plan is None or plan is self._plan:
+            return
+        self._plan = plan
+        controller = self._safety.controller
+        if isinstance(controller, Walks):
+            controller.follow_plan(plan)
 
     def _keep_failure(self, path: Path) -> None:
         """Write the failed QP, once; the command has left already."""
@@ -228,6 +241,11 @@ class Loop:
                 status, state=StabilizerState.PAUSED, detail=self._requests.holding
             )
         self._client.publish_status(status)
+        walk = output.walk
+        if walk is not None:
+            self._client.publish_walk(
+                walk.message(tick=status.tick, stamp_ns=status.stamp_ns)
+            )
 
     def _why_end(self, silence_s: float, q_held: Array) -> End | None:
         """Why to end; None to go on, from the held posture if the robot holds."""

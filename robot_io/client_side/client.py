@@ -43,6 +43,7 @@ from surefoot.schemas.messages import (
 )
 from surefoot.schemas.sensors import SENSORS, Sensor
 from surefoot.schemas.topics import ALIVE_STABILIZER
+from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 
 SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
@@ -264,6 +265,14 @@ class RobotClient:
         """Return the planner's newest reference; None before the first."""
         return self._reference.poll()
 
+    def plan(self) -> WalkPlan | None:
+        """Return the planner's newest steps; None before the first."""
+        return self._plan.poll()
+
+    def publish_walk(self, status: WalkStatus) -> None:
+        """Publish how the walk goes."""
+        self._own_walk.put(encode(status))
+
     def publish_status(self, status: StabilizerStatus) -> None:
         """Publish the controller's status."""
         self._own_status.put(encode(status))
@@ -315,7 +324,9 @@ class RobotClient:
         self._reference = Latest(
             bus.channel(keys["reference"], depth=1), Reference, joint_count=n_a
         )
+        self._plan = Latest(bus.channel(keys["walk"], depth=1), WalkPlan)
         self._command = bus.publisher(keys["joint_command"], urgent=True)
+        self._own_walk = bus.publisher(keys["walk_status"], urgent=False)
         self._own_status = bus.publisher(keys["stabilizer"], urgent=False)
         self._own_changes = bus.publisher(keys["settings_change"], urgent=False)
         self._requests = StabilizerServices(bus, self._robot)

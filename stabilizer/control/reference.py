@@ -87,6 +87,15 @@ class Stance:
                 np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
             )
 
+    def approach_ground(self, ground: float, *, share: float) -> None:
+        """Have the height asked for follow the ground that a walk has come to.
+
+        Args:
+            ground: present height of the soles against nominal [m].
+            share: of the way, in this tick [1].
+        """
+        self.com_height += share * (self.com_nominal + ground - self.com_height)
+
     def limit_height(self, ground: float, *, travel: tuple[float, float]) -> None:
         """Keep the height reference within reach of the legs.
 

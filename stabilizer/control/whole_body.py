@@ -154,6 +154,7 @@ class WholeBodyController(BalanceController):
             lost: whether the left and the right sensor are to be left out.
         """
         self.observer.leave_out(lost, instead=self.tsid.F_id)
+        self.walk.end_early("an ankle sensor is lost", blind=lost)
 
     def undo_overload(
         self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]

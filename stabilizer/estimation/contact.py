@@ -94,6 +94,8 @@ class Anchors:
     Attributes:
         p: x, y, z of left and right foothold [m]; z from the first stance's ground.
         yaw: headings of the soles there [rad].
+        level: heights of the footholds as planned, which the height of the base is told
+            from: those in ``p`` drift on ground that turns [m].
         planted: whether each foot is where it was set down. The anchor of one that
             is not follows its foot.
         by_load: whether the heading is that of the foot that carries, as it is on the
@@ -110,6 +112,7 @@ class Anchors:
         # Soles are the ground's zero, but for rounding, which must not move a height.
         self.p = [[float(x), float(y), 0.0] for x, y, _ in soles]
         self.yaw = list(yaws)
+        self.level = [0.0, 0.0]
         self.planted = [True, True]
         self.by_load = False
 

@@ -265,9 +265,9 @@ class Estimator:
         return over, lift_rate + self._leg_velocity.item(2)
 
     def _level(self) -> float:
-        """Return the height of the foothold that carries, by odometry [m]."""
-        left, right = self.anchors.p
-        return self._left_share * left[2] + (1.0 - self._left_share) * right[2]
+        """Return the height of the foothold that carries, as planned [m]."""
+        left, right = self.anchors.level
+        return self._left_share * left + (1.0 - self._left_share) * right
 
     def _acceleration(self) -> float:
         """Return that point's vertical acceleration by the accelerometer [m/s^2]."""

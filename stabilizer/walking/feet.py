@@ -112,6 +112,11 @@ class Feet:
             elif state is FootState.LANDING:
                 self._land(side, normals)
 
+    def set_down(self, side: int) -> None:
+        """Take a foot that is in the air to have touched down: it cannot feel it."""
+        if self.is_airborne(side):
+            self._touch(side)
+
     def settle(self, side: int) -> None:
         """Let a foot that has landed for long enough be planted, if it has."""
         if (
@@ -125,6 +130,9 @@ class Feet:
         self._timer[side] = self._timer[side] + self._dt if pressed else 0.0
         if self._timer[side] < max(TOUCH_TICKS_S, self._dt) - 0.5 * self._dt:
             return
+        self._touch(side)
+
+    def _touch(self, side: int) -> None:
         if self.state[side] is FootState.SWING:
             self._landed_s[side] = 0.0
             self.touched[side] = True

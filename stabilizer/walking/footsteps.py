@@ -6,7 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Mat
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.walk_plan import Side, Step, Walk, WalkPlan
 from surefoot.schemas.walk_settings import WalkSettings
@@ -132,6 +135,17 @@ def _advanced(middle: Foothold, ahead: float, lateral: float, turn: float) -> Fo
     """Go on for a step, along the chord of the arc."""
     half = middle.beside(0.0, 0.0, 0.5 * turn)
     return half.beside(ahead, lateral, 0.5 * turn)
+
+
+def turned(yaw: float) -> Mat:
+    """Return the (3, 3) rotation about the vertical by a yaw [rad]."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def mean_yaw(left: float, right: float) -> float:
+    """Return the heading between two, the short way [rad]."""
+    return right + 0.5 * math.remainder(left - right, math.tau)
 
 
 def half_width_of(robot: Robot) -> float:

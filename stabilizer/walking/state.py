@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.result import WalkReport
+from surefoot.schemas.walk_plan import WalkStatus
+from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.walking.feet import FootState
+from surefoot.stabilizer.walking.footsteps import SIDES, Foothold
 from surefoot.stabilizer.walking.gait import Phase
 
 MM_PER_M = 1e3
@@ -31,12 +36,17 @@ class WalkState:
         done: steps of plans that were set down.
         planned: steps of all plans that were taken.
         refusal: why the last plan was refused, in words; empty when it was taken.
+        phase_s: time in the phase [s].
+        moved: the foot moved last, or on its way; None before the first step.
+        last_step: largest id of a step that has begun; -1 before the first.
     """
 
     def __init__(self) -> None:
         """Begin standing, all sums at zero."""
         self.phase = Phase.STAND
-        self.step = -1
+        self.phase_s = 0.0
+        self.moved: int | None = None
+        self.step = self.last_step = -1
         self.feet = [FootState.PLANTED, FootState.PLANTED]
         self.dcm: Array = np.zeros(2)
         self.dcm_reference: Array = np.zeros(2)
@@ -71,6 +81,51 @@ class WalkState:
         self._placement_max = max(self._placement_max, off)
         earliest, latest = self._late or (late_s, late_s)
         self._late = [min(earliest, late_s), max(latest, late_s)]
+
+    def see(self, anchors: Anchors, goals: Sequence[Foothold]) -> None:
+        """Take in where the feet are.
+
+        Args:
+            anchors: where they were set down, or are.
+            goals: the same, but of a foot in the air where it is being set.
+        """
+        for side, goal in enumerate(goals):
+            start = 4 * side
+            self.goals[start : start + 4] = goal
+            self.footholds[start : start + 3] = anchors.p[side]
+            self.footholds[start + 3] = anchors.yaw[side]
+
+    def message(self, *, tick: int, stamp_ns: int) -> WalkStatus:
+        """What to tell everyone of the present tick.
+
+        Args:
+            tick: the robot's.
+            stamp_ns: monotonic clock [ns].
+        """
+        left, right = self.feet
+        places = self.footholds.tolist(), self.goals.tolist()
+        x, y = self.shift.tolist()
+        return WalkStatus(
+            schema=SCHEMA_VERSION,
+            tick=tick,
+            stamp_ns=stamp_ns,
+            phase=self.phase,
+            phase_s=self.phase_s,
+            moved="" if self.moved is None else SIDES[self.moved],
+            last_step=self.last_step,
+            steps_done=self.done,
+            steps_planned=self.planned,
+            foot_left=left,
+            foot_right=right,
+            foothold_left=places[0][:4],
+            foothold_right=places[0][4:],
+            goal_left=places[1][:4],
+            goal_right=places[1][4:],
+            shift=[x, y],
+            dcm=self.dcm.tolist(),
+            dcm_reference=self.dcm_reference.tolist(),
+            refusal=self.refusal,
+        )
 
     def report(self) -> WalkReport:
         """What the walk amounts to so far."""

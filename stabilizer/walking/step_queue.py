@@ -46,6 +46,7 @@ class StepQueue:
     Attributes:
         shift: (x, y) by which the plan's places are off, by step adjustment [m].
         last: the step begun last; None before the first.
+        begun: largest id of a plan's step that has begun; -1 before the first.
         planned: steps of all plans that were taken, so far.
     """
 
@@ -61,6 +62,7 @@ class StepQueue:
         self._steps: deque[Move] = deque()
         self.shift = (0.0, 0.0)
         self.last: Move | None = None
+        self.begun = CLOSING_ID
         self.planned = 0
 
     def __len__(self) -> int:
@@ -79,7 +81,6 @@ class StepQueue:
             Why the plan is refused, in words: then there are no steps left. Empty
             when it is taken.
         """
-        begun = -1 if self.last is None else self.last.id
         moves = [
             Move(
                 id=step.id,
@@ -90,7 +91,7 @@ class StepQueue:
                 height_m=step.height_m,
             )
             for step in plan.steps
-            if step.id > begun
+            if step.id > self.begun
         ]
         self.planned -= len(self._steps)
         self._steps.clear()
@@ -135,6 +136,7 @@ class StepQueue:
         if self._steps:
             self._steps.popleft()
         self.last = move
+        self.begun = max(self.begun, move.id)
         return move
 
     def shift_by(self, x: float, y: float) -> None:

@@ -15,13 +15,13 @@ from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import Dynamics
+from surefoot.stabilizer.dynamics import NORMAL, Dynamics
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY
-from surefoot.stabilizer.walking.adjustment import StepAdjustment
+from surefoot.stabilizer.walking.dcm import StepAdjustment
 from surefoot.stabilizer.walking.feet import Feet, FootState
-from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.footsteps import Foothold, mean_yaw, turned
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.state import WalkState
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
@@ -31,7 +31,6 @@ LEAVING_FROM = 0.3
 """Planned share of the weight under which a foot that is to leave is the walk's."""
 ROLL_ON = 0.5
 """Part of single support after which a force on the swing foot is a touchdown."""
-F_Z = (2, 8)
 
 
 class Walk:
@@ -93,8 +92,7 @@ class Walk:
         self._adjustment = StepAdjustment(settings, omega=omega, period_s=period_s)
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
-        self._begin_tick = 0
-        self._planned_z = [0.0, 0.0]
+        self._begin_tick, self._blind = 0, (False, False)
         self._standing_base: Mat = np.eye(3)
         self._waited_s = 0.0
         self._height_blend = period_s / settings.height_s
@@ -107,10 +105,7 @@ class Walk:
     @property
     def airborne(self) -> int | None:
         """The foot that is in the air by plan, if any."""
-        for side in range(2):
-            if self.feet.is_airborne(side):
-                return side
-        return None
+        return next((i for i in range(2) if self.feet.is_airborne(i)), None)
 
     @property
     def landing(self) -> list[bool]:
@@ -130,10 +125,26 @@ class Walk:
             if not self._has_odometry:
                 told.refusal = "the estimator knows no steps: it has no anchors"
                 return
+            if any(self._blind):
+                told.refusal = "an ankle sensor is lost"
+                return
             told.refusal = self.queue.take(
                 plan, self._footholds(), walks=self.gait.phase is not Phase.STAND
             )
             told.planned = self.queue.planned
+
+    def end_early(self, why: str, *, blind: tuple[bool, bool]) -> None:
+        """Take no steps any more; the one under way is ended.
+
+        Args:
+            why: in words.
+            blind: whether the left and the right foot feel nothing: such a foot, in
+                the air, is taken to touch down when it should.
+        """
+        self._blind = blind
+        if any(blind):
+            self.queue.drop()
+            self._told.refusal, self._told.planned = why, self.queue.planned
 
     def update(
         self,
@@ -155,13 +166,21 @@ class Walk:
             tick: of the robot.
         """
         if not self.is_walking and not self._begins(state, stance, tick):
+            if self.queue.last is not None:
+                stance.approach_ground(state.ground_height, share=self._height_blend)
             return
-        normals = (state.F_meas.item(F_Z[0]), state.F_meas.item(F_Z[1]))
+        normals = (state.F_meas.item(NORMAL), state.F_meas.item(6 + NORMAL))
         self._go_on(normals, dynamics)
         if not self.is_walking:
             self._stand(stance)
             return
-        self.feet.update(normals, may_touch=self._may_touch)
+        gait, move = self.gait, self._move
+        is_single = gait.phase is Phase.SINGLE
+        may_touch = not is_single or gait.t > ROLL_ON * gait.duration_s
+        self.feet.update(normals, may_touch=may_touch)
+        is_due = is_single and gait.left_s == 0.0
+        if move is not None and is_due and self._blind[move.side]:
+            self.feet.set_down(move.side)
         self._note_touchdowns(dynamics)
         airborne = self.airborne
         if airborne is None:
@@ -187,11 +206,6 @@ class Walk:
             rows = slice(6 * airborne, 6 * airborne + 6)
             self.swing_tasks[airborne].twist(dynamics, r[rows])
 
-    @property
-    def _may_touch(self) -> bool:
-        gait = self.gait
-        return gait.phase is not Phase.SINGLE or gait.t > ROLL_ON * gait.duration_s
-
     def _footholds(self) -> list[Foothold]:
         """Where the feet are; of the one on its way, where it is being set."""
         yaws = self._anchors.yaw
@@ -207,8 +221,9 @@ class Walk:
         return feet
 
     def _ahead(self) -> list[Move]:
-        count = self._settings.preview_steps + 1
-        return self.queue.ahead(self._footholds(), count)
+        if any(self._blind):  # not even one that brings the feet together
+            return []
+        return self.queue.ahead(self._footholds(), self._settings.preview_steps + 1)
 
     def _begins(self, state: ObservedState, stance: Stance, tick: int) -> bool:
         """Begin to walk when it is time for the first step."""
@@ -220,7 +235,7 @@ class Walk:
         ):
             return False
         feet, moves = self._footholds(), self._ahead()
-        self._standing_base[:] = _turned(-_mean_yaw(feet[0].yaw, feet[1].yaw)) @ (
+        self._standing_base[:] = turned(-mean_yaw(feet[0].yaw, feet[1].yaw)) @ (
             stance.R_base
         )
         self._anchors.by_load = True
@@ -240,8 +255,8 @@ class Walk:
             leaving = 1 - gait.support
             moves = self._ahead()
             if moves and feet.state[leaving] is FootState.PLANTED:
-                share = self._share_of(leaving)
-                if share < LEAVING_FROM:
+                left = gait.left_share(self._footholds())
+                if (left if leaving == 0 else 1.0 - left) < LEAVING_FROM:
                     feet.leave(leaving)
             if gait.left_s > 0.0:
                 return
@@ -275,10 +290,6 @@ class Walk:
         """Whether a foot stands well enough to carry alone."""
         return self._contacts.in_contact[side] and not self.feet.is_airborne(side)
 
-    def _share_of(self, side: int) -> float:
-        left = self.gait.left_share(self._footholds())
-        return left if side == 0 else 1.0 - left
-
     def _lift(self, side: int, dynamics: Dynamics) -> None:
         """Begin the next step."""
         move = self.queue.begin(self._footholds())
@@ -286,11 +297,12 @@ class Walk:
         self._move = move
         self.feet.lift(side)
         self._adjustment.begin()
-        rise = move.place.z - self._planned_z[1 - side]
-        self._planned_z[side] = move.place.z
+        level = self._anchors.level
+        rise, level[side] = move.place.z - level[1 - side], move.place.z
         self._swing.lift(move, dynamics, rise=rise)
         self.gait.begin_single(move)
-        self._told.step = move.id
+        self._told.step, self._told.moved = move.id, side
+        self._told.last_step = self.queue.begun
 
     def _note_touchdowns(self, dynamics: Dynamics) -> None:
         move = self._move
@@ -336,13 +348,12 @@ class Walk:
         stance.com[:2] = gait.com
         stance.com_velocity[:2] = gait.com_velocity
         stance.com_acceleration[:2] = gait.com_acceleration
-        level = stance.com_nominal + state.ground_height
-        stance.com_height += self._height_blend * (level - stance.com_height)
+        stance.approach_ground(state.ground_height, share=self._height_blend)
         yaws = list(self._anchors.yaw)
         airborne = self.airborne
         if airborne is not None:
             yaws[airborne] = self._swing.yaw
-        stance.R_base[:] = _turned(_mean_yaw(*yaws)) @ self._standing_base
+        stance.R_base[:] = turned(mean_yaw(*yaws)) @ self._standing_base
         for side in range(2):
             x, y, z = self._anchors.p[side]
             stance.p_sole[side][:] = x, y, z
@@ -373,12 +384,10 @@ class Walk:
     def _tell(self) -> None:
         """Bring what is told of the walk up to date."""
         told = self._told
-        told.phase, told.feet = self.gait.phase, self.feet.state
+        told.phase, told.phase_s = self.gait.phase, self.gait.t
+        told.feet = self.feet.state
         told.shift[:] = self._adjustment.shift
-        for side, foot in enumerate(self._footholds()):
-            told.goals[4 * side : 4 * side + 4] = foot
-            told.footholds[4 * side : 4 * side + 3] = self._anchors.p[side]
-            told.footholds[4 * side + 3] = self._anchors.yaw[side]
+        told.see(self._anchors, self._footholds())
 
     def _stand(self, stance: Stance) -> None:
         """Leave the stance that the walk has ended in."""
@@ -388,12 +397,3 @@ class Walk:
         stance.com_velocity[:] = 0.0
         stance.com_acceleration[:] = 0.0
         stance.load[:] = 0.5, 0.5
-
-
-def _turned(yaw: float) -> Mat:
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _mean_yaw(left: float, right: float) -> float:
-    return right + 0.5 * math.remainder(left - right, math.tau)

@@ -160,6 +160,7 @@ def check(
         said.of(SettingsChange),
         said.of(Reference),
         recorded_walk(timeline, robot, settings),
+        said.of(WalkPlan),
     )
     for session in find_sessions(said.of(JointCommand), said.of(RobotStatus)):
         whole = _followable(session, notes)
@@ -243,7 +244,7 @@ def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
             f"{stale} ticks lack a sensor's message: the sensor was silent, or the "
             "message was lost on its way to the recorder alone"
         )
-    if inputs.references:
+    if inputs.references or inputs.plans:
         doubts.append(
             "a planner spoke: from which tick on its word counted is not recorded, and "
             "taken from the stamps"
@@ -359,6 +360,7 @@ _CHANNELS: dict[type[Message], str] = {
     StabilizerStatus: "stabilizer",
     SettingsChange: "settings_change",
     Reference: "reference",
+    WalkPlan: "walk",
 }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import msgspec
 import numpy as np
@@ -12,13 +13,20 @@ from surefoot.playback.sensors import RecordedSensors
 from surefoot.playback.sessions import Session
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.messages import JointCommand, Reference, SettingsChange
+from surefoot.schemas.messages import (
+    JointCommand,
+    Message,
+    Reference,
+    SettingsChange,
+)
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.controller import Controller, Tunable, Walks
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.settings_ramp import SettingsRamp
+
+M = TypeVar("M", bound=Message)
 
 
 class Difference(msgspec.Struct, kw_only=True, frozen=True):
@@ -82,6 +90,7 @@ class Inputs:
         changes: of settings while it ran, in order.
         references: of a planner, in order.
         walk: steps that the first controller was given at its start, if any.
+        plans: of a planner while it ran, in order.
     """
 
     robot: Robot
@@ -89,6 +98,7 @@ class Inputs:
     changes: Sequence[SettingsChange]
     references: Sequence[Reference]
     walk: WalkPlan | None = None
+    plans: Sequence[WalkPlan] = ()
 
 
 def recompute(
@@ -120,7 +130,9 @@ def recompute(
     )
     gains = _Gains(inputs)
     safety: Safety | None = None
-    references = _References(inputs.references)
+    law: Controller | None = None
+    references, plans = _Newest(inputs.references), _Newest(inputs.plans)
+    plan: WalkPlan | None = None
     for index, command in enumerate(commands):
         reading, start = sensors.at(command.tick), session.starts.get(index)
         if reading is None:
@@ -139,9 +151,12 @@ def recompute(
             safety.start(reading.snapshot, np.array(start.q_held))
         if safety is None:
             continue
-        output = safety.step(
-            reading.snapshot, reading.ages, references.at(reading.snapshot.stamp_ns)
-        )
+        stamp_ns = reading.snapshot.stamp_ns
+        newest = plans.at(stamp_ns)
+        if newest is not None and newest is not plan and isinstance(law, Walks):
+            law.follow_plan(newest)
+        plan = newest
+        output = safety.step(reading.snapshot, reading.ages, references.at(stamp_ns))
         outcome.stale += any(reading.ages)
         _compare(command, output.q_command, outcome, inputs.robot)
         on_tick(command.tick)
@@ -218,14 +233,14 @@ class _Gains:
             self._tunable.retune(settings)
 
 
-class _References:
-    """The planner's newest reference when the sensors of a tick were taken."""
+class _Newest(Generic[M]):
+    """A planner's newest message when the sensors of a tick were taken."""
 
-    def __init__(self, references: Sequence[Reference]) -> None:
-        self._coming = list(references)
-        self._newest: Reference | None = None
+    def __init__(self, messages: Sequence[M]) -> None:
+        self._coming = list(messages)
+        self._newest: M | None = None
 
-    def at(self, stamp_ns: int) -> Reference | None:
+    def at(self, stamp_ns: int) -> M | None:
         while self._coming and self._coming[0].stamp_ns <= stamp_ns:
             self._newest = self._coming.pop(0)
         return self._newest

@@ -20,7 +20,10 @@ from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.schemas.robot_file import RobotFile
 from surefoot.schemas.topics import TICK_SENSORS, TOPICS, Direction
 
-REFERENCE = "reference"
+PLANNERS = tuple(
+    entry.name for entry in TOPICS if entry.direction is Direction.TO_STABILIZER
+)
+"""Channels of planners, which need not count the robot's ticks."""
 PLAYABLE = tuple(
     entry.name
     for entry in TOPICS
@@ -117,8 +120,7 @@ class _Collector:
         if channel not in _RANKS:
             return  # of another program
         tick = message.sequence
-        if channel == REFERENCE:
-            # A planner need not count the robot's ticks: what counts is when it came.
+        if channel in PLANNERS:  # what counts is when it came
             tick = max(self._ticks[name] for name in TICK_SENSORS)
         if tick < self._ticks[channel]:
             self._rounds[channel] += 1

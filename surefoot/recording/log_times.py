@@ -7,8 +7,8 @@ from surefoot.schemas.codec import Head
 
 _NEW_RUN_TICKS = 1000
 """A tick so far behind is another run of the robot, not a late message."""
-_NO_TICKS = "reference"
-"""A planner need not count the robot's ticks: what it says is of the present."""
+_NO_TICKS = ("reference", "walk")
+"""Planners need not count the robot's ticks: what they say is of the present."""
 
 
 class LogTimes:
@@ -50,7 +50,7 @@ class LogTimes:
         if self._period_ns is None:
             return head.stamp_ns
         before, tick = self._ticks.get(channel, 0), head.tick
-        if channel == _NO_TICKS or tick > before + LARGEST_GAP:
+        if channel in _NO_TICKS or tick > before + LARGEST_GAP:
             return self.latest
         self._ticks[channel] = tick
         turn = self._rounds.get(channel, 0)

@@ -188,6 +188,12 @@ def _controller(run: RunData) -> Iterator[Curve]:
         error = MM_PER_M * (signals["com"] - signals["com_reference"])
         for axis, values in zip(AXES, error.T, strict=True):
             yield _thinned(f"com_{axis}", ESTIMATED, run, values)
+    for name, kind in (("dcm", ESTIMATED), ("dcm_reference", DESIRED)):
+        if name in signals:
+            walks = signals["walk_phase"] > 0  # its reference means nothing before
+            for axis, values in zip(AXES, signals[name].T, strict=False):
+                known = np.where(walks, MM_PER_M * values, np.nan)
+                yield _thinned(f"dcm_{axis}", kind, run, known)
     if "base_pose" in signals:
         # Its yaw is against the feet, not against the world.
         yield from list(_attitude("base", ESTIMATED, run, signals["base_pose"][:, 3:]))[

@@ -14,6 +14,7 @@ from surefoot.loop_margins import compute_margins
 from surefoot.out_folder import OutFolder
 from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves
+from surefoot.report.footsteps import footsteps
 from surefoot.report.panels import RUN_COLOURS, marks_of, panel_groups
 from surefoot.report.run_data import RunData
 from surefoot.report.scene_page import frame_rows, scene_page
@@ -154,6 +155,7 @@ def _head(run: RunData) -> dict[str, Any]:
         "gap": gap,
         "margins": "; ".join(_margins(run)),
         "logs": run.logs,
+        "footsteps": footsteps(run),
     }
 
 

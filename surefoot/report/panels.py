@@ -27,12 +27,15 @@ KIND_COLOURS = {
 DASHES = {s.MEASURED: "dot", s.ESTIMATED: "dot", s.DESIRED: "dash"}
 """What tells kinds apart where colours tell runs; others are solid."""
 COM, BASE, FORCE = "Centre of mass", "Base", "Normal force"
+WALK = "Walk"
 ANKLE, GROUND = "Left ankle", "Ground"
 MODE, TIME = "Mode and contact", "Time"
 GROUPS = {
     COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
     "in the world, from the simulator. Estimated: the stabilizer's own, from the "
     "robot's sensors, in its frame between the feet.",
+    WALK: "Divergent component of motion, in the odometry frame, from the first shift "
+    "of the weight to the last.",
     BASE: "True: the simulator's. Estimated: the controller's, whose yaw is free. "
     "Places are counted from the start of the run.",
     FORCE: "Of the ground on each sole, along the sole's normal. True: the "
@@ -67,6 +70,7 @@ class Panel(NamedTuple):
 
 PANELS = {
     **{f"com_{a}": Panel(COM, f"CoM error {a}", "mm") for a in s.AXES},
+    **{f"dcm_{a}": Panel(WALK, f"DCM {a}", "mm") for a in s.AXES[:2]},
     **{f"base_{t}": Panel(BASE, f"base {t}", "deg") for t in s.TURNS},
     **{f"base_{a}": Panel(BASE, f"base {a}", "mm") for a in s.AXES},
     **{

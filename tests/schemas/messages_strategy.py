@@ -35,6 +35,8 @@ def _struct(info: msgspec.inspect.StructType) -> st.SearchStrategy[msgspec.Struc
         elif field.name == "feet":
             both = st.lists(_values(field.type.item_type), min_size=2, max_size=2)
             fields[field.name] = st.just([]) | both
+        elif field.name == "steps":  # several must be in order
+            fields[field.name] = st.lists(_values(field.type.item_type), max_size=1)
         elif field.name in per_joint:
             size = JOINT_COUNT
             fields[field.name] = st.lists(_FLOATS, min_size=size, max_size=size)
@@ -46,10 +48,20 @@ def _struct(info: msgspec.inspect.StructType) -> st.SearchStrategy[msgspec.Struc
 _FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 
 
+def _between(info: msgspec.inspect.FloatType) -> st.SearchStrategy[float]:
+    """Numbers within limits that a message has."""
+    least = info.gt if info.ge is None else info.ge
+    return st.floats(
+        min_value=least or 0.0, max_value=info.le, exclude_min=info.ge is None
+    )
+
+
 def _values(info: msgspec.inspect.Type) -> st.SearchStrategy:
     match info:
         case msgspec.inspect.FloatType():
-            return _FLOATS
+            return _FLOATS if info.le is None else _between(info)
+        case msgspec.inspect.LiteralType():
+            return st.sampled_from(info.values)
         case msgspec.inspect.IntType():
             return st.integers(min_value=info.ge or 0, max_value=2**63 - 1)
         case msgspec.inspect.BoolType():

@@ -36,6 +36,8 @@ def _simplest(info: msgspec.inspect.Type) -> Any:
             return ""
         case msgspec.inspect.EnumType():
             return str(next(iter(info.cls)))
+        case msgspec.inspect.LiteralType():
+            return info.values[0]
         case msgspec.inspect.ListType():
             return [_simplest(info.item_type)] * (info.min_length or 0)
         case msgspec.inspect.DictType():

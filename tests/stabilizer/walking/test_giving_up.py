@@ -1,0 +1,72 @@
+"""What ends a walk in order: no more steps, or an ankle sensor that is lost."""
+
+from __future__ import annotations
+
+import pytest
+
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.walking.feet import FootState
+from surefoot.stabilizer.walking.gait import Phase
+from tests.stabilizer.closed_loop import NOISE
+
+pytestmark = pytest.mark.closed_loop
+WALK = {"velocity_m_s": 0.3, "start_s": 0.5, "step_s": 0.5, "double_s": 0.15}
+IN_THE_AIR_S = 1.5
+"""The left foot is on its way then."""
+
+
+def begun(robot: Robot, **table: object) -> tuple[Simulation, WholeBodyController]:
+    scenario = scenario_from_table(
+        {
+            "name": "walk",
+            "duration_s": 5.0,
+            "sensors": NOISE,
+            "walk": {**WALK, "stop_s": 4.0},
+            **table,
+        },
+        source="test",
+    )
+    sim = Simulation(robot, scenario)
+    controller = WholeBodyController(robot, ControllerSettings())
+    while sim.time_s < IN_THE_AIR_S:
+        sim.step(controller)
+    assert controller.walk.feet.state[0] is FootState.SWING
+    return sim, controller
+
+
+def test_an_empty_plan_brings_the_feet_together(walker: Robot) -> None:
+    sim, controller = begun(walker)
+    controller.follow_plan(
+        WalkPlan(schema=SCHEMA_VERSION, tick=0, stamp_ns=0, begin_tick=0, steps=[])
+    )
+    while not sim.finished and controller.walk.is_walking:
+        sim.step(controller)
+    left, right = controller.observer.anchors.p
+    assert controller.walk.gait.phase is Phase.STAND
+    assert left[0] == pytest.approx(right[0], abs=0.01)
+    assert controller.walk.state.done == 1
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_a_lost_ankle_sensor_ends_the_walk(walker: Robot, side: str) -> None:
+    fault = {
+        "sensor": f"{side}_ankle_ft",
+        "kind": "nan",
+        "start_s": IN_THE_AIR_S,
+        "duration_s": 10.0,
+    }
+    sim, controller = begun(walker, fault=[fault])
+    while not sim.finished and controller.walk.is_walking:
+        sim.step(controller)
+    assert not sim.fell
+    assert controller.walk.gait.phase is Phase.STAND
+    assert "ankle sensor" in controller.walk.state.refusal
+    while not sim.finished:
+        sim.step(controller)
+    assert not sim.fell

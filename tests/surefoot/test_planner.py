@@ -1,0 +1,95 @@
+"""A planner goes on from wherever the feet are being set, and never in disorder."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from surefoot.planner import STEPS_AHEAD, VelocityPlanner
+from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.walking.footsteps import Foothold, Pace
+from surefoot.stabilizer.walking.step_queue import StepQueue
+
+HALF_M = 0.11
+PACE = Pace(0.25, 0.0, 0.0, single_s=0.6, double_s=0.2, height_m=0.05)
+STATUS = WalkStatus(
+    schema=SCHEMA_VERSION,
+    tick=4000,
+    stamp_ns=0,
+    phase="single",
+    phase_s=0.1,
+    moved="left",
+    last_step=6,
+    steps_done=6,
+    steps_planned=9,
+    foot_left="swing",
+    foot_right="planted",
+    foothold_left=[1.0, 0.11, 0.0, 0.0],
+    foothold_right=[1.0, -0.11, 0.0, 0.0],
+    goal_left=[1.2, 0.11, 0.0, 0.0],
+    goal_right=[1.0, -0.11, 0.0, 0.0],
+    shift=[0.0, 0.0],
+    dcm=[1.0, 0.0],
+    dcm_reference=[1.0, 0.0],
+    refusal="",
+)
+
+
+@pytest.fixture
+def planner() -> VelocityPlanner:
+    return VelocityPlanner(PACE, half_width=HALF_M)
+
+
+def test_first_plan_begins_in_the_nominal_stance(planner: VelocityPlanner) -> None:
+    plan = planner.plan(None)
+    assert [step.id for step in plan.steps] == list(range(STEPS_AHEAD))
+    assert plan.steps[0].position == pytest.approx([0.2, HALF_M, 0.0])
+
+
+def test_goes_on_with_the_other_foot_from_the_one_in_the_air(
+    planner: VelocityPlanner,
+) -> None:
+    first = planner.plan(STATUS).steps[0]
+    assert (first.id, first.side) == (7, "right")
+    assert first.position == pytest.approx([1.4, -HALF_M, 0.0])
+
+
+def test_a_new_velocity_counts_from_the_next_step_on(planner: VelocityPlanner) -> None:
+    planner.pace = PACE._replace(ahead=0.0)
+    first = planner.plan(STATUS).steps[0]
+    assert first.position == pytest.approx([1.2, -HALF_M, 0.0])
+
+
+def test_no_steps_is_a_plan_too(planner: VelocityPlanner) -> None:
+    assert planner.plan(STATUS, count=0).steps == []
+
+
+@pytest.mark.parametrize("ahead", [-0.1, 0.0, 0.4])
+@pytest.mark.parametrize("yaw_rate", [-0.3, 0.0, 0.3])
+def test_plans_are_taken_on_the_way(
+    planner: VelocityPlanner, ahead: float, yaw_rate: float
+) -> None:
+    planner.pace = PACE._replace(ahead=ahead, yaw_rate=yaw_rate)
+    queue = StepQueue(WalkSettings(), half_width=HALF_M)
+    feet = [Foothold(0.0, HALF_M, 0.0, 0.0), Foothold(0.0, -HALF_M, 0.0, 0.0)]
+    assert queue.take(planner.plan(None), feet, walks=False) == ""
+    walks = False
+    for _ in range(8):
+        move = queue.begin(feet)
+        feet[move.side] = move.place
+        walks = True
+        status = msgspec.structs.replace(
+            STATUS,
+            last_step=queue.begun,
+            moved=("left", "right")[move.side],
+            goal_left=list(feet[0]),
+            goal_right=list(feet[1]),
+        )
+        plan = msgspec.convert(msgspec.to_builtins(planner.plan(status)), type=WalkPlan)
+        assert queue.take(plan, feet, walks=walks) == ""
+        # What is resent changes nothing.
+        again = queue.ahead(feet, 3)
+        assert queue.take(plan, feet, walks=walks) == ""
+        assert queue.ahead(feet, 3) == again
