@@ -25,6 +25,8 @@ LEARNING, BIAS_LEARNING = 3.0, 0.5
 """Bandwidths times the time watched, for as long as that is more [1]."""
 KNOWN_S = 5.0
 """After so long on ground that moves the height is believed."""
+RETURNED_M, RETURNED_M_S = 0.01, 0.01
+"""The ground is back from the stroke's end, and stands [m], [m/s]."""
 SEEN_M = 5e-4
 """On still ground an unbiased accelerometer's noise leads less astray [m]."""
 NOISE_MARGIN_M_S2 = 0.012
@@ -33,10 +35,14 @@ GRAVITY_MARGIN_M_S2 = 0.05
 """Gravity differs by so much from place to place [m/s^2]."""
 DIFFERENCE_MEMORY_S = 60.0
 """How long a difference between feet and accelerometer takes to be the new usual."""
-DIFFERENCE_LAG_S = 0.5
+DIFFERENCE_LAG_S = 0.1
 """Low-pass by which a sudden one is noticed [s]."""
 SUDDEN_M_S2 = 0.05
-"""No sensor's drift: the robot carries something, or is held [m/s^2]."""
+"""No sensor's drift: the robot carries something, is held or hit [m/s^2]."""
+ODD_FOR_S = 1.0
+"""After so long what came suddenly is the new usual."""
+AT_END = 0.2
+"""Part of the pull that is left at the stroke's end: the error tells nothing there."""
 
 
 class HeightFilter:
@@ -54,7 +60,8 @@ class HeightFilter:
     for as long as little is known, and the legs' word is taken for a share of the rest.
 
     The ground is taken to be level on average, within the legs' stroke: ground that
-    goes farther takes the level along.
+    goes farther takes the level along, and from the stroke's end the pull leads back
+    without swinging over.
 
     Attributes:
         height: over level ground [m].
@@ -87,8 +94,9 @@ class HeightFilter:
         self.height = self.rate = self.bias = self.ground = 0.0
         self._height = self._rate = 0.0
         self._known_s = LEAST_KNOWN_S
-        self._is_seen = False
-        self._usual = self._sudden = 0.0
+        self._is_seen = self._returns = False
+        self._usual = self._sudden = self._odd_s = 0.0
+        self._is_at_end = False
         self._felt_speed = self._leg_mean = self._speed_mean = 0.0
         self._ground_speed = 0.0
 
@@ -148,6 +156,8 @@ class HeightFilter:
         if stillness > STILL_FOR_BIAS and not self._is_seen:
             self._is_seen = abs(error) > SEEN_M
             k_3 *= self._is_seen
+        if self._is_at_end and stillness < 0.5:
+            k_2, k_3 = AT_END * k_2, AT_END * k_3
         self._height += dt * (self._rate + k_1 * error)
         self._rate += dt * (acceleration - self.bias + k_2 * error)
         self.bias -= dt * k_3 * error
@@ -155,6 +165,11 @@ class HeightFilter:
         lowest, highest = self._stroke
         within = min(max(ground, lowest), highest)
         self._height += within - ground
+        self._is_at_end = within != ground
+        if self._is_at_end:
+            self._returns = True
+        elif abs(within) < RETURNED_M and abs(self._rate - rate) < RETURNED_M_S:
+            self._returns = False
         share = min(1.0, self._known_s / KNOWN_S)
         self.ground = share * within
         self.height = over + self.ground
@@ -165,16 +180,21 @@ class HeightFilter:
         if difference is None:
             return 0.0
         unusual = difference - self._usual
+        self._sudden += self._dt / DIFFERENCE_LAG_S * (unusual - self._sudden)
+        if abs(self._sudden) > SUDDEN_M_S2:
+            self._odd_s += self._dt
+            if self._odd_s > ODD_FOR_S:
+                self._usual += self._sudden
+                self._sudden = 0.0
+                self._count = round(DIFFERENCE_LAG_S / self._dt)
+            return 0.0
+        self._odd_s = 0.0
         self._count += 1
         least = self._dt / DIFFERENCE_MEMORY_S
         change = max(1.0 / self._count, least) * unusual
         self._usual += change
         if self._is_seen:
             self.bias += 0.5 * change
-        self._sudden += self._dt / DIFFERENCE_LAG_S * (unusual - self._sudden)
-        if abs(self._sudden) > SUDDEN_M_S2:
-            self._usual += self._sudden
-            self._sudden = 0.0
         return 0.5 * unusual
 
     def _stillness(self, acceleration: float, leg_rate: float) -> float:
@@ -204,6 +224,8 @@ class HeightFilter:
         damping = _between(s.height_damping, STILL_DAMPING, stillness)
         is_still = stillness > STILL_FOR_BIAS
         p = STILL_BIAS_PULL if is_still else s.height_bias_pull
+        if self._returns:
+            damping = STILL_DAMPING
         if w * known_s < LEARNING:
             w, damping = LEARNING / known_s, STILL_DAMPING
         p = max(p, BIAS_LEARNING / known_s)

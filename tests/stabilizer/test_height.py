@@ -1,0 +1,75 @@
+"""The height filter alone: ground of any height, told by accelerations and legs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.height import HeightFilter
+
+PERIOD_S, STEP_S = 0.002, 1e-3
+STROKE = (-0.08, 0.15)
+STANDS_M = 0.8
+"""Height of the point over the ground, which the robot keeps."""
+Ground = Callable[[float], float]
+
+
+def ramp(time_s: float, *, lift: float, speed: float = 0.3) -> float:
+    """Ground that goes up or down from the first second on, and stays there."""
+    end_s = abs(lift) / speed
+    x = min(max((time_s - 1.0) / end_s, 0.0), 1.0)
+    return lift * x * x * (3.0 - 2.0 * x)
+
+
+def follow(
+    ground: Ground, *, duration_s: float, bias: float = 0.0, payload_s: float = 1e9
+) -> tuple[Array, Array]:
+    """Return true and estimated height of the ground, a row per tick."""
+    height = HeightFilter(EstimatorSettings(), stroke=STROKE, period_s=PERIOD_S)
+    rows = []
+    for time_s in PERIOD_S * np.arange(round(duration_s / PERIOD_S)):
+        before, now, after = (ground(time_s + d) for d in (-STEP_S, 0.0, STEP_S))
+        acceleration = bias + (after - 2.0 * now + before) / STEP_S**2
+        difference = bias - (0.4 if time_s > payload_s else 0.0)
+        if time_s < 0.3:
+            height.calibrate(
+                acceleration, difference, height=STANDS_M, rate=0.0, moves=False
+            )
+        else:
+            height.update(acceleration, difference, over=STANDS_M, rate=0.0)
+        rows.append((now, height.ground))
+    truth, estimate = np.array(rows).T
+    return truth, estimate
+
+
+@pytest.mark.parametrize("lift", [0.6, -0.5])
+def test_ground_beyond_the_stroke_takes_the_level_along(lift: float) -> None:
+    _, estimate = follow(lambda t: ramp(t, lift=lift), duration_s=14.0)
+    lowest, highest = STROKE
+    end = highest if lift > 0.0 else lowest
+    assert np.isclose(estimate, end).any()
+    back = estimate[-1]
+    assert abs(back) < 0.01
+    assert np.min(estimate * np.sign(lift)) > -0.35 * abs(end)
+
+
+@pytest.mark.parametrize("bias", [0.3, -0.2, 0.03])
+def test_a_bias_calibrated_at_rest_leaves_the_height_alone(bias: float) -> None:
+    wave = 0.05
+
+    def ground(time_s: float) -> float:
+        moved = max(time_s - 1.0, 0.0)
+        return float(wave * np.tanh(moved**3) * np.sin(3.0 * moved))
+
+    _, plain = follow(ground, duration_s=8.0)
+    _, biased = follow(ground, duration_s=8.0, bias=bias)
+    np.testing.assert_allclose(biased, plain, atol=3e-3)
+
+
+def test_a_load_picked_up_is_no_acceleration() -> None:
+    _, estimate = follow(lambda _: 0.0, duration_s=6.0, payload_s=3.0)
+    assert np.abs(estimate).max() < 0.03
