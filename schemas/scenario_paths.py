@@ -28,6 +28,17 @@ _PACED = ("frequency_hz", "rate_m_s", "rate_deg_s", "speed")
 """Keys of motions that the pace is a factor on."""
 _TABLES = ("sensors", "delay", "model_error", "start")
 _OPEN: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(
+        (
+            f"sensors.{stem}"
+            for stem in (
+                *("gyro_noise_rad_s", "accel_noise_m_s2", "gyro_bias_rad_s"),
+                *("accel_bias_m_s2", "gyro_scale", "accel_scale"),
+                *("gyro_drift_rad_s_min", "accel_drift_m_s2_min"),
+            )
+        ),
+        (),
+    ),
     "delay.sensor_ms": tuple(field.name for field in fields(SensorDelays)),
     "sensors.encoder_offset_rad": (),
     "model_error.backlash_rad": (),
@@ -189,8 +200,12 @@ def _set(table: Table, path: str, value: Any) -> None:
     for depth, parent in enumerate(parents):
         inner = place[int(parent)] if isinstance(place, list) else place[parent]
         if not isinstance(inner, (dict, list)):
-            parts = _OPEN.get(".".join(parents[: depth + 1]), ())
-            inner = place[parent] = dict.fromkeys(parts, inner)
+            following = [*parents, name][depth + 1]
+            if following.isdigit():  # one number for all axes becomes one for each
+                inner = place[parent] = [inner] * 3
+            else:
+                parts = _OPEN.get(".".join(parents[: depth + 1]), ())
+                inner = place[parent] = dict.fromkeys(parts, inner)
         place = inner
     derived = _DERIVED.get(name)
     if derived is not None:

@@ -73,13 +73,15 @@ def test_a_value_for_all_becomes_one_for_each(scenario: Scenario) -> None:
         scenario,
         {
             "sensors.force_bias_n": 2.0,
-            "sensors.force_bias_n.left": [0.0, 0.0, -30.0],
+            "sensors.force_bias_n.left.2": -30.0,
+            "sensors.accel_bias_m_s2.2": 0.03,
             "delay.sensor_ms.force_torque": 2.0,
             "sensors.encoder_offset_rad.left_knee": 0.02,
             "sensors.imu_rate_hz": 200.0,
         },
     )
-    assert changed.sensors.axes("force_bias_n", "left") == [0.0, 0.0, -30.0]
+    assert changed.sensors.axes("force_bias_n", "left") == [2.0, 2.0, -30.0]
+    assert changed.sensors.axes("accel_bias_m_s2", None) == [0.0, 0.0, 0.03]
     assert changed.sensors.axes("force_bias_n", "right") == [2.0] * 3
     assert changed.delay.of("force_torque") == 2.0
     assert changed.delay.of("imu") == 0.0
