@@ -100,11 +100,14 @@ def stabilizer(
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
     # Slow import; report bad files first.
+    from surefoot.robot_files.judge import warnings_of
     from surefoot.stabilizer.factory import find_controller
     from surefoot.stabilizer.node import run_stabilizer
     from surefoot.stabilizer.settings_check import check_settings
 
     check_settings(resolved, model)
+    for warning in warnings_of(model):
+        log_warning(warning)
     steps = None if walk is None else steps_of(walk, model, resolved)
     make = find_controller(controller)
     folder = result_file.parent if result_file is not None else Path.cwd()

@@ -136,12 +136,7 @@ def find_nominal(
         if not found.is_good:
             continue
         reach = ReachSearch(solver, found.q).reach()
-        score = min(
-            1.0,
-            reach.rise_m / asked_rise,
-            reach.sink_m / asked_sink,
-            min(*reach.pitch_rad, reach.roll_rad) / TILT_RAD,
-        )
+        score = _score(reach, asked_rise=asked_rise, asked_sink=asked_sink)
         if best is None or score > best[0] + 1e-3:
             best = (score, found, reach)
         if score == 1.0:
@@ -168,6 +163,16 @@ def find_nominal(
         reach=reach,
         com_travel_m=travel,
         asked_m=(asked_sink, asked_rise),
+    )
+
+
+def _score(reach: Reach, *, asked_rise: float, asked_sink: float) -> float:
+    """Smallest part, at most 1, of what was asked for."""
+    return min(
+        1.0,
+        reach.rise_m / asked_rise,
+        reach.sink_m / asked_sink,
+        min(*reach.pitch_rad, reach.roll_rad) / TILT_RAD,
     )
 
 

@@ -16,8 +16,11 @@ from surefoot.stabilizer.stance.body import Body, Directions
 from surefoot.stabilizer.stance.shapes import Tag, surface_points
 from surefoot.stabilizer.stance.sole import Sole, fit_sole
 
-_FT = re.compile(r"(^|[_\-\W])(ft|fts|force|wrench|loadcell)|forcetorque|_ft|ft_", re.I)
-_IMU = re.compile(r"imu|gyro|accel|ahrs|inertial", re.I)
+_FT = re.compile(
+    r"(?:^|[_\W])(?:fts?|force|wrench|loadcell)(?:[_\W\d]|$)|force_?torque", re.I
+)
+_IMU = re.compile(r"(?:^|[_\W])imu|gyro|acceleromet|ahrs|inertial", re.I)
+"""Whole words: there is an ft in every left_foot."""
 SAME_PLACE_M, SAME_TURN_RAD = 1e-3, 1e-3
 """A link this near to the middle of the rectangle is its frame."""
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from scipy.signal import butter, sosfilt
 
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot
@@ -22,6 +23,8 @@ KEPT_SHARE = 0.9
 LEAST_SHARE = 0.05
 PUSH_SHARE = 0.6
 """Of the capture limit: what pushes are scaled to."""
+FOLLOWED_HZ = 0.2
+"""Ground that rises and sinks more slowly takes the centre of mass along."""
 _AXES = ("z", "roll", "pitch")
 _SIZES = (
     *("amplitude_m", "amplitude_deg", "peak_to_peak_m", "peak_to_peak_deg"),
@@ -154,6 +157,8 @@ def _track(platform: Platform, duration_s: float) -> Mat:
             continue
         law = motion_law(motion)
         track[:, _AXES.index(motion.axis)] += [law(float(t))[0] for t in times]
+    high = butter(2, FOLLOWED_HZ, "highpass", fs=1.0 / SAMPLE_S, output="sos")
+    track[:, 0] = sosfilt(high, track[:, 0])
     return track
 
 

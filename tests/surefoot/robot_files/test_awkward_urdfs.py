@@ -180,6 +180,12 @@ def on_two_joints(root: ElementTree.Element) -> None:
     joint(root, "again", "fixed", "torso", "left_foot")
 
 
+def without_sensor_mounts(root: ElementTree.Element) -> None:
+    """As most are drawn: nothing is named like a sensor, every foot is a left_foot."""
+    for side in SIDES:
+        part(root, "joint", f"{side}_ankle_ft_mount").set("name", f"{side}_foot_glue")
+
+
 def nothing(root: ElementTree.Element) -> None:
     del root
 
@@ -227,6 +233,7 @@ STANDS: dict[str, tuple[Change, NewRobotOptions, str]] = {
         "14 joints fixed",
     ),
     "no efforts": (with_limits(effort="0", velocity="0"), FEET, "torque limits of 28"),
+    "no sensor": (without_sensor_mounts, FEET, "taken to sit at the ankle"),
     "meshes alone": (with_meshes_alone, FEET, "240 x 120 mm"),
     "lost pictures": (with_lost_pictures, FEET, "meshes are not there"),
     "one knee reversed": (with_one_knee_reversed, FEET, "knees at 1.28 and -1.28"),

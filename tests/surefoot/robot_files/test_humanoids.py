@@ -34,8 +34,20 @@ def check_posture(model: RobotModel) -> None:
     assert np.all(model.nominal <= model.upper)
 
 
+QUICK = ("jvrc-legs", "icub")
+"""Run by default: the smallest, and the one with the most awkward frames."""
+
+
+@pytest.mark.parametrize("name", ["jvrc", "talos"])
+def test_its_posture_is_one_to_stand_in(name: str, tmp_path: Path) -> None:
+    check_posture(RobotModel(make_humanoid(name, tmp_path).robot))
+
+
 @pytest.mark.closed_loop
-@pytest.mark.parametrize("name", HUMANOIDS)
+@pytest.mark.parametrize(
+    "name",
+    [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in HUMANOIDS],
+)
 def test_it_stands(name: str, tmp_path: Path) -> None:
     robot = make_humanoid(name, tmp_path).robot
     check_posture(RobotModel(robot))

@@ -126,3 +126,17 @@ def test_reach_ends_where_the_knee_would_be_straight() -> None:
     sink, rise = WALKER.file.com_travel_m
     assert rise <= reach.rise_m < rise + 0.03
     assert reach.sink_m > -sink - 0.01
+
+
+def test_slow_heave_takes_the_robot_along() -> None:
+    slow = msgspec.structs.replace(
+        HEAVE,
+        duration_s=60.0,
+        platform=[
+            Platform(
+                foot="both",
+                motion=[SineMotion(axis="z", amplitude_m=0.3, frequency_hz=0.03)],
+            )
+        ],
+    )
+    assert fit(slow, WALKER).why == ""
