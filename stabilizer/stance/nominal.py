@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,7 @@ MARGIN_RAD = 0.02
 """Kept to the ends of all joint ranges."""
 RISE_SHARE, SINK_SHARE = 0.14, 0.24
 """Of the leg's length: travel asked for when nobody says how much."""
-TILT_RAD = np.radians(10.0)
+TILT_RAD = math.radians(10.0)
 """Of the ground, asked for in each direction."""
 KEPT_SHARE = 0.9
 """Of the reach that is found: what the controller is told of."""
