@@ -40,7 +40,7 @@ ServosOption = Annotated[
     typer.Option(
         "--servo-profile",
         metavar="NAMES",
-        help="Comma-separated, of the robot file; ideal and harmonic when not given.",
+        help="Comma-separated, of the robot file; all it has when not given.",
     ),
 ]
 OUT_HELP = "Folder of runs, page and YAML files; a former one goes on."

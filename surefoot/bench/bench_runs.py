@@ -19,8 +19,6 @@ from surefoot.studies.store import StudyStore
 
 CONTROLLERS = ("whole-body", "zmp-tuned", "zmp-stock")
 QUICK_CONTROLLERS = CONTROLLERS[:2]
-SERVO_PROFILES = ("ideal", "harmonic")
-QUICK_SERVO_PROFILES = SERVO_PROFILES[:1]
 
 
 @dataclass(frozen=True)
@@ -105,6 +103,7 @@ def bench_runs(
 
 
 def everyone(
+    robot: str,
     controllers: Sequence[str] | None,
     servo_profiles: Sequence[str] | None,
     *,
@@ -113,14 +112,20 @@ def everyone(
     """Return all who are measured.
 
     Args:
+        robot: shipped name or path of a robot file.
         controllers: names as for :func:`surefoot.study`; None for the usual ones.
-        servo_profiles: of the robot file; None for the usual ones.
-        quick: fewer of both, where they are not given.
+        servo_profiles: of the robot file; None for all it has.
+        quick: fewer controllers, and the robot's own profile alone, where they are
+            not given.
 
     Raises:
         UsageError: there is no such controller.
+        RobotFileError: no such robot.
     """
+    from surefoot.robot_io.robot import load_robot
+
+    servo = load_robot(robot).file.servo
     names = controllers or (QUICK_CONTROLLERS if quick else CONTROLLERS)
-    profiles = servo_profiles or (QUICK_SERVO_PROFILES if quick else SERVO_PROFILES)
+    profiles = servo_profiles or ([servo.profile] if quick else list(servo.profiles))
     variants = [find_variant(name).name for name in names]
     return [Under(v, p) for p in profiles for v in variants]

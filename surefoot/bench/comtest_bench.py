@@ -97,10 +97,10 @@ def comtest(
     Args:
         robot: shipped name or path of a robot file.
         quick: some minutes of it: one size, pitch and x, fewer sines, two controllers
-            and ideal servos, where these are not given.
+            and the robot's own servo profile, where these are not given.
         controllers: ``whole-body``, ``zmp-tuned``, ``zmp-stock`` or any name as on the
             command line.
-        servo_profiles: of the robot file; ``ideal`` and ``harmonic`` when None.
+        servo_profiles: of the robot file; all it has when None.
         protocols: ``transient``, ``sinus``, ``prts``.
         axes: ``pitch``, ``roll``, ``x``, ``y``.
         sizes_deg: from the lowest to the highest, 0.5 to 16 when None; a translation
@@ -129,7 +129,7 @@ def comtest(
         if not all(value > 0.0 for value in values):
             raise UsageError(f"{what}: got {min(values):g}, expected more than 0")
     stimuli = list(_stimuli(protocols, axes, sizes, sines, speed, cycles))
-    under = everyone(controllers, servo_profiles, quick=quick)
+    under = everyone(robot, controllers, servo_profiles, quick=quick)
     subject = subject_of(robot)
     cells = [
         sway_cell(stimulus, who, height_m=subject.com_height_m)

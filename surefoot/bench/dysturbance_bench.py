@@ -102,11 +102,11 @@ def dysturbance(
 
     Args:
         robot: shipped name or path of a robot file.
-        quick: some minutes of it: ahead only, one frequency, two controllers and ideal
-            servos, where these are not given.
+        quick: some minutes of it: ahead only, one frequency, two controllers and the
+            robot's own servo profile, where these are not given.
         controllers: ``whole-body``, ``zmp-tuned``, ``zmp-stock`` or any name as on the
             command line.
-        servo_profiles: of the robot file; ``ideal`` and ``harmonic`` when None.
+        servo_profiles: of the robot file; all it has when None.
         kinds: ``impulse``, ``sine-displacement``, ``sine-force``,
             ``slow-displacement``, ``slow-force``.
         directions_deg: 0 ahead, 90 to the left, 180 back.
@@ -130,7 +130,7 @@ def dysturbance(
     check_names(kinds, KINDS, what="kind")
     if not all(frequency > 0.0 for frequency in sines):
         raise UsageError(f"frequency: got {min(sines):g}, expected more than 0")
-    under = everyone(controllers, servo_profiles, quick=quick)
+    under = everyone(robot, controllers, servo_profiles, quick=quick)
     subject = subject_of(robot)
     pushed = body or load_robot(robot).file.base_link
     disturbances = [

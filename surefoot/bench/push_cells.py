@@ -34,7 +34,10 @@ UNITS: dict[PushKind, str] = {
 GRAVITY_M_S2 = 9.81
 START_S = 0.5
 AFTER_STRIKE_S = 3.5
-RISE_S, HELD_S = 3.0, 2.0
+RISE_S = 3.0
+HELD_S = 4.0
+"""Long against the time in which a pendulum of the robot's height falls: what is a
+little too much must have made it fall by then."""
 PERIODS = 3
 LEAST_SINE_S = 2.5
 STRIKER_SHARE = 0.1

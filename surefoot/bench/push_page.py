@@ -15,7 +15,7 @@ _INTRO = (
     "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
     "a given force. The margin is the largest push that was stood, found by halving to "
     "within 2 %: of a strike its peak force, of a sine from its lowest to its highest, "
-    "of a slow push what it goes to within three seconds and holds for two.",
+    "of a slow push what it goes to within three seconds and holds for four.",
     "As for a person: divided by the robot's measures over those of a person of 81 kg "
     "(weight times base over height for forces, the energy to tip for energies, height "
     "of the centre of mass for ways), so that robots of any size compare.",
