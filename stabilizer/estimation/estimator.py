@@ -28,6 +28,9 @@ from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
 _ORIGIN = np.zeros(3)
 MIN_TOTAL_FORCE_N = 50.0
 """Below it the load share keeps its last value [N]."""
+SAME_TIME_S = 0.0025
+"""Forces are of the end of a tick, accelerations the mean of it. In longer ticks the
+two differ whenever the legs move, and tell nothing about each other [s]."""
 
 
 class Estimator:
@@ -253,7 +256,7 @@ class Estimator:
             return None
         bias.learn(feet.by_force, feet.by_pressure, self.R_world_base)
         felt -= self.R_world_base @ bias.bias
-        return feet.by_force.item(2)
+        return feet.by_force.item(2) if self._dt < SAME_TIME_S else None
 
     def _point_over_ground(self) -> tuple[float, float]:
         """Return height of the filtered point over the ground [m], and its rate.
