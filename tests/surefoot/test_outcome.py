@@ -22,6 +22,7 @@ from surefoot.schemas.result import (
     ControllerResult,
     ModeReport,
     PlantResult,
+    WalkReport,
 )
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
@@ -206,3 +207,31 @@ def short_scenario(tmp_path: Path) -> Path:
     path = tmp_path / "short.toml"
     path.write_text('name = "short"\nduration_s = 0.3\n')
     return path
+
+
+@pytest.mark.parametrize(
+    ("changes", "outcome", "words"),
+    [
+        ({}, Outcome.WALKED, "4 steps"),
+        ({"steps_done": 3}, Outcome.STOOD, "3 of 4 steps"),
+        ({"is_over": False}, Outcome.STOOD, "4 of 4 steps"),
+        ({"refusal": "too far"}, Outcome.STOOD, "too far"),
+    ],
+)
+def test_only_who_takes_all_steps_and_stands_has_walked(
+    changes: dict[str, Any], outcome: Outcome, words: str
+) -> None:
+    whole = WalkReport(
+        steps_done=4,
+        steps_planned=4,
+        is_over=True,
+        dcm_error_rms_mm=[1.0, 2.0],
+        dcm_error_max_mm=[3.0, 4.0],
+        placement_error_max_mm=5.0,
+        touchdown_late_s=[0.0, 0.0],
+    )
+    walk = msgspec.structs.replace(whole, **changes)
+    controller = msgspec.structs.replace(CONTROLLER, walk=walk)
+    judgement = judge(PLANT, controller, period_s=PERIOD_S)
+    assert judgement.outcome is outcome
+    assert words in judgement.detail
