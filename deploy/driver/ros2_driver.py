@@ -27,6 +27,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.robot_io.timing import TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import load_endpoints
+from surefoot.schemas.topics import TICK_SENSORS
 
 _LOG = logging.getLogger("surefoot.ros2")
 NS_PER_S = 1_000_000_000
@@ -100,10 +101,6 @@ class Ros2Adapter:
         self._to_ros = np.array([names.index(name) for name in order])
         if self._by_name:
             self._command.name = order
-        self._signs = [
-            1.0 if entry.sign == "ground_on_robot" else -1.0
-            for entry in (settings.left_ankle_ft, settings.right_ankle_ft)
-        ]
         self._max_age_ns = round(settings.clock.max_age_s * NS_PER_S)
         self.missing: tuple[str, ...] = ()
         self.ages, self.periods = TimingLog(), TimingLog()
@@ -149,7 +146,12 @@ class Ros2Adapter:
             or (name == "joints" and not is_new)
         )
         imu = self._newest["imu"]
-        left, right = self._newest["left_ankle_ft"], self._newest["right_ankle_ft"]
+        ages_ns = [
+            self._stamp_ns - self._taken_ns.get(name, self._stamp_ns)
+            for name in TICK_SENSORS
+        ]
+        speed = self._settings.clock.speed  # ages count in the robot's time
+        measured_ns = [self._stamp_ns - round(age_ns * speed) for age_ns in ages_ns]
         return Snapshot(
             tick=tick,
             stamp_ns=self._stamp_ns,
@@ -159,9 +161,9 @@ class Ros2Adapter:
             quat_xyzw=_numbers(imu.orientation, "xyzw"),
             angular_velocity=_numbers(imu.angular_velocity),
             linear_acceleration=_numbers(imu.linear_acceleration),
-            ft_left=self._signs[0] * _wrench(left),
-            ft_right=self._signs[1] * _wrench(right),
-            measured_ns=tuple(self._taken_ns.values()),
+            ft_left=self._wrench("left_ankle_ft"),
+            ft_right=self._wrench("right_ankle_ft"),
+            measured_ns=tuple(measured_ns),
         )
 
     def write(self, q_command: Array) -> None:
@@ -173,6 +175,14 @@ class Ros2Adapter:
         else:
             self._command.data = numbers
         self._publisher.publish(self._command)
+
+    def _wrench(self, name: str) -> Array:
+        """Of the ground on the robot; zeros of an ankle without sensor."""
+        if name not in self._topics:
+            return np.zeros(6)
+        wrench = self._newest[name].wrench
+        F = np.concatenate((_numbers(wrench.force), _numbers(wrench.torque)))
+        return self._settings.signs[name] * F
 
     def _measured_ns(self, message: Any, now_ns: int) -> int:
         """When a message was measured, on the monotonic clock."""
@@ -303,11 +313,6 @@ def _never(message: object) -> None:
 
 def _numbers(value: Any, names: str = "xyz") -> Array:
     return np.array([getattr(value, name) for name in names])
-
-
-def _wrench(message: Any) -> Array:
-    force, torque = message.wrench.force, message.wrench.torque
-    return np.array([force.x, force.y, force.z, torque.x, torque.y, torque.z])
 
 
 @contextmanager

@@ -54,6 +54,8 @@ class Clock(FileStruct, frozen=True, kw_only=True):
     taken in here."""
     max_age_s: Positive = 0.05
     """A reading older than this is not passed on [s]."""
+    speed: Positive = 1.0
+    """How fast the robot's time passes: other than 1 for a simulated robot only."""
     start_s: Positive = 10.0
     """How long the topics may take to appear [s]."""
 
@@ -67,9 +69,10 @@ class Ros2Settings(FileStruct, frozen=True, kw_only=True):
     """sensor_msgs/JointState; it sets the pace: one tick per message."""
     imu: SensorTopic
     """sensor_msgs/Imu, in the frame of the robot file's IMU."""
-    left_ankle_ft: WrenchTopic
-    """geometry_msgs/WrenchStamped of the left ankle."""
-    right_ankle_ft: WrenchTopic
+    left_ankle_ft: WrenchTopic | None = None
+    """geometry_msgs/WrenchStamped of the left ankle; absent for a robot file with
+    [virtual_ft], whose ankles have no sensors."""
+    right_ankle_ft: WrenchTopic | None = None
     """The same of the right ankle."""
     command: CommandTopic
     """Joint positions."""
@@ -81,11 +84,23 @@ class Ros2Settings(FileStruct, frozen=True, kw_only=True):
     @property
     def sensors(self) -> dict[str, SensorTopic]:
         """The robot's topics by the channel of the sensor table."""
-        return {
+        every = {
             "joints": self.joint_states,
             "imu": self.imu,
             "left_ankle_ft": self.left_ankle_ft,
             "right_ankle_ft": self.right_ankle_ft,
+        }
+        return {name: entry for name, entry in every.items() if entry is not None}
+
+    @property
+    def signs(self) -> dict[str, float]:
+        """What a wrench is multiplied by to be the ground's on the robot."""
+        ankles = {"left_ankle_ft": self.left_ankle_ft}
+        ankles["right_ankle_ft"] = self.right_ankle_ft
+        return {
+            name: 1.0 if entry.sign == "ground_on_robot" else -1.0
+            for name, entry in ankles.items()
+            if entry is not None
         }
 
     def ros_names(self, robot: Robot) -> list[str]:
@@ -121,6 +136,13 @@ def load_settings(path: Path, robot: Robot) -> Ros2Settings:
             f"expected each of the {len(names)} joints once, by ROS's names; got "
             f"{len(order)} (absent: {absent}, unknown: {unknown})",
         )
+    is_virtual = robot.file.virtual_ft is not None
+    for name in ("left_ankle_ft", "right_ankle_ft"):
+        if (name in settings.sensors) is is_virtual:
+            text = f"{robot.path} has [virtual_ft]: leave the ankle's topic out"
+            if not is_virtual:
+                text = "missing: the ankle's topic; or [virtual_ft] in the robot file"
+            raise _refused(path, name, text)
     topics = [entry.topic for entry in settings.sensors.values()]
     for topic in topics:
         if topics.count(topic) > 1:

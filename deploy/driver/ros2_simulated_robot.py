@@ -3,8 +3,8 @@
 cd deploy/driver
 python ros2_simulated_robot.py moving-platform-fast ros2.toml
 
-It stands, and its scenario begins with the first command that moves. ``--speed 0.1``
-has its time pass at a tenth of ours.
+It stands, and its scenario begins with the first command that moves. ``speed = 0.1`` in
+the TOML's [clock] has its time pass at a tenth of ours.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from ros2_driver import Topic
 from ros2_node import RELIABILITY, complain, ros2_node
-from ros2_settings import Ros2Settings, WrenchTopic, load_settings
+from ros2_settings import Ros2Settings, load_settings
 
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import Pacer, quiet_interpreter
@@ -51,11 +51,12 @@ class Ros2Face:
         self._node = node
         names = settings.ros_names(robot)
         self._joints, self._imu = JointState(name=names), Imu()
-        wrenches = (settings.left_ankle_ft, settings.right_ankle_ft)
-        self._wrenches = [(WrenchStamped(), _sign(entry)) for entry in wrenches]
+        self._signs = settings.signs
+        self._wrenches = {name: WrenchStamped() for name in self._signs}
         self._imu.header.frame_id = robot.file.imu.frame
-        for (message, _), foot in zip(self._wrenches, robot.file.foot, strict=True):
-            message.header.frame_id = foot.ft_link
+        for foot in robot.file.foot:
+            if (message := self._wrenches.get(f"{foot.side}_ankle_ft")) is not None:
+                message.header.frame_id = foot.ft_link
         self._publishers = {
             name: node.create_publisher(
                 {"joints": JointState, "imu": Imu}.get(name, WrenchStamped),
@@ -88,14 +89,13 @@ class Ros2Face:
         _fill(imu.angular_velocity, snapshot.angular_velocity)
         _fill(imu.linear_acceleration, snapshot.linear_acceleration)
         messages: dict[str, Any] = {"imu": imu}
-        readings = (snapshot.ft_left, snapshot.ft_right)
-        names = ("left_ankle_ft", "right_ankle_ft")
-        for name, (message, sign), F in zip(
-            names, self._wrenches, readings, strict=True
-        ):
+        readings = {"left_ankle_ft": snapshot.ft_left}
+        readings["right_ankle_ft"] = snapshot.ft_right
+        for name, message in self._wrenches.items():
+            F = self._signs[name] * readings[name]
             message.header.stamp = stamp
-            _fill(message.wrench.force, sign * F[:3])
-            _fill(message.wrench.torque, sign * F[3:])
+            _fill(message.wrench.force, F[:3])
+            _fill(message.wrench.torque, F[3:])
             messages[name] = message
         joints = self._joints
         joints.header.stamp = stamp
@@ -174,17 +174,12 @@ def _fill(target: Any, numbers: Array, names: str = "xyz") -> None:
         setattr(target, name, number)
 
 
-def _sign(entry: WrenchTopic) -> float:
-    return 1.0 if entry.sign == "ground_on_robot" else -1.0
-
-
 def main() -> None:
     """Run until the scenario is over or Ctrl-C; print what became of the robot."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenario")
     parser.add_argument("ros2", type=Path, help="the TOML that the driver reads")
     parser.add_argument("--robot", default="walker")
-    parser.add_argument("--speed", type=float, default=1.0)
     parser.add_argument("--seed", type=int, default=0)
     words = parser.parse_args()
     robot = load_robot(words.robot)
@@ -195,7 +190,7 @@ def main() -> None:
             robot,
             load_scenario(words.scenario),
             Ros2Face(robot, settings, node),
-            speed=words.speed,
+            speed=settings.clock.speed,
             seed=words.seed,
             stop=stop,
         )

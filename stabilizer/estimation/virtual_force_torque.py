@@ -95,6 +95,8 @@ class VirtualWrenches:
         information = J @ J.T / EFFORT_NM**2 + self._prior
         felt = J @ self._residual / EFFORT_NM**2
         F: Array = np.asarray(np.linalg.solve(information, felt), dtype=np.float64)
+        if not np.isfinite(F.sum()):
+            self._explained = None  # a reading that is no number ends with its tick
         left, right = SOLE_ROWS
         return replace(snapshot, ft_left=F[left], ft_right=F[right])
 

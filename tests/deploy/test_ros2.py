@@ -18,7 +18,7 @@ import pytest
 
 from deploy.driver.ros2_settings import load_settings
 from surefoot.robot_io.client_side.observer import Observer
-from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot import find_robot, load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import FileFormatError
 from tests.command import (
@@ -41,9 +41,9 @@ STILL_RAD = 2e-5
 KNEE = ("[joints]", '[joints]\nleft_knee = "LKneePitch"\n', 1)
 MOST_COM_ERROR_MM = 30.0
 MOST_DISTANCE_M = 0.01
-SPEEDS = (0.2, 0.05, 0.02)
-"""Of the robot's time: as slow as a busy machine needs to answer within few ticks."""
-LOST_FROM_S, LAST_S = 1.9, 2.3
+SPEEDS = (0.2, 0.2, 0.1)
+"""Of the robot's time: a busy machine may need another go, or a slower one."""
+LAST_S = 2.3
 
 
 def ros2_python() -> str | None:
@@ -104,13 +104,14 @@ def slow_rate(robot: Path, rate_hz: float) -> Path:
 
 
 def patient_settings(
-    folder: Path, text: str = "", *, start_s: float = PATIENCE_S
+    folder: Path, text: str = "", *, start_s: float = PATIENCE_S, speed: float = 1.0
 ) -> Path:
     """The shipped ones, or others like them, of a driver that waits long."""
     path = folder / "ros2.toml"
     text = text or SHIPPED.read_text()
     patient = text.replace("max_age_s = 0.05", "max_age_s = 1.0")
-    path.write_text(patient.replace("[clock]", f"[clock]\nstart_s = {start_s}"))
+    clock = f"[clock]\nspeed = {speed}\nstart_s = {start_s}"
+    path.write_text(patient.replace("[clock]", clock))
     return path
 
 
@@ -132,14 +133,12 @@ def wait_until_still(robot: Path, endpoints: Endpoints) -> None:
 
 
 @needs_ros2
+@pytest.mark.slow
 def test_the_fast_platform_through_ros2_both_ways(
     tmp_path: Path, endpoint_file: Path
 ) -> None:
     robot = slow_rate(patient_robot_file(tmp_path), 500.0)
     scenario = cut_short("moving-platform-fast", tmp_path, LAST_S)
-    fault = '[[fault]]\nsensor = "left_ankle_ft"\nkind = "drop"\n'
-    with scenario.open("a") as file:
-        file.write(f"\n{fault}start_s = {LOST_FROM_S}\nduration_s = 1.0\n")
     for speed in SPEEDS:
         end, heard = balanced(scenario, robot, endpoint_file, speed=speed)
         if max(end["com_error_max_mm"]) < MOST_COM_ERROR_MM:
@@ -155,8 +154,8 @@ def balanced(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """What became of the robot, and what ROS 2 heard of it."""
     folder = scenario.parent
-    settings = patient_settings(folder)
-    plant_words = [scenario, settings, "--robot", robot, "--speed", speed]
+    settings = patient_settings(folder, speed=speed)
+    plant_words = [scenario, settings, "--robot", robot]
     shown = [endpoint_file, robot, "--rate", 10, "--wait", PATIENCE_S]
     words = ["--realtime", "--robot", robot, "--endpoints", endpoint_file]
     piped = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
@@ -185,7 +184,6 @@ def check_what_ros2_heard(heard: dict[str, Any], robot: Path) -> None:
     assert heard["force"]["/surefoot/right_sole/measured"][2] > 100.0
     said = heard["said"][f"{model.file.name}: stabilizer"]
     assert any(word.startswith("active") for word in said)
-    assert any("left_ankle_ft" in word for word in said)
     frames = {child: (parent, np.array(p)) for parent, child, p in heard["frames"]}
     base = f"surefoot/{model.file.base_link}"
     parent, place = frames[base]
@@ -265,6 +263,7 @@ def refused(settings: Path, endpoint_file: Path, *, code: int, expected: str) ->
         ("[joints]", '[joints]\nleft_knee = "right_knee"', "two joints"),
         ("[joints]", 'joints = ["left_knee"]\n[joints]', "each of the 28 joints"),
         ("Float64MultiArray", "Float32", "command.type"),
+        ("[right_ankle_ft]", "[imu2]", "imu2"),
     ],
 )
 def test_a_mistaken_file_is_refused_by_its_key(
@@ -275,3 +274,16 @@ def test_a_mistaken_file_is_refused_by_its_key(
     with pytest.raises(FileFormatError, match=expected) as refused:
         load_settings(path, load_robot("walker"))
     assert str(path) in str(refused.value)
+
+
+def test_a_robot_without_ankle_sensors_has_no_topics_for_them(tmp_path: Path) -> None:
+    robot = tmp_path / "virtual.toml"
+    robot.write_text(f'extends = "{find_robot("walker")}"\n[virtual_ft]\n')
+    with pytest.raises(FileFormatError, match="leave the ankle's topic out"):
+        load_settings(SHIPPED, load_robot(str(robot)))
+    before, _, after = SHIPPED.read_text().partition("[left_ankle_ft]")
+    path = tmp_path / "ros2.toml"
+    path.write_text(before + "[command]" + after.partition("[command]")[2])
+    assert set(load_settings(path, load_robot(str(robot))).sensors) == {"joints", "imu"}
+    with pytest.raises(FileFormatError, match="left_ankle_ft: missing"):
+        load_settings(path, load_robot("walker"))

@@ -133,6 +133,19 @@ def test_it_feels_what_a_sensor_would_while_everything_moves(
     assert worst[moments].max() < 3.0 * MOST_SHARE * np.abs(felt[moments]).max()
 
 
+def test_a_reading_that_is_no_number_costs_one_tick(walker: Robot) -> None:
+    model = RobotModel(walker)
+    course = Course(model, 0)
+    virtual = VirtualWrenches(model, QUICK, period_s=PERIOD_S)
+    for k in range(3 * SETTLED):
+        snapshot, felt = course.tick(k)
+        if k == SETTLED:
+            snapshot = replace(snapshot, effort=np.full(walker.n_a, np.nan))
+        found = virtual.infer(snapshot)
+        assert bool(np.isfinite(found.ft_left).all()) is (k != SETTLED)
+    assert np.abs(found.ft_left - felt[:6]).max() < MOST_SHARE * felt.max()
+
+
 def without_sensors(robot: Robot, **settings: float) -> Robot:
     virtual = VirtualForceTorque(**settings)
     return replace(robot, file=msgspec.structs.replace(robot.file, virtual_ft=virtual))
