@@ -25,13 +25,6 @@ _DOTTED_CAPITAL = re.compile(r'(<mover accent="true"><mi>[A-Z]</mi>)<mo>')
 FONT = "STIXTwoMath-Regular.ttf"
 
 
-def on_config(config: Any) -> Any:
-    """Leave out menu entries whose page is neither written nor generated."""
-    there = {path.name for path in Path(config.docs_dir).glob("*.md")}
-    config.nav = _existing(config.nav, there | set(generated_pages.PAGES))
-    return config
-
-
 def on_files(files: Files, config: Any) -> Files:
     """Add generated pages, a page for each source file linked to, and the font."""
     texts = {
@@ -72,14 +65,3 @@ def _to_mathml(match: re.Match[str]) -> str:
     mathml = convert(tex, display=display).replace("<mover>", '<mover accent="true">')
     mathml = _DOTTED_CAPITAL.sub(r'\1<mo class="over-capital">', mathml)
     return f'<{match[1]} class="math">{mathml}</{match[1]}>'
-
-
-def _existing(node: Any, there: set[str]) -> Any:
-    if isinstance(node, list):
-        kept = [_existing(item, there) for item in node]
-        return [item for item in kept if item is not None]
-    if isinstance(node, dict):
-        ((title, content),) = node.items()
-        inside = _existing(content, there)
-        return None if inside is None else {title: inside}
-    return node if node in there else None

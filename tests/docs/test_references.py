@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -25,6 +26,8 @@ from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.schemas.signals import SIGNALS
 from surefoot.schemas.topics import TOPICS
+
+ROOT = Path(__file__).parents[2]
 
 FILES = (Scenario, RobotFile, Endpoints, RunResult)
 SECTIONS = msgspec.structs.fields(ControllerSettings)
@@ -127,3 +130,11 @@ def test_a_docstring_becomes_markdown() -> None:
         ("Args", "**Arguments**\n\n- `x`: what follows [m].\n"),
         ("Returns", "**Returns**\n\nA `Thing`.\n"),
     ]
+
+
+@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md"])
+def test_every_link_of_the_front_pages_leads_somewhere(page: str) -> None:
+    links = re.findall(r"\]\(([^)#\s]+)", (ROOT / page).read_text())
+    local = [link for link in links if "://" not in link]
+    assert local
+    assert [link for link in local if not (ROOT / link).exists()] == []
