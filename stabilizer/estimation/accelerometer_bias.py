@@ -14,6 +14,10 @@ from surefoot.schemas.arrays import Mat, Vec3
 
 BIAS_LIMIT_M_S2 = 0.5
 """More than any accelerometer is off by [m/s^2]; a robot that is pulled at looks so."""
+KNOWN_S = 0.5
+"""After so long a mean is known, and what is far from it is a push, no bias [s]."""
+SUDDEN_M_S2 = 0.1
+"""By so much at most a reading counts as off the mean from then on [m/s^2]."""
 
 
 class HorizontalBias:
@@ -22,7 +26,7 @@ class HorizontalBias:
     Each witness is a comparison, at every tick, of the specific force that the
     accelerometer reports with that of the centre of mass as the feet show it. Their
     means are kept: of all readings at first, later of the last ``memory_s``, in which
-    a drift shows but a push does not.
+    a drift shows but a push, however hard, does not.
 
     Attributes:
         bias: (3,) in base axes; z is left to the height [m/s^2].
@@ -36,6 +40,7 @@ class HorizontalBias:
             period_s: time between two of them [s].
         """
         self._least = period_s / memory_s
+        self._known = round(KNOWN_S / period_s)
         self._count = 0
         self._by_force = [0.0, 0.0]
         self._by_pressure = [0.0, 0.0]
@@ -60,7 +65,10 @@ class HorizontalBias:
             x, y, _ = seen.tolist()
             for axis in (0, 1):
                 in_base = R.item(0, axis) * x + R.item(1, axis) * y
-                mean[axis] += gain * (in_base - mean[axis])
+                off = in_base - mean[axis]
+                if self._count > self._known:
+                    off = min(max(off, -SUDDEN_M_S2), SUDDEN_M_S2)
+                mean[axis] += gain * off
         for axis in (0, 1):
             # The third witness is the accelerometer: not off at all.
             middle = sorted((0.0, self._by_force[axis], self._by_pressure[axis]))[1]

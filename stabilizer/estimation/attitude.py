@@ -20,6 +20,14 @@ DOUBT_RAD_S, DOUBT_SHARE = 0.005, 0.1
 """Of a bias shown by gravity: by noise [rad/s], and of the ground's rate [1]."""
 LEAST_KNOWN_S = 0.3
 """Shorter times make gains that noise would shake [s]."""
+LEARNT_S = 10.0
+"""After a start on turning ground: so long is ground at rest looked for [s]."""
+REST_LAG_S = 0.2
+"""Low-pass by which it is noticed [s]."""
+RESTLESS_AT_FIRST_RAD_S, RESTLESS_RAD_S = 0.05, 0.01
+"""Ground whose rate changes by more is not at rest; a gyroscope's noise is less."""
+FOUND_REST_S = 0.6
+"""Time watched that counts when it comes to rest: the tilt is learnt anew [s]."""
 BIAS_LIMIT_RAD_S = 0.1
 """More than any gyroscope is off by [rad/s]."""
 
@@ -37,7 +45,7 @@ class AttitudeFilter:
     With y the velocity difference and d the tilt error, both horizontal:
     dy/dt = g (d x z) - l_1 y and dd/dt = -(l_2 / g) (z x y), poles at the bandwidth.
     After a start on turning ground, which hides tilt and bias, both are learnt the
-    quicker, the less time there was so far.
+    quicker, the less time there was so far, and the bias at once when it comes to rest.
 
     Attributes:
         R_world_imu: (3, 3) rotation estimate.
@@ -79,6 +87,9 @@ class AttitudeFilter:
         self._readings: Mat = np.zeros((3, 3))
         self._moments: Array = np.zeros((3, 3, 3))
         self.ground_turns = False
+        self._rest: Vec3 = np.zeros(3)
+        self._restless = RESTLESS_AT_FIRST_RAD_S
+        self._is_at_rest = False
         self._v_x = 0.0
         self._v_y = 0.0
         self.R_world_imu: Mat = np.eye(3)
@@ -198,6 +209,37 @@ class AttitudeFilter:
             rate[i] = w - b
             step[i] = (w - b + tilt_gain * turn) * dt
         self._rotate(step)
+
+    @property
+    def looks_for_rest(self) -> bool:
+        """Whether :meth:`rest_on` is wanted: soon after a start on turning ground."""
+        return self.ground_turns and self._known_s < LEARNT_S
+
+    def rest_on(self, leg_rate: Vec3) -> None:
+        """Take the bias from ground that has come to rest.
+
+        Ground that turns hides it, and what gravity's direction told may be wrong by
+        as much as a bias: a robot that still rocks looks so. Once the gyroscope reads
+        the same for a while, and no more than a bias, the ground is at rest.
+
+        Args:
+            leg_rate: (3,) angular velocity that the legs see, IMU frame [rad/s].
+        """
+        blend = self._dt / REST_LAG_S
+        change = self.rate - leg_rate - self._rest
+        self._rest += blend * change
+        size = math.sqrt(change @ change)
+        self._restless += blend * (size - self._restless)
+        if self._restless > RESTLESS_RAD_S:
+            return
+        whole = self.bias + self._rest
+        if math.sqrt(whole @ whole) < self._still_rate:
+            if not self._is_at_rest:
+                self._is_at_rest = True
+                self._known_s = min(self._known_s, FOUND_REST_S)
+            step = blend * self._rest
+            self.bias += step
+            self._rest -= step
 
     def _gains(self) -> tuple[float, float, float]:
         """Return l_2 / g, l_1 and l_3 / g."""

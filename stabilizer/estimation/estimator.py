@@ -30,7 +30,7 @@ MIN_TOTAL_FORCE_N = 50.0
 """Below it the load share keeps its last value [N]."""
 SAME_TIME_S = 0.0025
 """Forces are of the end of a tick, accelerations the mean of it. In longer ticks the
-two differ whenever the legs move, and tell nothing about each other [s]."""
+two differ whenever the legs move, and tell about each other at rest only [s]."""
 
 
 class Estimator:
@@ -139,8 +139,12 @@ class Estimator:
         )
         self._update_share(wrenches)
         self._read(snapshot)
+        if self._attitude.looks_for_rest:
+            self._attitude.rest_on(self._leg_rate())
         difference = self._compare(snapshot, wrenches)
         over, rate = self._point_over_ground()
+        if self._dt > SAME_TIME_S:
+            difference = None
         self._vertical.update(self._acceleration(), difference, over=over, rate=rate)
         self._take_height()
         self._place()
@@ -256,7 +260,7 @@ class Estimator:
             return None
         bias.learn(feet.by_force, feet.by_pressure, self.R_world_base)
         felt -= self.R_world_base @ bias.bias
-        return feet.by_force.item(2) if self._dt < SAME_TIME_S else None
+        return feet.by_force.item(2)
 
     def _point_over_ground(self) -> tuple[float, float]:
         """Return height of the filtered point over the ground [m], and its rate.

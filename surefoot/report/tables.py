@@ -109,6 +109,12 @@ _FIGURES = [
     _Figure("ticks", "", 0, lambda result: result.ticks),
     _Figure("missed deadlines", "", 0, lambda result: result.deadline_misses),
     _Figure("QP failures", "", 0, lambda result: result.qp_failures),
+    _Figure("steps taken", "", 0, lambda result: result.steps_done),
+    _Figure("distance walked", "m", 2, lambda result: result.distance_m),
+    *_parts("DCM error rms", "mm", "dcm_error_rms_mm", _XYZ[:2]),
+    *_parts("DCM error max", "mm", "dcm_error_max_mm", _XYZ[:2]),
+    _Figure("placement error max", "mm", 1, lambda r: r.placement_error_max_mm),
+    *_parts("touchdown peak", "N", "touchdown_peak_n", _SIDES, decimals=0),
     _Figure("ticks without a sensor", "", 0, lambda result: result.degraded_ticks),
 ]
 _WORDS: list[tuple[str, Callable[[RunResult], str]]] = [

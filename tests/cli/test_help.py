@@ -89,7 +89,7 @@ def test_every_command_explains_itself(surefoot: Surefoot, command: str) -> None
 
 
 def test_unknown_commands_and_options_are_usage_errors(surefoot: Surefoot) -> None:
-    for arguments in (["walk"], ["run", "standing", "--spede"]):
+    for arguments in (["stroll"], ["run", "standing", "--spede"]):
         done = surefoot(*arguments)
         assert done.returncode == 2
         assert arguments[-1] in done.stderr

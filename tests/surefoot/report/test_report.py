@@ -7,6 +7,7 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -20,7 +21,6 @@ from surefoot.report.panels import panel_groups
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.scene_page import frame_rows, state_at
 from surefoot.report.tables import figure_rows, setting_rows
-from surefoot.schemas.result import RunResult
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.metrics import COM_FROM_S
 from tests.surefoot.report.runs import make_report, make_run
@@ -120,7 +120,10 @@ def test_differences_are_against_the_first_run(bus: RunData, folder: Path) -> No
 
 def test_every_figure_of_a_result_has_a_row(bus: RunData) -> None:
     shown = len(figure_rows([bus.result]))
-    numbers = [name for name in RunResult.__struct_fields__ if "_" in name]
+    told = msgspec.structs.asdict(bus.result)
+    numbers = [
+        name for name, value in told.items() if "_" in name and value is not None
+    ]
     assert shown > len(numbers)
 
 
