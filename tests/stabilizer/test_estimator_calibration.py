@@ -88,7 +88,7 @@ def test_tilt_is_recovered_from_a_biased_start(
         errors.append(tilt_between(leaning, estimator.q))
     assert errors[0] > 0.03
     assert errors[1] < 0.5 * errors[0]
-    assert errors[2] < 0.15 * errors[0]
+    assert errors[2] < 0.1 * errors[0]
 
 
 def test_bias_of_the_gyroscope_is_learnt_on_the_way(model: RobotModel) -> None:

@@ -22,12 +22,10 @@ from tests.stabilizer.kinematic_robot import (
 
 PERIOD_S, FINE_S = 0.004, 0.001
 AMPLITUDE_M = 0.06
-STILL_S = 1.0
-"""Before the ground moves, so that the accelerometer is known."""
 BASE_Z = 2
 LEAN_RAD, BEND_RAD = 0.05, 0.15
 SWAY_RAD_S, TURNTABLE_RAD_S = 4.0, 4.0
-LIFT_M, YAW_RAD = 0.005, 3e-5
+LIFT_M, YAW_RAD = 0.005, 2e-5
 POSITION_M, TILT_RAD, SPEED_M_S = 1.5e-3, 1e-3, 5e-3
 """How well base pose and velocity are known on ground at rest."""
 LOADED_AFTER_S = 1.0
@@ -41,17 +39,16 @@ def faded(time_s: float, *, over_s: float) -> float:
 
 
 def heave(model: RobotModel, *, frequency_hz: float, duration_s: float) -> EstimatorRun:
-    """Robot and ground go up and down together, after a while: no joint moves."""
+    """Robot and ground go up and down together: no joint moves."""
     nominal = model.nominal_configuration()
 
     def motion(time_s: float) -> Array:
         q = nominal.copy()
-        moved_s = max(time_s - STILL_S, 0.0)
-        wave = np.sin(2.0 * np.pi * frequency_hz * moved_s)
-        q[BASE_Z] += AMPLITUDE_M * faded(moved_s, over_s=1.0 / frequency_hz) * wave
+        wave = np.sin(2.0 * np.pi * frequency_hz * time_s)
+        q[BASE_Z] += AMPLITUDE_M * faded(time_s, over_s=1.0 / frequency_hz) * wave
         return q
 
-    return track(model, motion, duration_s=STILL_S + duration_s, period_s=PERIOD_S)
+    return track(model, motion, duration_s=duration_s, period_s=PERIOD_S)
 
 
 def sole_positions(model: RobotModel, q: Array) -> list[Array]:
@@ -68,7 +65,7 @@ def rms(values: Array) -> float:
     ("frequency_hz", "duration_s", "relative"),
     [
         pytest.param(0.96, 3.0, 0.1, id="fast platform"),
-        pytest.param(0.24, 8.0, 0.4, id="slow platform"),
+        pytest.param(0.24, 8.0, 0.3, id="slow platform"),
     ],
 )
 def test_heaving_ground_is_seen_as_heaving(
