@@ -101,8 +101,8 @@ def comtest(
         quick=quick,
         controllers=_names(controllers),
         servo_profiles=_names(servo_profiles),
-        protocols=_names(protocols) or (),  # type: ignore[arg-type]
-        axes=_names(axes),  # type: ignore[arg-type]
+        protocols=_names(protocols),
+        axes=_names(axes),
         sizes_deg=_numbers(sizes_deg, option="--sizes"),
         speed=speed,
         cycles=cycles,
@@ -176,7 +176,7 @@ def dysturbance(
         quick=quick,
         controllers=_names(controllers),
         servo_profiles=_names(servo_profiles),
-        kinds=_names(kinds) or (),  # type: ignore[arg-type]
+        kinds=_names(kinds),
         directions_deg=_numbers(directions_deg, option="--directions"),
         frequencies_hz=_numbers(frequencies_hz, option="--frequencies"),
         body=body,

@@ -18,6 +18,8 @@ _EXTRA = re.compile(r"extra\s*==")
 _EXTRAS = {
     "view": ("viser", "yourdfpy", "plotly"),
     "parquet": ("pyarrow",),
+    "tune": ("optuna",),
+    "cluster": ("distributed",),
 }
 """Packages of each optional part."""
 

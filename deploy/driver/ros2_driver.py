@@ -248,7 +248,7 @@ class Ros2Adapter:
                 raise RobotUnreachableError(
                     f"{self._describe_silent()}; waited {limit_s:g} s ([clock] start_s)"
                 )
-            time.sleep(self._robot.period_s)
+            time.sleep(self._robot.period_s)  # take() does not wait
         self._check_first()
         self._fresh = self._newest["joints"]
         self._q = self._robot.nominal

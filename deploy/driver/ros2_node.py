@@ -43,7 +43,7 @@ def complain(program: Callable[[], object]) -> None:
     """Run a program; an error that was foreseen is one line and its exit code."""
     try:
         program()
-    except Exception as error:
+    except Exception as error:  # all kinds: those without a code go on below
         code = exit_code_of(error)
         if code is None:
             raise

@@ -16,7 +16,7 @@ import msgspec
 
 from surefoot.bench.bench_page import can_draw
 from surefoot.bench.bench_runs import bench_runs, everyone
-from surefoot.bench.names import check_names
+from surefoot.bench.names import known_names
 from surefoot.bench.subject import Subject, subject_of
 from surefoot.bench.sway_cells import (
     AXES,
@@ -77,8 +77,8 @@ def comtest(
     quick: bool = False,
     controllers: Sequence[str] | None = None,
     servo_profiles: Sequence[str] | None = None,
-    protocols: Sequence[Protocol] = PROTOCOLS,
-    axes: Sequence[SwayAxis] | None = None,
+    protocols: Sequence[str] | None = None,
+    axes: Sequence[str] | None = None,
     sizes_deg: Sequence[float] | None = None,
     frequencies_hz: Sequence[float] | None = None,
     speed: float = 1.0,
@@ -101,7 +101,7 @@ def comtest(
         controllers: ``whole-body``, ``zmp-tuned``, ``zmp-stock`` or any name as on the
             command line.
         servo_profiles: of the robot file; all it has when None.
-        protocols: ``transient``, ``sinus``, ``prts``.
+        protocols: ``transient``, ``sinus``, ``prts``; all when None.
         axes: ``pitch``, ``roll``, ``x``, ``y``.
         sizes_deg: from the lowest to the highest, 0.5 to 16 when None; a translation
             goes as far as a tilt of this size moves a stiff body's centre of mass.
@@ -118,17 +118,17 @@ def comtest(
         UsageError: a name is unknown or a number out of range, or the folder holds
             something else.
     """
-    axes = axes or (QUICK_AXES if quick else AXES)
     sizes = sizes_deg or (QUICK_SIZES_DEG if quick else SIZES_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
-    check_names(protocols, PROTOCOLS, what="protocol")
-    check_names(axes, AXES, what="axis")
+    all_axes = QUICK_AXES if quick else AXES
+    stimuli_of = known_names(protocols or PROTOCOLS, PROTOCOLS, what="protocol")
+    about = known_names(axes or all_axes, AXES, what="axis")
     if cycles < LEAST_CYCLES:
         raise UsageError(f"cycles: got {cycles}, expected {LEAST_CYCLES} or more")
     for what, values in (("size", sizes), ("frequency", sines), ("speed", [speed])):
         if not all(value > 0.0 for value in values):
             raise UsageError(f"{what}: got {min(values):g}, expected more than 0")
-    stimuli = list(_stimuli(protocols, axes, sizes, sines, speed, cycles))
+    stimuli = list(_stimuli(stimuli_of, about, sizes, sines, speed, cycles))
     under = everyone(robot, controllers, servo_profiles, quick=quick)
     subject = subject_of(robot)
     cells = [

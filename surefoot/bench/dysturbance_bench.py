@@ -17,13 +17,12 @@ import msgspec
 from surefoot.bench.bench_page import can_draw
 from surefoot.bench.bench_runs import BenchRuns, bench_runs, everyone
 from surefoot.bench.margin_search import MarginSearch
-from surefoot.bench.names import check_names
+from surefoot.bench.names import known_names
 from surefoot.bench.push_cells import (
     KINDS,
     SINES,
     Disturbance,
     PushCell,
-    PushKind,
     first_guess,
     push_cell,
 )
@@ -85,7 +84,7 @@ def dysturbance(
     quick: bool = False,
     controllers: Sequence[str] | None = None,
     servo_profiles: Sequence[str] | None = None,
-    kinds: Sequence[PushKind] = KINDS,
+    kinds: Sequence[str] | None = None,
     directions_deg: Sequence[float] | None = None,
     frequencies_hz: Sequence[float] | None = None,
     body: str | None = None,
@@ -108,7 +107,7 @@ def dysturbance(
             command line.
         servo_profiles: of the robot file; all it has when None.
         kinds: ``impulse``, ``sine-displacement``, ``sine-force``,
-            ``slow-displacement``, ``slow-force``.
+            ``slow-displacement``, ``slow-force``; all when None.
         directions_deg: 0 ahead, 90 to the left, 180 back.
         frequencies_hz: of the sines.
         body: link that is pushed, at its centre of mass; the base link when None.
@@ -127,7 +126,7 @@ def dysturbance(
 
     directions = directions_deg or (QUICK_DIRECTIONS_DEG if quick else DIRECTIONS_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
-    check_names(kinds, KINDS, what="kind")
+    asked = known_names(kinds or KINDS, KINDS, what="kind")
     if not all(frequency > 0.0 for frequency in sines):
         raise UsageError(f"frequency: got {min(sines):g}, expected more than 0")
     under = everyone(robot, controllers, servo_profiles, quick=quick)
@@ -135,7 +134,7 @@ def dysturbance(
     pushed = body or load_robot(robot).file.base_link
     disturbances = [
         Disturbance(kind, direction, frequency)
-        for kind, direction in product(kinds, directions)
+        for kind, direction in product(asked, directions)
         for frequency in (sines if kind in SINES else (0.0,))
     ]
     searches = {

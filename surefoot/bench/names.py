@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TypeVar
 
 from surefoot.errors import UsageError
 from surefoot.schemas.key_names import nearest
 
+Name = TypeVar("Name", bound=str)
 
-def check_names(names: Sequence[str], valid: Sequence[str], *, what: str) -> None:
-    """See that all names are valid.
+
+def known_names(
+    names: Sequence[str], valid: Sequence[Name], *, what: str
+) -> list[Name]:
+    """Return the names asked for, all of them valid.
 
     Args:
         names: asked for.
@@ -20,12 +25,14 @@ def check_names(names: Sequence[str], valid: Sequence[str], *, what: str) -> Non
     Raises:
         UsageError: one is not; the message lists all.
     """
+    known = {str(name): name for name in valid}
     for name in names:
-        if name not in valid:
+        if name not in known:
             raise UsageError(
                 f"{what}: got {name!r}{nearest(name, valid)}; expected one of "
                 f"{', '.join(valid)}"
             )
+    return [known[name] for name in names]
 
 
 def plain(words: str) -> str:

@@ -18,6 +18,8 @@ LOOKED_AT = {
     "packages",
     "extra view",
     "extra parquet",
+    "extra tune",
+    "extra cluster",
     "MessagePack",
     "processors",
     "clock",
