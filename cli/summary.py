@@ -24,9 +24,9 @@ from surefoot.schemas.result import (
 )
 
 if TYPE_CHECKING:
+    from surefoot.playback.recompute import Difference, ReplayOutcome
     from surefoot.recording.counts import ChannelCount
     from surefoot.studies.tables import Summaries
-from surefoot.playback.recompute import Difference, ReplayOutcome
 
 _PASSAGE = ("arrived", "left")
 """What a relay counts besides its faults."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from surefoot.schemas.messages import GroundBlock
 from surefoot.sim_robot.platforms import PlatformPlan
@@ -42,6 +41,8 @@ def _platform(plan: PlatformPlan, index: int) -> GroundBlock:
 
 
 def _still(ground: StillGround) -> GroundBlock:
+    from scipy.spatial.transform import Rotation
+
     return GroundBlock(
         position=ground.top_centre.tolist(),
         quat_xyzw=Rotation.from_matrix(ground.R_world_top).as_quat().tolist(),

@@ -8,7 +8,6 @@ import math
 
 import mujoco
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
@@ -53,7 +52,7 @@ class CaptureLimit:
             for along, across in itertools.product((-1.0, 1.0), repeat=2)
         ]
         height = com[2] - np.mean(corners, axis=0)[2]
-        self._hull = ConvexHull(np.array(corners)[:, :2]).equations
+        self._corners = np.array(corners)[:, :2]
         self._com, self._yaw = com[:2], world.start.yaw
         mass = world.weight / world.gravity
         self._per_metre = mass * math.sqrt(world.gravity / height)
@@ -70,7 +69,10 @@ class CaptureLimit:
 
     def impulse(self, direction: Array) -> float:
         """Return the hardest blow [N s] along a direction, (2,) of length 1."""
-        normals, offsets = self._hull[:, :2], self._hull[:, 2]
+        from scipy.spatial import ConvexHull
+
+        hull = ConvexHull(self._corners).equations
+        normals, offsets = hull[:, :2], hull[:, 2]
         towards = normals @ direction
         ahead = towards > _ALONG
         room = -(normals @ self._com + offsets)[ahead] / towards[ahead]

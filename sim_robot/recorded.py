@@ -9,8 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.signal import butter, detrend, sosfiltfilt
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
@@ -173,6 +171,9 @@ def _velocity(
     quantity: Quantity, times: Array, values: Array, *, drift_hz: float
 ) -> tuple[Array, Array]:
     """Return velocity and acceleration at every step, each (n,) in SI."""
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import detrend
+
     grid = SIM_STEP_S * np.arange(round(times[-1] / SIM_STEP_S) + 1)
     if quantity == "position":
         spline = CubicSpline(times, values)
@@ -197,6 +198,8 @@ def _velocity(
 
 def _without_drift(values: Array, drift_hz: float) -> Array:
     """High-pass without a phase: Butterworth, forwards and backwards."""
+    from scipy.signal import butter, sosfiltfilt
+
     if drift_hz <= 0.0:
         return values
     sections = butter(

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3
@@ -94,6 +93,8 @@ def _stance(spec: mujoco.MjSpec, robot: Robot, posture: Array, start: Start) -> 
     yaw = math.radians(start.yaw_deg)
     attitude: Mat = robot.R_upright_base
     if yaw:
+        from scipy.spatial.transform import Rotation
+
         attitude = Rotation.from_euler("z", yaw).as_matrix() @ attitude
     quat = np.empty(4)
     mujoco.mju_mat2Quat(quat, attitude.flatten())

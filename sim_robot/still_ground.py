@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat, Vec3
@@ -77,6 +76,8 @@ def plan_still_ground(scenario: Scenario) -> tuple[StillGround, ...]:
 
 def add_still_ground(spec: mujoco.MjSpec, ground: StillGround, *, robot: Robot) -> None:
     """Add a block that only the soles touch."""
+    from scipy.spatial.transform import Rotation
+
     x, y, z, w = Rotation.from_matrix(ground.R_world_top).as_quat()
     is_tile = ground.name.startswith("tile")
     spec.worldbody.add_geom(
@@ -162,6 +163,8 @@ def soften(
 
 
 def _tile(index: int, tile: Tile, *, friction: float) -> StillGround:
+    from scipy.spatial.transform import Rotation
+
     angles = [tile.pitch_deg, tile.roll_deg]
     return StillGround(
         name=f"tile_{index}",

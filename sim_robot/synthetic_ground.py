@@ -13,7 +13,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 
 from surefoot.schemas.arrays import Array
 
@@ -41,6 +40,8 @@ def passenger_pulse(
     Returns:
         Times [s] and velocities [m/s], each (n,); at rest at both ends.
     """
+    from scipy.integrate import cumulative_trapezoid
+
     rise = abs(peak_m_s2) / jerk_m_s3
     gained = abs(peak_m_s2) * (hold_s + rise)
     stop_rise = STOP_M_S2 / STOP_JERK_M_S3

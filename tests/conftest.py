@@ -16,6 +16,7 @@ from surefoot.cli.__main__ import main
 from surefoot.schemas.endpoints import Endpoints
 from tests.command import PLAIN, Surefoot, run_surefoot
 from tests.one_name import modules_with_two_names
+from tests.patient_robot import patient_robot_file
 from tests.support import free_port
 
 TESTS = Path(__file__).parent
@@ -91,6 +92,12 @@ def short_scenario(tmp_path: Path) -> Path:
         'name = "short"\nduration_s = 0.3\n[sensors]\nforce_noise_n = 2.0\n'
     )
     return path
+
+
+@pytest.fixture
+def patient_walker(tmp_path: Path) -> Path:
+    """The Walker in a file that waits for a commander on a busy machine."""
+    return patient_robot_file(tmp_path)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize
-from scipy.spatial import ConvexHull, QhullError
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.arrays import Array, Mat, Vec3
+
+if TYPE_CHECKING:
+    from scipy.spatial import ConvexHull
 
 STEEPEST_RAD = np.radians(35.0)
 """A face that leans more than this in the zero posture is no sole."""
@@ -55,6 +57,8 @@ def fit_sole(points: Mat, *, up: Vec3, ahead: Vec3) -> Sole:
     Raises:
         RobotFileError: there is no such face.
     """
+    from scipy.spatial import ConvexHull, QhullError
+
     normal = _face_normal(points, up)
     x = ahead - (ahead @ normal) * normal
     x /= np.linalg.norm(x)
@@ -86,6 +90,8 @@ def fit_sole(points: Mat, *, up: Vec3, ahead: Vec3) -> Sole:
 
 def _face_normal(points: Mat, up: Vec3) -> Vec3:
     """(3,) out of the ground, of the largest face that looks down."""
+    from scipy.spatial import ConvexHull, QhullError
+
     try:
         hull = ConvexHull(points)
     except (QhullError, ValueError) as error:
@@ -112,6 +118,8 @@ def _largest_rectangle(outline: ConvexHull) -> tuple[Array, Array]:
     Maximises the sum of the logarithms of its sides, which is concave, over the
     outline's edges a x <= b: of each edge only the corner farthest along a counts.
     """
+    from scipy.optimize import minimize
+
     a, b = outline.equations[:, :2], -outline.equations[:, 2]
     towards_high, towards_low = np.maximum(a, 0.0), np.minimum(a, 0.0)
     G = np.hstack((towards_low, towards_high))

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
 
@@ -99,6 +98,8 @@ class StanceSolver:
             wanted: what it should be like.
             steps: after which it gives up.
         """
+        from scipy.optimize import least_squares
+
         begin = wanted.q.copy()
         for index, angle in wanted.joints.items():
             begin[index] = angle

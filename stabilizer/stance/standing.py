@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial import ConvexHull
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
@@ -35,8 +34,6 @@ class Standing:
         torques: (n_a,) that hold it, bus order [N m].
         sag: (n_a,) by which its servos give way under them, bus order [rad].
         com_sag: (3,) of the CoM against the feet [m].
-        capture: (8,) impulse that brings the capture point to the edge of the soles,
-            from ahead to the left [N s].
     """
 
     mass: float
@@ -49,7 +46,6 @@ class Standing:
     torques: Array
     sag: Array
     com_sag: Vec3
-    capture: Array
 
 
 def stand(model: RobotModel) -> Standing:
@@ -94,12 +90,28 @@ def stand(model: RobotModel) -> Standing:
         torques=torques_bus,
         sag=sag_bus,
         com_sag=data.Jcom @ v,
-        capture=_capture(model, poses, data.com[0]),
     )
 
 
-def _capture(model: RobotModel, poses: list[pin.SE3], com: Vec3) -> Array:
-    """(8,) impulses M sqrt(g / h) d that carry the capture point over d [N s]."""
+def capture_limits(model: RobotModel) -> Array:
+    """Return the impulses M sqrt(g / h) d that a standing robot can just catch.
+
+    Each carries the capture point over the distance d to the edge of the soles' hull.
+
+    Args:
+        model: of the robot, in its nominal posture.
+
+    Returns:
+        (8,) from ahead to the left, every 45 degrees [N s].
+    """
+    from scipy.spatial import ConvexHull
+
+    pin_model = model.pin_model
+    data = pin_model.createData()
+    q = model.nominal_configuration()
+    pin.framesForwardKinematics(pin_model, data, q)
+    com = pin.centerOfMass(pin_model, data, q)
+    poses = [data.oMf[i] for i in model.sole_ids]
     corners = np.array(
         [
             pose.act(np.array([along * length, across * width, 0.0]))

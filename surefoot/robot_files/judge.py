@@ -10,6 +10,7 @@ import numpy as np
 
 from surefoot.robot_files.notes import listed
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.reach import Reach
 from surefoot.stabilizer.stance.standing import Standing, stand
@@ -67,7 +68,6 @@ def quick_findings(robot: Robot) -> list[Finding]:
         _servos(standing, robot),
         _rotors(standing, model),
         _sole_size(standing, robot),
-        _capture(standing),
     ]
 
 
@@ -281,8 +281,13 @@ def _sole_size(standing: Standing, robot: Robot) -> Finding:
     )
 
 
-def _capture(standing: Standing) -> Finding:
-    ahead, left, back, right = standing.capture[[0, 2, 4, 6]].tolist()
+def capture_finding(capture: Array) -> Finding:
+    """Tell the hardest pushes that can be caught without a step.
+
+    Args:
+        capture: (8,) by direction [N s].
+    """
+    ahead, left, back, right = capture[[0, 2, 4, 6]].tolist()
     return _finding(
         "capture limit of a push",
         f"{ahead:.1f} N s ahead, {back:.1f} back, {left:.1f} left, {right:.1f} right; "

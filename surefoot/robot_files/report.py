@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import msgspec
 
-from surefoot.robot_files.judge import Finding, quick_findings, reach_findings
+from surefoot.robot_files.judge import (
+    Finding,
+    capture_finding,
+    quick_findings,
+    reach_findings,
+)
 from surefoot.robot_files.scenario_fit import ScenarioFit, fit
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.stabilizer.margins.margins import compute_margins
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.standing import reach_search, stand
+from surefoot.stabilizer.stance.standing import capture_limits, reach_search
 
 
 class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,7 +38,7 @@ class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
 def judge(robot: Robot) -> RobotFileReport:
     """Judge a robot whose files were loaded, and so refused if they contradict."""
     model = RobotModel(robot)
-    search, capture = reach_search(model), stand(model).capture
+    search, capture = reach_search(model), capture_limits(model)
     fits = []
     for name in list_scenarios():
         found = fit(load_scenario(name), robot, search=search, capture=capture)
@@ -43,6 +48,7 @@ def judge(robot: Robot) -> RobotFileReport:
         path=str(robot.path),
         findings=[
             *quick_findings(robot),
+            capture_finding(capture),
             *reach_findings(robot, search.reach()),
             _margins(robot),
         ],

@@ -6,7 +6,6 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from scipy.signal import butter, sosfilt
 
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot
@@ -15,7 +14,7 @@ from surefoot.schemas.scenario import Platform, Push, Scenario
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.reach import Ground, GroundPose, ReachSearch
-from surefoot.stabilizer.stance.standing import reach_search, stand
+from surefoot.stabilizer.stance.standing import capture_limits, reach_search
 
 SAMPLE_S = 0.01
 KEPT_SHARE = 0.9
@@ -67,7 +66,7 @@ def fit(
     model = RobotModel(robot)
     search = search or reach_search(model)
     share = search.largest_share(_extremes(scenario))
-    capture = stand(model).capture if capture is None else capture
+    capture = capture_limits(model) if capture is None else capture
     pushed = _push_share(scenario, capture)
     words = []
     if share < 1.0:
@@ -150,6 +149,8 @@ def _extremes(scenario: Scenario) -> list[Ground]:
 
 def _track(platform: Platform, duration_s: float) -> Mat:
     """(n, 3) of z, roll and pitch over time [m, rad]."""
+    from scipy.signal import butter, sosfilt
+
     times = np.arange(0.0, duration_s + SAMPLE_S / 2.0, SAMPLE_S)
     track = np.zeros((len(times), len(_AXES)))
     for motion in platform.motion:

@@ -31,13 +31,13 @@ probability = 1.0
 
 
 def test_a_run_by_way_of_a_relay_tells_what_it_did(
-    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+    surefoot: Surefoot, short_scenario: Path, patient_walker: Path, tmp_path: Path
 ) -> None:
     plan, out = tmp_path / "late.toml", tmp_path / "out"
     plan.write_text(SERVICES_ONLY)
     done = surefoot(
         *("run", short_scenario, "--realtime", "--controller", "hold", "--json"),
-        *("--relay", plan, "--out", out),
+        *("--robot", patient_walker, "--relay", plan, "--out", out),
     )
     assert done.returncode == 0, done.stderr
     result = msgspec.json.decode(done.stdout, type=RunResult)

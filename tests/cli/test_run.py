@@ -38,10 +38,11 @@ def run_hold(surefoot: Surefoot, scenario: Path, *extra: object) -> dict[str, An
 
 @pytest.mark.parametrize("mode", ["inline", "lockstep", "realtime"])
 def test_json_is_one_whole_result_and_nothing_else(
-    surefoot: Surefoot, short_scenario: Path, mode: str
+    surefoot: Surefoot, short_scenario: Path, patient_walker: Path, mode: str
 ) -> None:
     done = surefoot(
-        "run", short_scenario, "--controller", "hold", "--json", f"--{mode}"
+        *("run", short_scenario, "--robot", patient_walker),
+        *("--controller", "hold", "--json", f"--{mode}"),
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("\n") == 1

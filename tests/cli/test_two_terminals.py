@@ -47,10 +47,10 @@ def start(tmp_path: Path) -> Iterator[Start]:
 
 @pytest.mark.parametrize("pace", ["--lockstep", "--realtime"])
 def test_both_sides_tell_their_part(
-    start: Start, short_scenario: Path, pace: str
+    start: Start, short_scenario: Path, patient_walker: Path, pace: str
 ) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
-    words = [pace, "--json"]
+    words = [pace, "--json", "--robot", patient_walker]
     robot = start("robot", short_scenario, "--listen", locator, *words)
     stabilizer = start(
         "stabilizer", "--controller", "hold", "--connect", locator, *words
@@ -70,12 +70,12 @@ def test_both_sides_tell_their_part(
 
 
 def test_a_run_hands_its_priority_to_both_sides(
-    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
+    surefoot: Surefoot, short_scenario: Path, patient_walker: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
     done = surefoot(
         *("run", short_scenario, "--realtime", "--realtime-priority", 20),
-        *("--controller", "hold", "--out", out),
+        *("--controller", "hold", "--robot", patient_walker, "--out", out),
     )
     assert done.returncode == 0, done.stderr
     for side in ("robot", "stabilizer"):

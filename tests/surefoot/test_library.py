@@ -143,6 +143,16 @@ import surefoot
 heavy = {"mujoco", "pinocchio", "zenoh", "numpy", "typer", "rich", "matplotlib"}
 assert not heavy & set(sys.modules), heavy & set(sys.modules)
 """
+A_RUN = """
+import sys
+import surefoot as sf
+import surefoot.sim_robot.node
+import surefoot.stabilizer.node
+sf.simulate("walker", sf.Scenario(name="x", duration_s=0.01))
+rarely = {"signal", "stats", "optimize", "interpolate", "integrate", "spatial"}
+loaded = {name for name in rarely if f"scipy.{name}" in sys.modules}
+assert not loaded, loaded
+"""
 NO_EXTRAS = """
 import sys
 for name in ("matplotlib", "jinja2", "viser", "yourdfpy", "plotly", "pyarrow"):
@@ -158,7 +168,9 @@ assert not bare, bare
 """
 
 
-@pytest.mark.parametrize("code", [QUICK, NO_EXTRAS], ids=["quick", "no extras"])
+@pytest.mark.parametrize(
+    "code", [QUICK, A_RUN, NO_EXTRAS], ids=["quick", "a run", "no extras"]
+)
 def test_importing_loads_no_more_than_is_used(code: str) -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 

@@ -17,7 +17,12 @@ from surefoot.schemas.scenario import Platform, Push, Scenario
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.standing import DIRECTIONS, reach_search, stand
+from surefoot.stabilizer.stance.standing import (
+    DIRECTIONS,
+    capture_limits,
+    reach_search,
+    stand,
+)
 
 WALKER = load_robot("walker")
 STILL = Scenario(name="still", duration_s=1.0)
@@ -81,7 +86,7 @@ def test_the_capture_limit_is_the_one_of_the_scenarios_pushes() -> None:
     limit = CaptureLimit(WALKER, plant.world, plant.data)
     angles = math.tau * np.arange(DIRECTIONS) / DIRECTIONS
     simulated = [limit.impulse(np.array([math.cos(a), math.sin(a)])) for a in angles]
-    np.testing.assert_allclose(stand(RobotModel(WALKER)).capture, simulated, rtol=0.02)
+    np.testing.assert_allclose(capture_limits(RobotModel(WALKER)), simulated, rtol=0.02)
 
 
 def test_what_fits_is_left_as_it_is() -> None:
