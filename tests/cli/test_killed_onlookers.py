@@ -32,7 +32,7 @@ def test_a_run_whose_page_and_recorder_are_killed_is_the_same_run(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
     words = ("run", cut_short("moving-platform-fast", tmp_path, DURATION_S), "--json")
-    bare = json.loads(surefoot(*words).stdout)
+    bare = json.loads(surefoot(*words, "--inline").stdout)
     folder = tmp_path / "out"
     watched = subprocess.Popen(
         command(

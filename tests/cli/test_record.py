@@ -24,7 +24,7 @@ from tests.surefoot.recording.mcap_reading import (
     metadata,
 )
 
-TICKS = 10_000
+TICKS = 5_000
 PROCESS = re.compile(r"recorder, process (\d+)")
 
 
@@ -36,10 +36,10 @@ def scenario(folder: Path, duration_s: float) -> Path:
     return path
 
 
-def test_nothing_is_lost_in_ten_seconds_faster_than_real_time(
+def test_nothing_is_lost_in_seconds_faster_than_real_time(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
-    words = ["run", scenario(tmp_path, 10.0), "--controller", "hold", "--json"]
+    words = ["run", scenario(tmp_path, TICKS * 1e-3), "--controller", "hold", "--json"]
     done = surefoot(*words, "--out", tmp_path / "run")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
