@@ -3,10 +3,12 @@
 Their URDFs come in wheels of their own, none is part of this project:
 ``pip install -e '.[humanoids]'``. Then::
 
-    python -m benchmarks.humanoids --robots jvrc g1 --seeds 2
+    python -m benchmarks.humanoids [--robots jvrc g1] [--cells slow push] [--seeds 2]
 
-makes each robot as ``surefoot new-robot`` does, without an edit, and runs every
-scenario scaled to what it reaches.
+makes each robot as ``surefoot new-robot`` does, without an edit, and runs every cell
+with each of its servo profiles: a shipped scenario, scaled to what the robot reaches
+and cut short (``--whole`` runs all of it), or a push from each of eight directions.
+Prints a row for each robot and profile; each fall is named on the other stream.
 """
 
 from __future__ import annotations
@@ -14,23 +16,39 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
+from typing import NamedTuple
+
+import msgspec
 
 import surefoot as sf
 from surefoot.robot_files.new_robot import NewRobot, NewRobotOptions, new_robot
-from surefoot.robot_files.scenario_fit import fit, scale_to_robot
-from surefoot.robot_io.robot import Robot
+from surefoot.robot_files.scenario_fit import scale_to_robot
+from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.scenario import Push, Scenario
 
 PUSH_SHARE = 0.6
 DIRECTIONS_DEG = tuple(range(0, 360, 45))
-NAMED = (
-    *("moving-platform-slow", "moving-platform-fast", "two-platforms-fast"),
-    *("falling-platform-50", "tilt-ramp-roll"),
-)
+
+
+class Cell(NamedTuple):
+    """A column of the table: a shipped scenario, and when it has shown what it can."""
+
+    scenario: str
+    seconds: float
+
+
+CELLS = {
+    "standing": Cell("standing", 4.0),
+    "slow": Cell("moving-platform-slow", 8.0),
+    "fast": Cell("moving-platform-fast", 6.0),
+    "two": Cell("two-platforms-fast", 6.0),
+    "drop": Cell("falling-platform-50", 6.0),
+    "tilt": Cell("tilt-ramp-roll", 4.0),
+    "push": Cell("push-standing", 4.0),
+}
 
 
 class NoWheelError(LookupError):
@@ -104,59 +122,108 @@ HUMANOIDS = {
 }
 
 
-def scenarios(robot: Robot, names: list[str]) -> Iterator[tuple[str, Scenario]]:
-    """Yield each scenario as this robot can reach it, under a name that says so."""
-    if "standing" in names:
-        yield "standing, 5 s", Scenario(name="standing", duration_s=5.0)
-    for name in NAMED:
-        if name in names:
-            whole = sf.load_scenario(name)
-            scaled, _ = scale_to_robot(whole, robot)
-            share = 0.9 * fit(whole, robot).ground_share
-            told = name if scaled == whole else f"{name}, {100.0 * share:.0f} %"
-            yield told, scaled
-    if "push" in names:
-        for direction in DIRECTIONS_DEG:
-            push = Push(impulse_share=PUSH_SHARE, direction_deg=direction, start_s=1.0)
-            yield (
-                f"push {PUSH_SHARE}, {direction} deg",
-                Scenario(name="push", duration_s=4.0, push=[push]),
+def scenarios(robot: Robot, name: str, *, whole: bool) -> tuple[list[Scenario], float]:
+    """The runs of a cell, and the part of the ground's motion that is left of it."""
+    cell = CELLS[name]
+    shipped = sf.load_scenario(cell.scenario)
+    if name == "push":
+        found = [
+            msgspec.structs.replace(
+                shipped,
+                name=f"push at {direction} deg",
+                push=[
+                    Push(impulse_share=PUSH_SHARE, direction_deg=direction, start_s=1.0)
+                ],
             )
+            for direction in DIRECTIONS_DEG
+        ]
+        share = 1.0
+    else:
+        found = [scale_to_robot(shipped, robot)[0]]
+        share = _share(found[0], shipped)
+    if not whole:
+        found = [msgspec.structs.replace(s, duration_s=cell.seconds) for s in found]
+    return found, share
+
+
+def _share(scaled: Scenario, shipped: Scenario) -> float:
+    for after, before in zip(scaled.platform, shipped.platform, strict=True):
+        for one, other in zip(after.motion, before.motion, strict=True):
+            return one.amplitude / other.amplitude  # type: ignore[union-attr]
+    return 1.0
+
+
+class Count(NamedTuple):
+    """Runs of a cell, or of many.
+
+    Attributes:
+        up: that stood to the end.
+        runs: all of them.
+    """
+
+    up: int = 0
+    runs: int = 0
+
+    def plus(self, other: Count) -> Count:
+        """Both together."""
+        return Count(self.up + other.up, self.runs + other.runs)
+
+
+def run_cell(robot: Robot, name: str, *, seeds: int, whole: bool) -> tuple[Count, str]:
+    """Run a cell; how many stood, and its text in the table."""
+    todo, share = scenarios(robot, name, whole=whole)
+    count, worst = Count(), 0.0
+    for scenario in todo:
+        for seed in range(seeds):
+            run = sf.simulate(robot, scenario, seed=seed, record=False)
+            count = count.plus(Count(int(run.outcome.is_up), 1))
+            if run.outcome.is_up:
+                worst = max(worst, *run.result.com_error_rms_mm)
+            else:
+                print(
+                    f"{robot.file.name}, {robot.file.servo.profile}: {scenario.name}, "
+                    f"seed {seed}: {run.result.outcome_detail}",
+                    file=sys.stderr,
+                    flush=True,
+                )
+    scaled = "" if share == 1.0 else f" at {100.0 * share:.0f} %"
+    figure = f", {worst:.1f}" if count.up else ""
+    return count, f"{count.up}/{count.runs}{scaled}{figure}"
 
 
 def main() -> None:
-    """Make the robots and print a row for each scenario."""
-    known = ["standing", *NAMED, "push"]
+    """Make the robots and print a row for each of their servo profiles."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--robots", nargs="+", choices=HUMANOIDS, default=[*HUMANOIDS])
-    parser.add_argument("--scenarios", nargs="+", choices=known, default=known)
-    parser.add_argument("--seeds", type=int, default=1)
+    parser.add_argument("--cells", nargs="+", choices=CELLS, default=[*CELLS])
+    parser.add_argument("--servo-profiles", nargs="+", default=["ideal", "harmonic"])
+    parser.add_argument("--seeds", type=int, default=2)
+    parser.add_argument("--whole", action="store_true")
     options = parser.parse_args()
-    print("| robot | scenario | up | CoM rms x, y, z [mm] | tilt max [deg] |")
-    print("|---|---|---|---|---|")
+    print(f"| robot, servos | {' | '.join(options.cells)} | up |")
+    print(f"|---|{'---|' * len(options.cells)}---|")
+    total = Count()
     for name in options.robots:
         with tempfile.TemporaryDirectory() as folder:
             try:
-                robot = HUMANOIDS[name].make(Path(folder)).robot
+                path = HUMANOIDS[name].make(Path(folder)).robot.path
             except NoWheelError as error:
                 sys.exit(f"{name}: {error}")
-            for told, scenario in scenarios(robot, options.scenarios):
-                runs = [
-                    sf.simulate(robot, scenario, seed=seed, record=False)
-                    for seed in range(options.seeds)
-                ]
-                print(f"| {name} | {told} | {row(runs)} |", flush=True)
-
-
-def row(runs: list[sf.Run]) -> str:
-    """How many stood, and the worst figures of those."""
-    up = [run.result for run in runs if run.outcome.is_up]
-    text = f"{len(up)}/{len(runs)}"
-    if not up:
-        return f"{text} | {runs[0].result.outcome_detail} | "
-    rms = [max(axis) for axis in zip(*(r.com_error_rms_mm for r in up), strict=True)]
-    tilt = max(result.base_tilt_max_deg for result in up)
-    return f"{text} | {', '.join(f'{mm:.1f}' for mm in rms)} | {tilt:.1f}"
+            for profile in options.servo_profiles:
+                robot = load_robot(path, servo_profile=profile)
+                row, texts = Count(), []
+                for cell in options.cells:
+                    count, text = run_cell(
+                        robot, cell, seeds=options.seeds, whole=options.whole
+                    )
+                    row = row.plus(count)
+                    texts.append(text)
+                total = total.plus(row)
+                line = " | ".join(
+                    [f"{name}, {profile}", *texts, f"{row.up}/{row.runs}"]
+                )
+                print(f"| {line} |", flush=True)
+    print(f"\nup: {total.up} of {total.runs}")
 
 
 if __name__ == "__main__":

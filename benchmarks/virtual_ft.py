@@ -1,8 +1,10 @@
 """Wrenches inferred from joint efforts against those of ankle sensors.
 
-    python -m benchmarks.virtual_ft [--seeds 2] [--duration 5] [--jobs 1]
+    python -m benchmarks.virtual_ft [--robot g1] [--seeds 2] [--duration 5] [--jobs 1]
 
-Each row is a robot, each run a shipped scenario cut short, in one process. Told are the
+Each row is an ankle, each run a shipped scenario, scaled to what the robot reaches and
+cut short, in one process. Robots other than the Walker are those of
+``benchmarks.humanoids``. Told are the
 normal force and the moment about the soles' x and y as the controller had them, against
 the simulator's truth (rms from 1 s on), and what became of the CoM. Prints Markdown.
 """
@@ -10,8 +12,10 @@ the simulator's truth (rms from 1 s on), and what became of the CoM. Prints Mark
 from __future__ import annotations
 
 import argparse
+import tempfile
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
@@ -19,6 +23,9 @@ import numpy as np
 from joblib import Parallel, delayed
 
 import surefoot as sf
+from benchmarks.humanoids import HUMANOIDS
+from surefoot.robot_files.scenario_fit import scale_to_robot
+from surefoot.robot_io.robot import Robot
 from surefoot.schemas.robot_file import VirtualForceTorque
 
 SCENARIOS = ("standing", "moving-platform-slow", "moving-platform-fast")
@@ -56,14 +63,15 @@ class Figures(NamedTuple):
     com_mm: float
 
 
-def run_case(case: Case, scenario_name: str, seed: int, duration_s: float) -> Figures:
+def run_case(
+    case: Case, scenario_name: str, seed: int, robot: Robot, duration_s: float
+) -> Figures:
     """Run one cell."""
-    shipped = sf.load_scenario(scenario_name)
+    shipped, _ = scale_to_robot(sf.load_scenario(scenario_name), robot)
     error = msgspec.structs.replace(shipped.model_error, **case.error)
     scenario = msgspec.structs.replace(
         shipped, duration_s=duration_s, model_error=error
     )
-    robot = sf.load_robot("walker")
     file = msgspec.structs.replace(robot.file, virtual_ft=case.virtual)
     robot = replace(robot, file=file)
     run: Any = sf.simulate(robot, scenario, controller="whole-body", seed=seed)
@@ -81,14 +89,21 @@ def run_case(case: Case, scenario_name: str, seed: int, duration_s: float) -> Fi
 def main() -> None:
     """Run all cells and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--robot", choices=["walker", *HUMANOIDS], default="walker")
     parser.add_argument("--seeds", type=int, default=2)
     parser.add_argument("--duration", type=float, default=5.0)
     parser.add_argument("--jobs", type=int, default=1)
     words = parser.parse_args()
     cells = list(product(CASES, SCENARIOS, range(words.seeds)))
-    found = Parallel(n_jobs=words.jobs)(
-        delayed(run_case)(*cell, words.duration) for cell in cells
-    )
+    with tempfile.TemporaryDirectory() as folder:
+        robot = (
+            sf.load_robot("walker")
+            if words.robot == "walker"
+            else HUMANOIDS[words.robot].make(Path(folder)).robot
+        )
+        found = Parallel(n_jobs=words.jobs)(
+            delayed(run_case)(*cell, robot, words.duration) for cell in cells
+        )
     by_row: dict[tuple[str, str], list[Figures]] = {}
     for (case, scenario, _), figures in zip(cells, found, strict=True):
         by_row.setdefault((scenario, case.name), []).append(figures)

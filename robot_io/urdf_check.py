@@ -10,6 +10,7 @@ import copy
 import math
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +26,8 @@ _OTHERS = {
     "planar": "only revolute, prismatic and fixed joints are known",
     "floating": "leave it out: the base floats by itself",
 }
+UNUSED_TAGS = ("calibration", "safety_controller")
+"""Of joints: nothing here reads them; Pinocchio refuses those that lack a number."""
 _LEAST_MASS_KG, _LARGEST_MASS_KG = 0.1, 1000.0
 LARGEST_ANGLE_RAD = 4.0 * math.pi
 """A range beyond it is in degrees."""
@@ -346,15 +349,20 @@ def without_shapes(path: Path) -> str:
     return bare_text(ElementTree.parse(path).getroot())
 
 
+def drop(element: ElementTree.Element, tags: Iterable[str]) -> None:
+    """Remove the children of these kinds."""
+    for found in [e for tag in tags for e in element.findall(tag)]:
+        element.remove(found)
+
+
 def bare_text(element: ElementTree.Element) -> str:
     """The same of a URDF that was read; the element stays as it is."""
     root = copy.deepcopy(element)
     for link in root.iter("link"):
-        for tag in ("visual", "collision"):
-            for shape in link.findall(tag):
-                link.remove(shape)
-    for material in root.findall("material"):
-        root.remove(material)
+        drop(link, ("visual", "collision"))
+    for joint in root.iter("joint"):
+        drop(joint, UNUSED_TAGS)
+    drop(root, ("material",))
     return ElementTree.tostring(root, encoding="unicode")
 
 

@@ -104,7 +104,7 @@ class RobotModel:
         model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
         self.mass = float(pin.computeTotalMass(model))
         self.weight = self.mass * GRAVITY
-        self.sole_ids = [model.getFrameId(foot.sole_frame) for foot in robot.file.foot]
+        self.sole_ids = [_link(model, foot.sole_frame) for foot in robot.file.foot]
         self._read_fixed_frames(robot)
         self.lower = robot.soft_lower[self.to_model]
         self.upper = robot.soft_upper[self.to_model]
@@ -122,11 +122,11 @@ class RobotModel:
         self.T_sensor_sole: list[pin.SE3] = []
         self.plates: list[Plate] = []
         for foot, sole_id in zip(robot.file.foot, self.sole_ids, strict=True):
-            sensor = model.frames[model.getFrameId(foot.ft_link)]
+            sensor = model.frames[_link(model, foot.ft_link)]
             sole = model.frames[sole_id]
             self.T_sensor_sole.append(sensor.placement.actInv(sole.placement))
-            self.plates.append(_plate_below(model, model.getFrameId(foot.ft_link)))
-        imu = model.frames[model.getFrameId(robot.file.imu.frame)]
+            self.plates.append(_plate_below(model, _link(model, foot.ft_link)))
+        imu = model.frames[_link(model, robot.file.imu.frame)]
         self.T_base_imu: pin.SE3 = imu.placement.copy()
 
     def _leg_joints(self) -> NDArray[np.bool_]:
@@ -184,6 +184,12 @@ class RobotModel:
         middle = sum(data.oMf[i].translation for i in self.sole_ids) / 2.0
         q[:3] = -middle
         return q
+
+
+def _link(model: pin.Model, name: str) -> int:
+    """Frame of a link: a joint may have the same name, and be elsewhere."""
+    frame_id: int = model.getFrameId(name, pin.FrameType.BODY)
+    return frame_id
 
 
 def _turn_base(model: pin.Model, R_upright_base: Mat) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
+import xml.etree.ElementTree as ElementTree
 from array import array
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ from surefoot.robot_io.client_side.observer import (
 from surefoot.robot_io.realtime import Pacer
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.timing import TimingLog
+from surefoot.robot_io.urdf_check import read_urdf_element
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.endpoints import load_endpoints
 from surefoot.schemas.messages import (
@@ -65,6 +67,19 @@ ANKLES = tuple(entry.name for entry in of_kind(ForceTorque))
 _LOG = logging.getLogger("surefoot.ros2")
 
 
+def description_of(robot: Robot) -> str:
+    """The URDF, with addresses of meshes that RViz can open from anywhere."""
+    root = read_urdf_element(robot.urdf_path)
+    meshes = list(root.iter("mesh"))
+    if not meshes:
+        return robot.urdf_path.read_text(encoding="utf-8")
+    for mesh in meshes:
+        name = mesh.get("filename", "")
+        if "://" not in name:
+            mesh.set("filename", (robot.urdf_path.parent / name).resolve().as_uri())
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 class Ros2Publisher:
     """Says in ROS's messages what the bus said last."""
 
@@ -79,7 +94,7 @@ class Ros2Publisher:
         self._publishers: dict[str, Any] = {}
         keep = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         description = node.create_publisher(String, f"{PREFIX}/robot_description", keep)
-        description.publish(String(data=robot.urdf_path.read_text(encoding="utf-8")))
+        description.publish(String(data=description_of(robot)))
         if TFMessage is None:
             _LOG.warning(
                 "no tf: tf2_msgs is not installed, it has no wheel; a ROS 2 from apt "

@@ -54,7 +54,9 @@ class VirtualWrenches:
         self._pin = pin.Model(model.pin_model)
         self._data = self._pin.createData()
         links = [foot.ft_link for foot in model.robot.file.foot]
-        self._frames = [self._pin.getFrameId(link) for link in links]
+        self._frames = [
+            self._pin.getFrameId(link, pin.FrameType.BODY) for link in links
+        ]
         for frame_id in self._frames:
             joint = self._pin.frames[frame_id].parentJoint
             rest = self._pin.inertias[joint].toDynamicParameters()

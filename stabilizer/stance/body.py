@@ -35,7 +35,12 @@ class Body:
 
     def placement(self, link: str) -> pin.SE3:
         """Where a link is in the base link, all joints at zero."""
-        return self.data.oMf[self.model.getFrameId(link)]
+        return self.data.oMf[self.frame(link)]
+
+    def frame(self, link: str) -> int:
+        """Pinocchio's frame of a link: a joint may have the same name."""
+        frame_id: int = self.model.getFrameId(link, pin.FrameType.BODY)
+        return frame_id
 
     def carried_share(self, joint: str) -> float:
         """Part of the robot's mass that hangs on a joint."""

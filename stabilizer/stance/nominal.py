@@ -71,7 +71,9 @@ class NominalPosture:
     def sole_place(self, model: pin.Model, frame: str) -> Vec3:
         """(3,) where a frame is in the base link [m]."""
         data = self._kinematics(model)
-        place: Vec3 = data.oMf[model.getFrameId(frame)].translation.copy()
+        place: Vec3 = data.oMf[
+            model.getFrameId(frame, pin.FrameType.BODY)
+        ].translation.copy()
         return place
 
     def _kinematics(self, model: pin.Model) -> pin.Data:

@@ -100,7 +100,7 @@ class ReachSearch:
             com_height_m=self._height - 0.5 * (left.z + right.z),
             turned=((left.roll, left.pitch), (right.roll, right.pitch)),
         )
-        return self._solver.solve(wanted, steps=_STEPS).is_good
+        return self._solver.solve(wanted, steps=_STEPS, exact=False).is_good
 
     def largest_share(self, grounds: Iterable[Ground]) -> float:
         """Part of all these that fits, between 0 and 1.

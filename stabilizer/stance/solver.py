@@ -91,12 +91,15 @@ class StanceSolver:
         self.lower, self.upper = lower + room, upper - room
         self._pull = np.where(is_leg, LEG_PULL, OTHER_PULL)
 
-    def solve(self, wanted: Wanted, *, steps: int = MOST_STEPS) -> Found:
+    def solve(
+        self, wanted: Wanted, *, steps: int = MOST_STEPS, exact: bool = True
+    ) -> Found:
         """Find a posture.
 
         Args:
             wanted: what it should be like.
             steps: after which it gives up.
+            exact: go on until nothing changes, not only until it is good or stuck.
         """
         from scipy.optimize import least_squares
 
@@ -108,8 +111,8 @@ class StanceSolver:
             np.clip(begin, self.lower, self.upper),
             jac=lambda q: self._jacobian(q, wanted),
             bounds=(self.lower - _INSIDE_RAD / 2.0, self.upper + _INSIDE_RAD / 2.0),
-            xtol=1e-10,
-            ftol=1e-10,
+            xtol=1e-10 if exact else 1e-6,
+            ftol=1e-10 if exact else 1e-3,
             gtol=1e-10,
             max_nfev=steps,
         )

@@ -73,7 +73,7 @@ def stand(model: RobotModel) -> Standing:
     J_base = np.linalg.pinv(J_soles[:, :N_BASE_V])
     v = np.concatenate((-J_base @ (J_soles[:, N_BASE_V:] @ given), given))
     sensors = [
-        data.oMf[pin_model.getFrameId(foot.ft_link)].rotation[2, 2]
+        data.oMf[pin_model.getFrameId(foot.ft_link, pin.FrameType.BODY)].rotation[2, 2]
         for foot in model.robot.file.foot
     ]
     soles = np.array([pose.translation for pose in poses])

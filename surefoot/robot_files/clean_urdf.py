@@ -1,18 +1,18 @@
-"""Makes a URDF one that can be balanced: one base, joints that move, meshes found."""
+"""Makes a URDF one that can be balanced: one base, joints that move, real bodies."""
 
 from __future__ import annotations
 
 import fnmatch
-import re
+import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from surefoot.robot_files.draft import Draft, end
 from surefoot.robot_files.notes import listed
 from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.urdf_check import drop
 from surefoot.schemas.arrays import Mat
 
 WORLDS = ("world", "map", "odom", "ground", "universe")
@@ -77,8 +77,7 @@ def choose_joints(
     reasons: dict[str, list[str]] = {}
     for name, joint in draft.joints.items():
         if not _moves(joint):
-            for mimic in joint.findall("mimic"):
-                joint.remove(mimic)
+            drop(joint, ("mimic",))
             continue
         why = _reason(draft, name, leaders=leaders, feet=feet, is_leg=name in legs)
         kept = any(fnmatch.fnmatch(name, pattern) for pattern in keep)
@@ -165,52 +164,10 @@ def foot_links(draft: Draft, sole: str) -> list[str]:
     return found
 
 
-def resolve_meshes(draft: Draft, package_dirs: Sequence[Path]) -> None:
-    """Point every mesh at its file; those that are not there are left out."""
-    lost: list[str] = []
-    for link in draft.root.iter("link"):
-        for tag in ("visual", "collision"):
-            for shape in link.findall(tag):
-                mesh = shape.find("geometry/mesh")
-                if mesh is None:
-                    continue
-                found = _mesh_path(mesh.get("filename", ""), draft.path, package_dirs)
-                if found is None:
-                    link.remove(shape)
-                    lost.append(mesh.get("filename", ""))
-                else:
-                    mesh.set("filename", str(found))
-    if lost:
-        draft.note(
-            "left to you",
-            f"{len(lost)} meshes are not there and were left out, {lost[0]} for one; "
-            "say where packages are with --package-dir",
-        )
-
-
-def _mesh_path(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
-    """Look for a mesh where ROS would, and beside and above the URDF."""
-    match = re.match(r"(?:package|model)://+(.*)", name)
-    folders = [*package_dirs, *urdf.resolve().parents]
-    if match is None:
-        path = urdf.parent.resolve() / name.removeprefix("file://")
-        return path if path.is_file() else None
-    package, _, rest = match[1].partition("/")
-    for folder in folders:
-        places = [folder / package / rest, folder / "share" / package / rest]
-        if folder.name == package:
-            places.append(folder / rest)
-        for path in places:
-            if path.is_file():
-                return path
-    return None
-
-
 def drop_collisions(draft: Draft) -> None:
     """Leave out what robots collide with: here soles alone touch anything."""
     for link in draft.root.iter("link"):
-        for shape in link.findall("collision"):
-            link.remove(shape)
+        drop(link, ("collision",))
 
 
 def open_limits(draft: Draft) -> None:
@@ -221,7 +178,7 @@ def open_limits(draft: Draft) -> None:
             continue
         for key in ("effort", "velocity"):
             try:
-                is_limit = float(limit.get(key, "0")) > 0.0
+                is_limit = 0.0 < float(limit.get(key, "0")) < math.inf
             except ValueError:
                 continue  # refused with its place when all else is checked
             if not is_limit:

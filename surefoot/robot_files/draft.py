@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from surefoot.robot_files.notes import Note, NoteKind
 from surefoot.robot_io.errors import RobotFileError
-from surefoot.robot_io.urdf_check import read_urdf_element
+from surefoot.robot_io.urdf_check import UNUSED_TAGS, drop, read_urdf_element
 from surefoot.schemas.arrays import Mat, Vec3
 
 KEPT_TAGS = ("link", "joint", "material")
@@ -40,9 +40,12 @@ class Draft:
             raise RobotFileError(
                 f"{path}: begins with <{self.root.tag}>, expected <robot>{hint}"
             )
+        self._check_expanded()
         for element in list(self.root):
             if element.tag not in KEPT_TAGS:
                 self.root.remove(element)
+        for joint in self.root.findall("joint"):
+            drop(joint, UNUSED_TAGS)
         self._check_tree()
 
     def note(self, kind: NoteKind, text: str) -> None:
@@ -80,13 +83,12 @@ class Draft:
 
     def below(self, link: str) -> list[str]:
         """A link and all that hang on it."""
+        children: dict[str, list[str]] = {}
+        for joint in self.root.findall("joint"):
+            children.setdefault(end(joint, "parent"), []).append(end(joint, "child"))
         found = [link]
         for name in found:
-            found += [
-                end(j, "child")
-                for j in self.root.findall("joint")
-                if end(j, "parent") == name
-            ]
+            found += children.get(name, [])
         return found
 
     def carried_kg(self, joint: ElementTree.Element) -> float:
@@ -124,16 +126,15 @@ class Draft:
         if angle:
             axis = _triple(joint.find("axis"), "xyz", "1 0 0")
             place = Rotation.from_euler("xyz", _triple(joint.find("origin"), "rpy"))
-            turn = Rotation.from_rotvec(angle * axis / np.linalg.norm(axis))
+            length = float(np.linalg.norm(axis)) or 1.0  # without a direction: refused
+            turn = Rotation.from_rotvec(angle * axis / length)
             write_origin(
                 joint,
                 _triple(joint.find("origin"), "xyz"),
                 (place * turn).as_matrix(),
             )
         joint.set("type", "fixed")
-        for tag in ("limit", "mimic", "dynamics", "safety_controller", "axis"):
-            for element in joint.findall(tag):
-                joint.remove(element)
+        drop(joint, ("limit", "mimic", "dynamics", "axis"))
 
     def add_frame(self, name: str, *, parent: str, place: Vec3, R: Mat) -> str:
         """Add a link without mass, fixed to another.
@@ -163,6 +164,17 @@ class Draft:
         """The URDF as it is now."""
         ElementTree.indent(self.root)
         return ElementTree.tostring(self.root, encoding="unicode") + "\n"
+
+    def _check_expanded(self) -> None:
+        """Refuse what xacro was still to work out."""
+        for element in self.root.iter():
+            told = [str(element.tag), *element.attrib.values()]
+            left = [word for word in told if "xacro" in word or "${" in word]
+            if left:
+                raise RobotFileError(
+                    f"{self.path}: <{str(element.tag).rpartition('}')[2]}> holds "
+                    f"{left[0][:60]!r}: expand the xacro first, xacro FILE > robot.urdf"
+                )
 
     def _check_tree(self) -> None:
         links, above = self.links, self.above

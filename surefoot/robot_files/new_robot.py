@@ -15,6 +15,12 @@ from surefoot.robot_files import clean_urdf
 from surefoot.robot_files.draft import Draft
 from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
 from surefoot.robot_files.joint_lines import joint_lines
+from surefoot.robot_files.meshes import (
+    carry_meshes,
+    check_copies,
+    copy_meshes,
+    find_meshes,
+)
 from surefoot.robot_files.notes import Note
 from surefoot.robot_files.robot_text import robot_text
 from surefoot.robot_io.atomic_file import atomic_file
@@ -84,12 +90,14 @@ class NewRobot:
 def new_robot(
     urdf: Path, options: NewRobotOptions, *, out: Path, overwrite: bool = False
 ) -> NewRobot:
-    """Write ``name.toml`` and ``name.urdf`` for a robot known by its URDF alone.
+    """Write ``name.toml``, ``name.urdf`` and meshes for a robot known by its URDF.
+
+    All paths in them are relative: the folder can be moved.
 
     Args:
         urdf: of the robot; it stays as it is.
         options: what is known beside it.
-        out: folder for the two files; made if it is not there.
+        out: folder for the files; made if it is not there.
         overwrite: replace files of these names.
 
     Returns:
@@ -142,13 +150,17 @@ def new_robot(
         joints=joints,
     )
     _note_posture(draft, nominal)
+    copies = carry_meshes(draft, out, folder=f"{name}_meshes")
+    if not overwrite:
+        check_copies(copies)
     contents = {toml_path: text, urdf_path: draft.text()}
     with tempfile.TemporaryDirectory() as trial:
         for path, content in contents.items():
             (Path(trial) / path.name).write_text(content, encoding="utf-8")
         load_robot(str(Path(trial) / toml_path.name))
     out.mkdir(parents=True, exist_ok=True)
-    for path, content in contents.items():
+    copy_meshes(copies)
+    for path, content in reversed(contents.items()):
         with atomic_file(path) as file:
             file.write(content.encode())
     return NewRobot(load_robot(str(toml_path)), tuple(draft.notes))
@@ -173,7 +185,7 @@ def _cleaned(urdf: Path, options: NewRobotOptions) -> Draft:
     )
     clean_urdf.check_feet(draft, soles)
     clean_urdf.open_limits(draft)
-    clean_urdf.resolve_meshes(draft, options.package_dirs)
+    find_meshes(draft, options.package_dirs)
     clean_urdf.settle_inertias(draft, repair=options.repair_inertias)
     return draft
 
@@ -230,7 +242,7 @@ def _posture(
     apart_m = max(float(left[1] - right[1]), 2.0 * widest + BESIDE_M)
     return find_nominal(
         body.model,
-        [body.model.getFrameId(found.foot.sole_frame) for found in feet],
+        [body.frame(found.foot.sole_frame) for found in feet],
         R_world_base=directions.R_upright_base,
         apart_m=apart_m,
         rise_m=options.rise_m,

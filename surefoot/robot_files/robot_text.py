@@ -114,6 +114,11 @@ profile = "ideal"
 velocity_limit_rad_s = 12.0  # guessed
 lag_s = 0.0  # guessed; the time by which a slow sine of the joint comes late
 
+# The same of slow drives, as behind harmonic gears: --servo-profile harmonic.
+[servo.profiles.harmonic]
+velocity_limit_rad_s = 3.1  # guessed
+lag_s = 0.02  # guessed
+
 # What the robot refuses, whoever asks.
 """
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,6 +16,7 @@ from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import load_robot
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.standing import stand
+from surefoot.view.robot_shape import RobotShape
 from tests.awkward_robot import AWKWARD, make_awkward
 
 WALKER = load_robot("walker").urdf_path
@@ -186,6 +188,106 @@ def without_sensor_mounts(root: ElementTree.Element) -> None:
         part(root, "joint", f"{side}_ankle_ft_mount").set("name", f"{side}_foot_glue")
 
 
+def with_halves_of_tags(root: ElementTree.Element) -> None:
+    """What Pinocchio's reader takes for broken, and nobody needs."""
+    for moved in root.findall("joint"):
+        ElementTree.SubElement(moved, "calibration", rising="low")
+        ElementTree.SubElement(moved, "safety_controller", soft_lower_limit="-1")
+
+
+def with_a_mimic_chain(root: ElementTree.Element) -> None:
+    leader, above = "left_grip", "left_hand"
+    for place in range(4):
+        name = f"left_grip_{place}"
+        follower = joint(root, name, "revolute", above, f"left_finger_{place}")
+        ElementTree.SubElement(follower, "mimic", joint=leader)
+        weigh(part(root, "link", f"left_finger_{place}"), 0.05)
+        leader, above = name, f"left_finger_{place}"
+
+
+def in_other_letters(root: ElementTree.Element) -> None:
+    part(root, "joint", "head_yaw").set("name", "\u9996 yaw \u03c8")
+    part(root, "link", "head").set("name", "t\u00eate/1")
+    for end in root.iterfind("joint/*[@link='head']"):
+        end.set("link", "t\u00eate/1")
+
+
+def with_soles_turned(root: ElementTree.Element) -> None:
+    """The box drawn along y, and turned by 90 deg about the vertical."""
+    for side in SIDES:
+        for shape in part(root, "link", f"{side}_foot_plate").findall("collision"):
+            box = shape.find("geometry/box")
+            assert box is not None
+            x, y, z = box.get("size", "").split()
+            box.set("size", f"{y} {x} {z}")
+            shape.find("origin").set("rpy", "0 0 1.5707963267948966")  # type: ignore[union-attr]
+
+
+def with_mesh_scale(scale: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        with_meshes_alone(root)
+        for mesh in root.iter("mesh"):
+            mesh.set("scale", scale)
+
+    return change
+
+
+def with_mesh_file(name: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        with_meshes_alone(root)
+        for mesh in root.iter("mesh"):
+            mesh.set("filename", name)
+
+    return change
+
+
+def with_a_joint_called_as_a_sole(root: ElementTree.Element) -> None:
+    part(root, "joint", "head_yaw").set("name", "left_foot_plate")
+
+
+def with_a_skin(root: ElementTree.Element) -> None:
+    """Hundreds of frames without mass, as an artificial skin has them."""
+    for place in range(600):
+        parent = "torso" if place % 30 == 0 else f"skin_{place - 1}"
+        joint(root, f"to_skin_{place}", "fixed", parent, f"skin_{place}")
+
+
+def with_xacro(root: ElementTree.Element) -> None:
+    part(root, "joint", "left_knee").find("origin").set("xyz", "0 0 ${-thigh}")  # type: ignore[union-attr]
+
+
+def with_knee_limit(**limits: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        knee = part(root, "joint", "left_knee")
+        limit = knee.find("limit")
+        assert limit is not None
+        limit.attrib.update(limits)
+        if not limits:
+            knee.remove(limit)
+
+    return change
+
+
+def with_two_bases(root: ElementTree.Element) -> None:
+    ElementTree.SubElement(root, "link", name="stand")
+
+
+def with_two_of_one_name(root: ElementTree.Element) -> None:
+    weigh(ElementTree.SubElement(root, "link", name="left_hand"), 0.1)
+
+
+def with_a_tool(kind: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        joint(root, "tool_mount", kind, "left_hand", "tool")
+        weigh(part(root, "link", "tool"), 1.0)
+
+    return change
+
+
+def without_direction(root: ElementTree.Element) -> None:
+    part(root, "joint", "left_elbow").find("axis").set("xyz", "0 0 0")  # type: ignore[union-attr]
+
+
 def nothing(root: ElementTree.Element) -> None:
     del root
 
@@ -203,6 +305,7 @@ def made(tmp_path: Path, change: Change, options: NewRobotOptions) -> NewRobot:
     folder = tmp_path / "drawn"
     (folder / "feet").mkdir(parents=True)
     (folder / "feet" / "foot.obj").write_text(CUBE)
+    (folder / "feet" / "page.stl").write_text("<html>Git LFS</html>")
     tree.write(folder / "drawn.urdf")
     return new_robot(folder / "drawn.urdf", options, out=tmp_path / "made")
 
@@ -247,6 +350,22 @@ STANDS: dict[str, tuple[Change, NewRobotOptions, str]] = {
         replace(FEET, left_sole="left_sole", right_sole="right_sole"),
         "above 'left_foot_plate', which weighs 0.456 kg",
     ),
+    "halves of tags": (with_halves_of_tags, FEET, "28 joints, in the order"),
+    "mimic chain": (with_a_mimic_chain, FEET, "4 joints fixed, they follow another"),
+    "other letters": (
+        in_other_letters,
+        replace(FEET, fix=("\u9996*",)),
+        "as asked: \u9996 yaw \u03c8",
+    ),
+    "soles turned": (with_soles_turned, FEET, "left sole: 271 x 155 mm"),
+    "mesh mirrored": (with_mesh_scale("0.1 0.1 -0.1"), FEET, "240 x 120 mm"),
+    "joint called as a sole": (with_a_joint_called_as_a_sole, FEET, "271 x 155 mm"),
+    "skin": (with_a_skin, FEET, "28 joints, in the order"),
+    "limits without end": (
+        with_limits(effort="inf", velocity="inf"),
+        FEET,
+        "torque limits of 28",
+    ),
 }
 
 
@@ -264,6 +383,23 @@ def test_frames_may_be_turned_as_they_like(tmp_path: Path) -> None:
     check_posture(robot)
     assert robot.robot.left.half_length_m == pytest.approx(0.1357, abs=1e-3)
     assert robot.robot.left.half_width_m == pytest.approx(0.0774, abs=1e-3)
+
+
+def test_what_was_made_can_be_moved_without_its_source(tmp_path: Path) -> None:
+    drawn = RobotShape(made(tmp_path, with_meshes_alone, FEET).robot).meshes
+    shutil.rmtree(tmp_path / "drawn")
+    folder = (tmp_path / "made").rename(tmp_path / "elsewhere")
+    robot = load_robot(folder / "made.toml")
+    assert str(tmp_path) not in robot.urdf_path.read_text()
+    moved = RobotShape(robot).meshes
+    assert moved.keys() == drawn.keys() == {"left_foot_plate", "right_foot_plate"}
+    for link, mesh in moved.items():
+        np.testing.assert_array_equal(mesh.vertices, drawn[link].vertices)
+    (folder / "made_meshes" / "foot.obj").unlink()
+    with pytest.raises(
+        RobotFileError, match=r"left_foot_plate.*no such file.*foot\.obj"
+    ):
+        RobotShape(load_robot(folder / "made.toml"))
 
 
 REFUSED: dict[str, tuple[Change, NewRobotOptions, str]] = {
@@ -299,6 +435,22 @@ REFUSED: dict[str, tuple[Change, NewRobotOptions, str]] = {
     "no ranges": (with_limits(lower="0", upper="0"), FEET, "lower 0 is not below"),
     "ring": (in_a_ring, FEET, "ring|two joints"),
     "two joints": (on_two_joints, FEET, "hangs on two joints"),
+    "xacro": (with_xacro, FEET, "expand the xacro"),
+    "no limit": (with_knee_limit(), FEET, "'left_knee' has no <limit>"),
+    "limits exchanged": (
+        with_knee_limit(lower="2.2", upper="-0.2"),
+        FEET,
+        "'left_knee': limit: lower 2.2 is not below",
+    ),
+    "limit of no number": (with_knee_limit(lower="nan"), FEET, "'left_knee': limit"),
+    "two bases": (with_two_bases, FEET, "hangs on no joint, got 'torso', 'stand'"),
+    "one name twice": (with_two_of_one_name, FEET, "two links are called 'left_hand'"),
+    "planar": (with_a_tool("planar"), FEET, "'tool_mount': type 'planar'"),
+    "floating tool": (with_a_tool("floating"), FEET, "'tool_mount': type 'floating'"),
+    "no direction": (without_direction, FEET, "'left_elbow': axis: got 0 0 0"),
+    "mesh of no size": (with_mesh_scale("0 0 0"), FEET, "left foot.*flat or empty"),
+    "mesh scale in words": (with_mesh_scale("1 1"), FEET, "left foot|scale"),
+    "mesh that is none": (with_mesh_file("feet/page.stl"), FEET, "left_foot_plate"),
 }
 
 
