@@ -12,7 +12,7 @@ from surefoot.cli import options
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from surefoot.robot_files.notes import Note
+    from surefoot.robot_files.draft import Note
 
 _PARTS = "Parts of the robot"
 _JOINTS = "Joints"
@@ -165,7 +165,7 @@ def _table(name: str, notes: tuple[Note, ...]) -> Table:
     from rich.table import Table
     from rich.text import Text
 
-    from surefoot.robot_files.notes import KINDS
+    from surefoot.robot_files.draft import KINDS
 
     table = Table(title=f"{name}: from its URDF")
     table.add_column("")

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from surefoot.robot_files.draft import Draft, end
-from surefoot.robot_files.notes import listed
+from surefoot.robot_files.draft import Draft, end, listed
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import drop
 from surefoot.schemas.arrays import Mat

@@ -5,16 +5,32 @@ from __future__ import annotations
 import difflib
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from surefoot.robot_files.notes import Note, NoteKind
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import UNUSED_TAGS, drop, read_urdf_element
 from surefoot.schemas.arrays import Mat, Vec3
 
 KEPT_TAGS = ("link", "joint", "material")
+
+NoteKind = Literal["found", "guessed", "changed", "left to you"]
+KINDS: tuple[NoteKind, ...] = ("found", "changed", "guessed", "left to you")
+_MOST_NAMES = 12
+
+
+class Note(NamedTuple):
+    """One line of the report.
+
+    Attributes:
+        kind: whose word it is: the URDF's, a change of it, a guess, or still to do.
+        text: names what it is about.
+    """
+
+    kind: NoteKind
+    text: str
 
 
 class Draft:
@@ -202,6 +218,13 @@ class Draft:
             raise RobotFileError(
                 f"{self.path}: some links hang on themselves, in a ring"
             )
+
+
+def listed(names: list[str]) -> str:
+    """Return names as a list in words, cut when there are many."""
+    shown = ", ".join(names[:_MOST_NAMES])
+    more = len(names) - _MOST_NAMES
+    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def end(joint: ElementTree.Element, which: str) -> str:

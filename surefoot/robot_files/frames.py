@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from surefoot.robot_files.clean_urdf import foot_links
-from surefoot.robot_files.draft import Draft, end
-from surefoot.robot_files.notes import Note, listed
+from surefoot.robot_files.draft import Draft, Note, end, listed
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.robot_file import Foot, Side
 from surefoot.stabilizer.stance.body import Body, Directions

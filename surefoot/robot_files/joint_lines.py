@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from surefoot.robot_files import servos
-from surefoot.robot_files.draft import Draft
-from surefoot.robot_files.notes import listed
+from surefoot.robot_files.draft import Draft, listed
 from surefoot.robot_files.robot_text import JointLines
 from surefoot.schemas.arrays import Vec3
 from surefoot.stabilizer.stance.body import Body

@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from surefoot.robot_files.notes import listed
+from surefoot.robot_files.draft import listed
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.model import RobotModel

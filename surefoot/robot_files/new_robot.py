@@ -12,7 +12,7 @@ import numpy as np
 
 from surefoot.errors import UsageError
 from surefoot.robot_files import clean_urdf
-from surefoot.robot_files.draft import Draft
+from surefoot.robot_files.draft import Draft, Note
 from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
 from surefoot.robot_files.joint_lines import joint_lines
 from surefoot.robot_files.meshes import (
@@ -21,7 +21,6 @@ from surefoot.robot_files.meshes import (
     copy_meshes,
     find_meshes,
 )
-from surefoot.robot_files.notes import Note
 from surefoot.robot_files.robot_text import robot_text
 from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.robot_io.errors import RobotFileError
