@@ -24,7 +24,15 @@ LEAST_KNOWN_S = 0.3
 LEARNING, BIAS_LEARNING = 3.0, 0.5
 """Bandwidths times the time watched, for as long as that is more [1]."""
 KNOWN_S = 5.0
-"""After so long on ground that moves the height is believed."""
+"""After so long the height is believed; a hundredth of it on ground at rest."""
+GROUND_M, GROUND_M_S, LIKELY_BIAS_M_S2 = 0.05, 0.3, 0.05
+"""Of ground that moves at the start: height, speed and the bias not seen yet, standard
+deviations."""
+GROUND_CORRELATION_S = 0.25
+"""For so long it is as high as it was."""
+DOUBT = 4.0
+"""The variance of what is learnt counts so many times: ground swings, and is no noise
+[1]."""
 RETURNED_M, RETURNED_M_S = 0.01, 0.01
 """The ground is back from the stroke's end, and stands [m], [m/s]."""
 SEEN_M = 5e-4
@@ -56,8 +64,9 @@ class HeightFilter:
         h' = rate + k_1 e,   rate' = acceleration - bias + k_2 e,   bias' = -k_3 e
 
     where the roots of s^3 + k_1 s^2 + k_2 s + k_3 are a pair, by bandwidth and damping,
-    and the pull of the bias. After a start on ground that moves, all three are greater
-    for as long as little is known, and the legs' word is taken for a share of the rest.
+    and the pull of the bias. After a start on ground that moves, all three are those of
+    a Kalman filter that begins without a clue (:class:`Learnt`) for as long as they are
+    greater, and the robot rides with the ground the more, the less is known.
 
     The ground is taken to be level on average, within the legs' stroke: ground that
     goes farther takes the level along, and from the stroke's end the pull leads back
@@ -94,6 +103,7 @@ class HeightFilter:
         self.height = self.rate = self.bias = self.ground = 0.0
         self._height = self._rate = 0.0
         self._known_s = LEAST_KNOWN_S
+        self._learnt: Learnt | None = None
         self._is_seen = self._returns = False
         self._usual = self._sudden = self._odd_s = 0.0
         self._is_at_end = False
@@ -136,6 +146,7 @@ class HeightFilter:
         self._height, self._rate = height, rate
         self._leg_mean = rate
         self._ground_speed = 0.1 if moves else 0.0
+        self._learnt = Learnt() if moves else None
 
     def update(
         self, acceleration: float, difference: float | None, *, over: float, rate: float
@@ -170,7 +181,8 @@ class HeightFilter:
             self._returns = True
         elif abs(within) < RETURNED_M and abs(self._rate - rate) < RETURNED_M_S:
             self._returns = False
-        share = min(1.0, self._known_s / KNOWN_S)
+        learnt = self._learnt
+        share = min(1.0, self._known_s / KNOWN_S) if learnt is None else learnt.share
         self.ground = share * within
         self.height = over + self.ground
         self.rate = rate + share * (self._rate - rate)
@@ -218,19 +230,65 @@ class HeightFilter:
     def _gains(self, stillness: float) -> tuple[float, float, float]:
         """Return k_1, k_2, k_3."""
         s = self._settings
-        self._known_s += self._dt * (1.0 + stillness * STILL_WEIGHT)
-        known_s = self._known_s
         w = _between(s.height_bandwidth, s.still_height_bandwidth, stillness)
         damping = _between(s.height_damping, STILL_DAMPING, stillness)
         is_still = stillness > STILL_FOR_BIAS
         p = STILL_BIAS_PULL if is_still else s.height_bias_pull
         if self._returns:
             damping = STILL_DAMPING
+        weight = 1.0 + stillness * STILL_WEIGHT
+        if self._learnt is not None:
+            k_1, k_2, k_3 = _poles(w, damping, p)
+            l_1, l_2, l_3 = self._learnt.step(self._dt, weight=weight)
+            return max(k_1, l_1), max(k_2, l_2), max(k_3, l_3)
+        self._known_s += self._dt * weight
+        known_s = self._known_s
         if w * known_s < LEARNING:
             w, damping = LEARNING / known_s, STILL_DAMPING
-        p = max(p, BIAS_LEARNING / known_s)
-        swing = 2.0 * damping * w
-        return swing + p, w * w + swing * p, w * w * p
+        return _poles(w, damping, max(p, BIAS_LEARNING / known_s))
+
+
+class Learnt:
+    """How much is known of ground that moved when the filter began.
+
+    The covariance of height, rate and bias, for ground whose height is noise that keeps
+    for a while: the oftener it was seen, the better its mean is known.
+    """
+
+    def __init__(self) -> None:
+        """Know nothing but what is likely."""
+        self._hh, self._rr, self._bb = GROUND_M**2, GROUND_M_S**2, LIKELY_BIAS_M_S2**2
+        self._hr = self._hb = self._rb = 0.0
+
+    @property
+    def share(self) -> float:
+        """Of the estimated height that is to be believed [1]."""
+        return GROUND_M**2 / (GROUND_M**2 + DOUBT * self._hh)
+
+    def step(self, dt: float, *, weight: float) -> tuple[float, float, float]:
+        """Advance by a tick; return the gains k_1, k_2, k_3 of the best estimate.
+
+        Args:
+            dt: time since the last [s].
+            weight: of what the legs say, more on ground that stands still [1].
+        """
+        hh, hr, hb = self._hh, self._hr, self._hb
+        rr, rb, bb = self._rr, self._rb, self._bb
+        hh += dt * (2.0 * hr + dt * rr)
+        hr += dt * (rr - hb - dt * rb)
+        hb += dt * rb
+        rr += dt * (dt * bb - 2.0 * rb)
+        rb -= dt * bb
+        total = hh + GROUND_M**2 * GROUND_CORRELATION_S / (dt * weight)
+        k_h, k_r, k_b = hh / total, hr / total, hb / total
+        self._hh, self._hr, self._hb = hh - k_h * hh, hr - k_h * hr, hb - k_h * hb
+        self._rr, self._rb, self._bb = rr - k_r * hr, rb - k_r * hb, bb - k_b * hb
+        return k_h / dt, k_r / dt, -k_b / dt
+
+
+def _poles(bandwidth: float, damping: float, pull: float) -> tuple[float, float, float]:
+    swing, square = 2.0 * damping * bandwidth, bandwidth * bandwidth
+    return swing + pull, square + swing * pull, square * pull
 
 
 def _between(moving: float, still: float, stillness: float) -> float:

@@ -26,7 +26,12 @@ def ramp(time_s: float, *, lift: float, speed: float = 0.3) -> float:
 
 
 def follow(
-    ground: Ground, *, duration_s: float, bias: float = 0.0, payload_s: float = 1e9
+    ground: Ground,
+    *,
+    duration_s: float,
+    bias: float = 0.0,
+    payload_s: float = 1e9,
+    moves: bool = False,
 ) -> tuple[Array, Array]:
     """Return true and estimated height of the ground, a row per tick."""
     height = HeightFilter(EstimatorSettings(), stroke=STROKE, period_s=PERIOD_S)
@@ -37,7 +42,7 @@ def follow(
         difference = bias - (0.4 if time_s > payload_s else 0.0)
         if time_s < 0.3:
             height.calibrate(
-                acceleration, difference, height=STANDS_M, rate=0.0, moves=False
+                acceleration, difference, height=STANDS_M, rate=0.0, moves=moves
             )
         else:
             height.update(acceleration, difference, over=STANDS_M, rate=0.0)
@@ -73,3 +78,21 @@ def test_a_bias_calibrated_at_rest_leaves_the_height_alone(bias: float) -> None:
 def test_a_load_picked_up_is_no_acceleration() -> None:
     _, estimate = follow(lambda _: 0.0, duration_s=6.0, payload_s=3.0)
     assert np.abs(estimate).max() < 0.03
+
+
+@pytest.mark.parametrize("phase_deg", [0.0, 120.0, 240.0])
+@pytest.mark.parametrize(("frequency_hz", "bias"), [(0.96, 0.0), (0.5, 0.05)])
+def test_ground_that_moves_at_the_start_is_no_bias(
+    frequency_hz: float, bias: float, phase_deg: float
+) -> None:
+    """Taken for one, it drove the height to the stroke's end for half a minute."""
+    amplitude, phase = 0.06, np.radians(phase_deg)
+
+    def heaving(time_s: float) -> float:
+        return amplitude * float(np.sin(2.0 * np.pi * frequency_hz * time_s + phase))
+
+    truth, estimate = follow(heaving, duration_s=9.0, bias=bias, moves=True)
+    assert np.abs(estimate).max() < 1.4 * amplitude
+    lasting = (estimate - truth)[round(6.0 / PERIOD_S) :]
+    assert np.sqrt(np.mean(lasting**2)) < 0.5 * amplitude
+    assert abs(np.mean(lasting)) < 0.25 * amplitude
