@@ -50,6 +50,9 @@ def choose_endpoints(
     return endpoints
 
 
+ONE_HOST_LEASE_MS = 10_000
+"""Between processes of one run a death closes the link at once. What is silent and not
+dead is a process that a busy machine has not let run."""
 LONGEST_SOCKET_PATH = 90
 """Systems allow 104 or 108 bytes, and Zenoh puts a lock file beside the socket."""
 
@@ -67,15 +70,18 @@ def private_bus() -> Iterator[Endpoints]:
             yield loopback_endpoints()
             return
         locator = f"unixsock-stream/{path}"
-        yield Endpoints(listen=[locator], connect=[locator])
+        yield _one_host(locator)
 
 
 def loopback_endpoints() -> Endpoints:
     """Choose a free port of the loopback interface for both sides of one run."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
-    locator = f"tcp/127.0.0.1:{port}"
-    return Endpoints(listen=[locator], connect=[locator])
+    return _one_host(f"tcp/127.0.0.1:{port}")
+
+
+def _one_host(locator: str) -> Endpoints:
+    return Endpoints(listen=[locator], connect=[locator], lease_ms=ONE_HOST_LEASE_MS)
 
 
 def write_endpoints(path: Path, endpoints: Endpoints) -> None:

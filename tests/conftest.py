@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from surefoot.cli.__main__ import main
+from surefoot.endpoints import loopback_endpoints
 from surefoot.schemas.endpoints import Endpoints
 from tests.command import PLAIN, Surefoot, run_surefoot
 from tests.one_name import modules_with_two_names
 from tests.patient_robot import patient_robot_file
-from tests.support import free_port
 
 TESTS = Path(__file__).parent
 OF_PROCESSES = (
@@ -34,8 +34,7 @@ FIXTURES_OF_PROCESSES = {"endpoints", "surefoot", "authority", "meeting"}
 @pytest.fixture
 def endpoints() -> Endpoints:
     """Both ends of a bus on this host, apart from every other test's."""
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    return Endpoints(listen=[locator], connect=[locator])
+    return loopback_endpoints()
 
 
 @pytest.fixture

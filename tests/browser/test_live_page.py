@@ -16,10 +16,10 @@ from typing import Any
 import msgspec
 import pytest
 
+from surefoot.endpoints import loopback_endpoints, write_endpoints
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.inbox import Latest
 from surefoot.robot_io.bus.session import Role
-from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult
@@ -53,21 +53,25 @@ class Visit:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        locator = f"tcp/127.0.0.1:{free_port()}"
-        self.endpoints = Endpoints(listen=[locator], connect=[locator])
+        self.endpoints = loopback_endpoints()
+        file = folder / "endpoints.toml"
+        write_endpoints(file, self.endpoints)
         port = free_port()
         self.url = f"http://127.0.0.1:{port}"
         scenario = folder / "heaving.toml"
         scenario.write_text(SCENARIO)
-        connect = ("--connect", locator)
-        self.view = self._start("view", "--port", port, *connect)
+        meet = ("--endpoints", file)
+        self.view = self._start("view", "--port", port, *meet)
         # In lockstep: the browser draws on the processors of robot and stabilizer, and
         # how quick they are is not what is tested here.
-        self.robot = self._start("robot", scenario, "--listen", locator, "--json")
-        self.stabilizer = self._start("stabilizer", *connect, "--json")
+        self.robot = self._start("robot", scenario, *meet, "--json")
+        self.stabilizer = self._start("stabilizer", *meet, "--json")
 
     def log(self, name: str) -> str:
-        return (self.folder / f"{name}.log").read_text()
+        """What a process has said that goes on: nothing is waited for in vain."""
+        text = (self.folder / f"{name}.log").read_text()
+        assert getattr(self, name).poll() is None, text
+        return text
 
     def end(self) -> None:
         for process in (self.view, self.stabilizer, self.robot):
