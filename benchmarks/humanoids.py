@@ -47,7 +47,7 @@ CELLS = {
     "two": Cell("two-platforms-fast", 6.0),
     "drop": Cell("falling-platform-50", 6.0),
     "tilt": Cell("tilt-ramp-roll", 4.0),
-    "push": Cell("push-standing", 4.0),
+    "push": Cell("push-standing", 3.0),
 }
 
 

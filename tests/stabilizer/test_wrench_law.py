@@ -242,3 +242,23 @@ def test_drives_with_lag_yield_as_prompt_ones_once_the_feet_stand_firmly(
     for _ in range(ticks):
         answer(slow, load + ERROR)
     np.testing.assert_allclose(answer(slow, load + ERROR), wanted, atol=TOLERANCE)
+
+
+@LIFTED
+def test_slow_drives_look_for_the_ground_as_fast_as_others(
+    model: RobotModel, side: int
+) -> None:
+    """K grows with their lag for feet on the ground; there is none around this one."""
+    rig = Rig(model, PAPER)
+    rig.go(nominal_state(model))
+    speeds = []
+    for lag_s in (0.0, 0.05):
+        r = make_law(PAPER, lag_s=lag_s).update(
+            rig.dynamics,
+            rig.stance,
+            F_meas=np.zeros(12),
+            F_id=np.zeros(12),
+            in_contact=RIGHT if side == 0 else LEFT,
+        )
+        speeds.append(-r[NORMAL_ROWS[side]])
+    assert speeds[1] == pytest.approx(speeds[0])
