@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import UNUSED_TAGS, drop, read_urdf_element
@@ -134,6 +133,8 @@ class Draft:
 
     def fix(self, joint: ElementTree.Element) -> None:
         """Make a joint fixed where zero is, or the end of its range nearest to it."""
+        from scipy.spatial.transform import Rotation
+
         limit = joint.find("limit")
         angle = 0.0
         if limit is not None and joint.get("type") == "revolute":
@@ -241,6 +242,8 @@ def write_origin(element: ElementTree.Element, place: Vec3, R: Mat) -> None:
         place: (3,) [m].
         R: (3, 3) the parent from the joint.
     """
+    from scipy.spatial.transform import Rotation
+
     origin = element.find("origin")
     if origin is None:
         origin = ElementTree.SubElement(element, "origin")
