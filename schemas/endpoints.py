@@ -39,8 +39,8 @@ class Access(FileStruct, frozen=True, kw_only=True):
     stabilizer: list[str] = msgspec.field(default_factory=lambda: ["stabilizer"])
     """May command: ``cmd/**``, ``srv/**``, its own status; and read everything."""
     operator: list[str] = msgspec.field(default_factory=lambda: ["operator"])
-    """May change the stabilizer's gains, have it hold and resume, push a simulated
-    robot; and read everything."""
+    """May change the stabilizer's gains, have it hold, resume and walk, push a
+    simulated robot; and read everything."""
     planner: list[str] = msgspec.field(default_factory=lambda: ["planner"])
     """May send references, and read everything."""
     observer: list[str] = msgspec.field(default_factory=lambda: ["observer"])

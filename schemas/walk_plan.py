@@ -75,6 +75,8 @@ class WalkPlan(Message, frozen=True, kw_only=True):
 
 Place = Annotated[list[float], msgspec.Meta(min_length=4, max_length=4)]
 """x, y, z [m] and yaw [rad] of a sole, odometry frame."""
+MOST_AHEAD = 11
+"""Steps to come that are told of, at most."""
 
 
 class WalkStatus(Message, frozen=True, kw_only=True):
@@ -105,14 +107,21 @@ class WalkStatus(Message, frozen=True, kw_only=True):
     """The same, but of a foot in the air where it is being set."""
     goal_right: Place
     """The same of the right foot."""
+    ahead: Annotated[list[Place], msgspec.Meta(max_length=MOST_AHEAD)]
+    """Where the feet go after that, in turns; the step that brings them together
+    included."""
     shift: Position2
     """Of the step under way, by step adjustment [m]."""
     dcm: Position2
     """Estimated divergent component of motion [m]."""
     dcm_reference: Position2
     """Where it should be [m]."""
+    zmp_reference: Position2
+    """Wanted zero-moment point [m]."""
+    plan_stamp_ns: Count
+    """``stamp_ns`` of the last plan."""
     refusal: str
-    """Why the last plan was refused, in words; empty when it was taken."""
+    """Why it was refused, in words; empty when it was taken."""
 
 
 class WalkStep(FileStruct, frozen=True, kw_only=True):

@@ -114,7 +114,7 @@ def walk_on_bus(
     heard_s = time.monotonic()
     begun = client.status()
     first = -1 if begun is None else begun.last_step
-    status = begun
+    status, sent = begun, set[int]()
     while not stop.is_urgent and client.robot_is_here:
         left = STEPS_AHEAD
         status = client.status() or status
@@ -129,8 +129,10 @@ def walk_on_bus(
         is_over = status is not None and status.phase == "stand"
         if left <= 0 and is_over:
             return status
-        if status is not None and status.refusal:
+        if status is not None and status.refusal and status.plan_stamp_ns in sent:
             return status
-        client.send(planner.plan(status, count=max(0, left)))
+        plan = planner.plan(status, count=max(0, left))
+        client.send(plan)
+        sent.add(plan.stamp_ns)
         time.sleep(PERIOD_S)
     return status

@@ -83,9 +83,20 @@ def _surroundings() -> Iterator[Diagnosis]:
 
 
 def _robots() -> Iterator[Diagnosis]:
-    from surefoot.cli.doctor.robots import check_margins
+    """Check the margins of every shipped robot with every servo profile."""
+    from surefoot.loop_margins import compute_margins
+    from surefoot.robot_io.robot import list_robots, load_robot
 
-    yield from check_margins()
+    for name in list_robots():
+        for profile in load_robot(name).file.servo.profiles:
+            found = compute_margins(name, servo_profile=profile)
+            yield finding(
+                f"margins of {name}, {profile}",
+                "; ".join(found.in_words()),
+                bad=None if found.is_enough else Severity.WARN,
+                advice="as it was made, and no fault of this machine; surefoot "
+                "margins tells more",
+            )
 
 
 def _try(name: str, check: Callable[[], Iterator[Diagnosis]]) -> Iterator[Diagnosis]:

@@ -31,6 +31,7 @@ from surefoot.schemas.topics import (
     Direction,
     topic,
 )
+from surefoot.schemas.walk_plan import WalkStatus
 
 ALL_CHANNELS = tuple(
     entry.name
@@ -51,6 +52,7 @@ class LatestMessages(NamedTuple):
     status: RobotStatus | None = None
     stabilizer: StabilizerStatus | None = None
     truth: Truth | None = None
+    walk_status: WalkStatus | None = None
 
 
 VIEWER_CHANNELS = LatestMessages._fields

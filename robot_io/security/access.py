@@ -30,7 +30,7 @@ def access_control(
     """
     may = {
         "stabilizer": ["command", "ask", "serve", "live", "read", "hear"],
-        "operator": ["operate", "read", "hear"],
+        "operator": ["operate", "plan", "read", "hear"],
         "planner": ["plan", "read", "hear"],
         "observer": ["read", "hear"],
         "robot": ["robot-put", "robot-answer", "robot-live", "read", "hear"],

@@ -15,6 +15,7 @@ from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.walking.feet import FootState
 from surefoot.stabilizer.walking.footsteps import SIDES, Foothold
 from surefoot.stabilizer.walking.gait import Phase
+from surefoot.stabilizer.walking.step_queue import Move
 
 MM_PER_M = 1e3
 
@@ -32,10 +33,12 @@ class WalkState:
         footholds: (8,) x, y, z [m] and yaw [rad] of left and right foot: where they
             were set down, or are.
         goals: (8,) the same, of a foot in the air where it is being set.
+        ahead: steps to come, as far as the reference looks.
         shift: (2,) of the present step, by step adjustment [m].
         done: steps of plans that were set down.
         planned: steps of all plans that were taken.
-        refusal: why the last plan was refused, in words; empty when it was taken.
+        plan_stamp_ns: stamp of the last plan [ns].
+        refusal: why it was refused, in words; empty when it was taken.
         phase_s: time in the phase [s].
         moved: the foot moved last, or on its way; None before the first step.
         last_step: largest id of a step that has begun; -1 before the first.
@@ -55,6 +58,8 @@ class WalkState:
         self.goals: Array = np.zeros(8)
         self.shift: Array = np.zeros(2)
         self.done = self.planned = 0
+        self.ahead: Sequence[Move] = ()
+        self.plan_stamp_ns = 0
         self.refusal = ""
         self._placement_max = 0.0
         self._late: list[float] | None = None
@@ -121,9 +126,14 @@ class WalkState:
             foothold_right=places[0][4:],
             goal_left=places[1][:4],
             goal_right=places[1][4:],
+            ahead=[list(map(float, move.place)) for move in self.ahead]
+            if self.phase is not Phase.STAND
+            else [],
             shift=[x, y],
             dcm=self.dcm.tolist(),
             dcm_reference=self.dcm_reference.tolist(),
+            zmp_reference=self.zmp_reference.tolist(),
+            plan_stamp_ns=self.plan_stamp_ns,
             refusal=self.refusal,
         )
 

@@ -122,6 +122,7 @@ class Walk:
             self._plan = plan
             self._begin_tick = plan.begin_tick
             told = self.state = self._told
+            told.plan_stamp_ns = plan.stamp_ns
             if not self._has_odometry:
                 told.refusal = "the estimator knows no steps: it has no anchors"
                 return
@@ -187,7 +188,8 @@ class Walk:
             self._swing.ground.from_both(dynamics)
         else:
             self._swing.ground.from_one(dynamics, fed, support=1 - airborne)
-        self.gait.advance(self._footholds(), self._ahead())
+        self._told.ahead = self._ahead()
+        self.gait.advance(self._footholds(), self._told.ahead)
         self._adjust(dynamics)
         self._write_stance(stance, state)
         if airborne is not None:
@@ -327,7 +329,6 @@ class Walk:
         told.zmp_reference[:] = gait.zmp
         told.add_error()
         x, y = (told.dcm - told.dcm_reference).tolist()
-        error = (x, y)
         move = self._move
         if (
             gait.phase is Phase.SINGLE
@@ -335,7 +336,7 @@ class Walk:
             and self.feet.state[move.side] is FootState.SWING
         ):
             moved = self._adjustment.update(
-                error,
+                (x, y),
                 move,
                 support=self._footholds()[gait.support],
                 left_s=gait.left_s,

@@ -17,7 +17,7 @@ import msgspec
 from surefoot.bench.bench_page import can_draw
 from surefoot.bench.bench_runs import BenchRuns, bench_runs, everyone
 from surefoot.bench.margin_search import MarginSearch
-from surefoot.bench.names import known_names
+from surefoot.bench.names import known_names, plain
 from surefoot.bench.push_cells import (
     KINDS,
     SINES,
@@ -32,8 +32,8 @@ from surefoot.bench.push_results import (
     push_result,
     push_tables,
 )
-from surefoot.bench.push_yaml import write_push_yaml
 from surefoot.bench.subject import Subject, subject_of
+from surefoot.bench.yaml_files import write_scalar, write_vector
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
 from surefoot.robot_io.atomic_file import atomic_file
@@ -193,8 +193,45 @@ def _write(found: Dysturbance, folder: Path) -> None:
     for name, data in (("dysturbance.json", text), ("results.md", tables)):
         with atomic_file(folder / name) as file:
             file.write(data)
-    write_push_yaml(folder / "eurobench", found.results)
+    _write_yaml(folder / "eurobench", found.results)
     if can_draw():
         from surefoot.bench.push_page import write_push_page
 
         write_push_page(folder, found.results, robot=found.robot, subject=found.subject)
+
+
+def _write_yaml(folder: Path, results: Sequence[PushResult]) -> None:
+    """Write a folder for each controller and push, one file a figure.
+
+    Args:
+        folder: made if need be; files of the same pushes are replaced.
+        results: of all pushes.
+    """
+    for result in results:
+        unit = result.unit
+        place = folder / plain(result.under.label) / plain(result.disturbance.words)
+        write_vector(
+            place / "stability_margin.yaml",
+            [result.margin, result.normalised],
+            labels=[
+                f"stability margin [{unit}]",
+                f"normalised stability margin [{unit}]",
+            ],
+        )
+        write_vector(
+            place / "absorbed_energy.yaml",
+            [result.energy_j, result.normalised_energy_j],
+            labels=["absorbed energy [J]", "normalised absorbed energy [J]"],
+        )
+        if result.absorbed is not None:
+            label = "absorbed share of the energy [1]"
+            write_scalar(place / "absorbed_share.yaml", result.absorbed, label=label)
+    for found in impedances(results):
+        if found.impedance is not None:
+            words = f"{found.kind} {found.direction_deg:g} deg"
+            place = folder / plain(found.under.label) / plain(words)
+            write_vector(
+                place / "equivalent_impedance.yaml",
+                found.impedance,
+                labels=["inertia [kg]", "damping [N s/m]", "stiffness [N/m]"],
+            )

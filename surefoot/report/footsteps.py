@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from io import StringIO
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,10 +13,9 @@ from surefoot.schemas.signals import BY_NAME
 
 PLANNED, TAKEN, DCM, ZMP = "#8a929c", "#0072b2", "#d55e00", "#009e73"
 _SINGLE = BY_NAME["walk_phase"].words.index("single")
+_SWING = BY_NAME["foot_state"].words.index("swing")
 WIDTH_IN, HEIGHTS_IN, MARGIN_IN = 9.0, (1.5, 6.0), 1.3
 """Of the figure; the margin holds axis and legend."""
-_WALKS = 0.5
-"""Numbers of phases other than standing are larger."""
 
 
 def footsteps(run: RunData) -> str:
@@ -29,24 +28,25 @@ def footsteps(run: RunData) -> str:
         SVG; empty for a run without steps.
     """
     signals = run.signals
-    if "foot_goals" not in signals:
+    if not run.is_walk:
         return ""
-    phase = signals["walk_phase"]
-    rows = np.flatnonzero(phase > _WALKS)
-    if not len(rows):
-        return ""
+    rows = np.flatnonzero(signals["walk_phase"] > 0)
     from matplotlib.figure import Figure
 
-    goals, taken = _steps(phase, signals["foot_goals"], signals["footholds"])
-    soles = np.concatenate([_sole(run, *place) for place in goals + taken])
+    steps = steps_of(run)
+    goals, taken = [step.planned for step in steps], [step.taken for step in steps]
+    first = signals["footholds"][rows[0]].reshape(2, 4)
+    soles = np.concatenate([_sole(run, place) for place in (*goals, *taken, *first)])
     length, width = np.ptp(soles, axis=0)
     height = float(np.clip(WIDTH_IN * width / length, *HEIGHTS_IN)) + MARGIN_IN
     figure = Figure(figsize=(WIDTH_IN, height), layout="constrained")
     axes: Any = figure.subplots()
-    for places, colour, style in ((goals, PLANNED, "--"), (taken, TAKEN, "-")):
-        for side, x, y, yaw in places:
-            corners = _sole(run, side, x, y, yaw)
-            axes.plot(*corners.T, style, color=colour, linewidth=1.0)
+    for places, colour, style in (
+        (goals, PLANNED, "--"),
+        ([*taken, *first], TAKEN, "-"),
+    ):
+        for place in places:
+            axes.plot(*_sole(run, place).T, style, color=colour, linewidth=1.0)
     for name, colour, style, label in (
         ("zmp_reference", ZMP, "-", "ZMP, reference"),
         ("dcm_reference", DCM, "--", "DCM, reference"),
@@ -65,35 +65,46 @@ def footsteps(run: RunData) -> str:
     return whole[whole.index("<svg") :]
 
 
-Placed = tuple[int, float, float, float]
-"""A sole: side, x, y [m] and yaw [rad]."""
+class StepTaken(NamedTuple):
+    """A step of a run.
+
+    Attributes:
+        begin: row at which the foot left.
+        side: 0 for the left foot, 1 for the right one.
+        planned: (4,) x, y, z [m] and yaw [rad] where it was to be set as it left.
+        taken: (4,) where it was in the end.
+    """
+
+    begin: int
+    side: int
+    planned: Array
+    taken: Array
 
 
-def _steps(
-    phase: Array, goals: Array, footholds: Array
-) -> tuple[list[Placed], list[Placed]]:
-    """Where soles were planned as they left, and where they were in the end."""
-    single = phase == _SINGLE
+def steps_of(run: RunData) -> list[StepTaken]:
+    """Return the steps of a run, in order; none of a run without a walk."""
+    signals = run.signals
+    if not run.is_walk:
+        return []
+    single = signals["walk_phase"] == _SINGLE
+    goals, footholds = signals["foot_goals"], signals["footholds"]
     begins = np.flatnonzero(single[1:] & ~single[:-1]) + 1
     ends = np.flatnonzero(~single[1:] & single[:-1]) + 1
-    planned: list[Placed] = []
-    taken: list[Placed] = []
+    steps = []
     for begin, end in zip(begins, ends, strict=False):
-        moved = np.abs(footholds[end] - footholds[begin]).reshape(2, 4).sum(axis=1)
-        side = int(np.argmax(moved))
+        states = signals["foot_state"][begin]
+        side = int(np.argmax(states == _SWING))
         columns = slice(4 * side, 4 * side + 4)
-        for places, row in ((planned, goals[begin]), (taken, footholds[end])):
-            x, y, _, yaw = row[columns].tolist()
-            places.append((side, x, y, yaw))
-    for side in range(2):
-        x, y, _, yaw = footholds[begins[0]][4 * side : 4 * side + 4].tolist()
-        taken.append((side, x, y, yaw))
-    return planned, taken
+        steps.append(
+            StepTaken(int(begin), side, goals[begin, columns], footholds[end, columns])
+        )
+    return steps
 
 
-def _sole(run: RunData, side: int, x: float, y: float, yaw: float) -> Array:
+def _sole(run: RunData, place: Array) -> Array:
     """Corners of a sole, (5, 2), the first one twice [m]."""
-    foot = run.robot.file.foot[side]
+    x, y, _, yaw = place.tolist()
+    foot = run.robot.file.foot[0]
     length, width = foot.half_length_m, foot.half_width_m
     corners = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1), (1, 1)]) * (length, width)
     cos, sin = np.cos(yaw), np.sin(yaw)

@@ -14,7 +14,7 @@ from surefoot.loop_margins import compute_margins
 from surefoot.out_folder import OutFolder
 from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves
-from surefoot.report.footsteps import footsteps
+from surefoot.report.footsteps import footsteps, steps_of
 from surefoot.report.panels import RUN_COLOURS, marks_of, panel_groups
 from surefoot.report.run_data import RunData
 from surefoot.report.scene_page import frame_rows, scene_page
@@ -23,6 +23,7 @@ from surefoot.report.video import draw_animation, draw_video
 from surefoot.schemas.settings import setting_names
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP
+from surefoot.view.walk_scene import DCM
 
 HERE = Path(__file__).parent
 REPORT_MARKER = "report.json"
@@ -39,6 +40,11 @@ LEGEND = (
     (COM, "centre of mass"),
     (ZMP, "zero moment point, measured"),
     (POLYGON, "support polygon"),
+)
+WALK_LEGEND = (
+    (DCM, "walking: divergent component of motion"),
+    (WANTED, "planned steps, desired DCM and ZMP"),
+    (MEASURED, "steps taken"),
 )
 _NO_RECORD = (
     "no record of the bus (run.mcap), as runs with --inline have none; its page lacks "
@@ -118,7 +124,7 @@ def _render(
             {**_head(run), **files._asdict(), "colour": RUN_COLOURS[index]}
             for index, (run, files) in enumerate(zip(runs, media, strict=True))
         ],
-        legend=LEGEND,
+        legend=LEGEND + (WALK_LEGEND if any(map(steps_of, runs)) else ()),
         figures=figure_rows([run.result for run in runs]),
         buckets=BUCKETS,
         groups=groups,

@@ -172,6 +172,12 @@ class RunData:
     heard: BusColumns | None
     logs: dict[str, str]
 
+    @property
+    def is_walk(self) -> bool:
+        """Whether the robot took steps."""
+        phase = self.signals.get("walk_phase")
+        return phase is not None and bool(np.any(phase > 0))
+
     def drawable(self, rows: Array) -> NDArray[np.int64]:
         """The next rows whose truth was recorded; a slow disk may have lost some.
 

@@ -10,6 +10,7 @@ from contextlib import closing
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +22,18 @@ from surefoot.report.curves import STILL
 from surefoot.report.run_data import RunData
 from surefoot.schemas.arrays import Array
 
+if TYPE_CHECKING:  # it loads the simulator, which has to know OpenGL by then
+    from surefoot.sim_robot.render import Camera
+
 VIDEO_SIZE, VIDEO_HZ = (960, 720), 25.0
 ANIMATION_SIZE, ANIMATION_HZ = (600, 450), 20.0
 ANIMATION_S = (4.0, 7.0)
 """Shortest and longest animation [s]; it is cut where its end matches its start."""
 ANIMATION_QUALITY = 72
 MS_PER_S = 1000
+FOLLOW_S = 0.8
+"""Before and after a picture, over which the place of a robot that walks is averaged,
+so that the picture does not sway with it [s]."""
 STEP_S = 0.02
 """Step between compared moments [s]."""
 
@@ -168,13 +175,17 @@ def draw_animation(run: RunData, path: Path, *, bar: CountBar = no_bar) -> None:
 def _pose(run: RunData) -> Array:
     """Return (n, m) what a picture shows, as numbers that are alike when it is alike.
 
-    Where the ground moves, the ground alone: its jerk is what would be seen.
+    Where the ground moves, the ground alone: its jerk is what would be seen. The
+    picture goes along with a robot that walks, so its legs count, and not its place.
     """
     signals = run.signals
+    walks = run.is_walk
     if "true_platform_pose" in signals:
         ground: Array = signals["true_platform_pose"].reshape(signals.count, -1)
         if np.ptp(ground, axis=0).max() > STILL:
-            return ground
+            return np.hstack((ground, signals["q"])) if walks else ground
+    if walks:
+        return signals["q"]
     return np.hstack((signals["true_base_pose"], signals["q"]))
 
 
@@ -189,8 +200,28 @@ def _pictures(
     from surefoot.sim_robot.render import Renderer
 
     width, height = size
+    cameras = _cameras(run, rows)
     with Renderer(
         run.robot, run.scenario, width=width, height=height, quick=True
     ) as renderer:
-        for row in rows:
-            yield renderer.draw_recorded(run.signals, row=int(row))
+        for row, camera in zip(rows, cameras, strict=True):
+            yield renderer.draw_recorded(run.signals, row=int(row), camera=camera)
+
+
+def _cameras(run: RunData, rows: NDArray[np.int64]) -> list[Camera]:
+    """Return where each picture is taken from: beside a robot that walks."""
+    from surefoot.sim_robot.render import Camera
+
+    usual = Camera()
+    if not run.is_walk:
+        return [usual] * len(rows)
+    half = round(FOLLOW_S / run.robot.period_s)
+    place = run.signals["true_base_pose"][:, :2]
+    x, y, z = usual.target
+    return [
+        Camera(target=(x + float(a), y + float(b), z))
+        for a, b in (
+            np.nanmean(place[max(0, row - half) : row + half + 1], axis=0)
+            for row in rows
+        )
+    ]

@@ -66,24 +66,30 @@ class Asker:
         stamp_ns = time.monotonic_ns()
         requests = self._requests
         if requests is None:
-            self._note(f"{what}: no robot to ask")
+            self.note(f"{what}: no robot to ask")
             return
         try:
             request(requests)
         except RequestRefusedError as error:
-            self._note(f"{what}: refused, {error.detail}")
+            self.note(f"{what}: refused, {error.detail}")
         except (RobotIoError, SchemaError) as error:
-            self._note(f"{what}: {error}")
+            self.note(f"{what}: {error}")
         else:
             if by_hand:
                 told = f"{what}: done"
-                self._note(f"{told} (asked at {stamp_ns} ns)", shown=told)
+                self.note(f"{told} (asked at {stamp_ns} ns)", shown=told)
 
     def _work(self) -> None:
         while True:
             self.ask_now(*self._queue.get())
 
-    def _note(self, text: str, *, shown: str | None = None) -> None:
+    def note(self, text: str, *, shown: str | None = None) -> None:
+        """Log what came of something, and show it.
+
+        Args:
+            text: in words.
+            shown: what the page shows of it, if not all.
+        """
         _LOG.info(text)
         self.notes = [*self.notes, shown or text][-self.NOTES_KEPT :]
 

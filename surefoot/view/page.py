@@ -26,11 +26,14 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import StabilizerState, plain
+from surefoot.schemas.walk_plan import WalkStatus
 from surefoot.view.controls import Asker, GainSliders, add_controls, add_push
 from surefoot.view.plots import PLOTS, RollingPlot
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP, Scene
 from surefoot.view.scene_state import SceneState, state_of
+from surefoot.view.walk_controls import WalkControls
+from surefoot.view.walk_scene import DCM
 
 _LOG = logging.getLogger(__name__)
 FRAME_S = 1.0 / 30.0
@@ -43,6 +46,12 @@ DIAL_S = 1.0
 """Period of attempts to reach a robot, each reported on the page [s]."""
 MM_PER_M = 1e3
 _NOTHING = LatestMessages()
+WALK_PHASES = {
+    "shift": "weight goes onto one foot",
+    "single": "single support",
+    "double": "double support",
+    "settle": "weight goes between the feet",
+}
 GREEN, AMBER, RED, GREY = "#1a9c5f", "#c77700", "#d8434e", "#7a828c"
 
 
@@ -91,6 +100,8 @@ def verdict(
         return Headline("no stabilizer", RED, "nobody answers the robot's ticks")
     if stabilizer is not None and stabilizer.state is not StabilizerState.ACTIVE:
         return Headline(plain(stabilizer.state), AMBER, stabilizer.detail)
+    if sight.walk_status is not None and sight.walk_status.phase != "stand":
+        return Headline("walking", GREEN, _walk_words(sight.walk_status))
     lost = _feet_in_the_air(sight)
     if lost:
         return Headline("balancing", AMBER, f"{lost} without contact")
@@ -117,6 +128,12 @@ def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> s
         rows.append(("missed ticks", str(status.deadline_misses)))
     if stabilizer is not None:
         rows.append(("QPs", stabilizer.qp_status))
+    walk = sight.walk_status
+    if walk is not None:
+        taken = f"{walk.steps_done} of {walk.steps_planned}"
+        rows.append(("steps", taken))
+        if walk.refusal:
+            rows.append(("steps refused", walk.refusal))
     table = "".join(
         f"<tr><td style='color:#7a828c;padding-right:1em'>{name}</td>"
         f"<td>{html.escape(text)}</td></tr>"
@@ -129,6 +146,13 @@ def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> s
         f"{html.escape(words.headline)}</span> &nbsp;{html.escape(words.detail)}</div>"
         f"<table style='margin-top:0.5em'>{table}</table></div>"
     )
+
+
+def _walk_words(walk: WalkStatus) -> str:
+    """Say what a walk is at."""
+    feet = (("left", walk.foot_left), ("right", walk.foot_right))
+    doing = [f"{side} foot {state}" for side, state in feet if state != "planted"]
+    return ", ".join([WALK_PHASES[walk.phase], *doing])
 
 
 def _feet_in_the_air(sight: LatestMessages) -> str:
@@ -190,6 +214,7 @@ class LivePage:
                 except RobotUnreachableError:
                     continue
         finally:
+            self._walk.stroller.stop()
             self._asker.through(None)
             self._server.stop()
 
@@ -208,6 +233,7 @@ class LivePage:
             had_stabilizer = has_stabilizer
             self._draw(sight)
             self._gains.send()
+            self._walk.watch(has_visitors=bool(self._server.get_clients()))
             self._tell(sight, observer)
             if not observer.robot_is_here:
                 return  # dialed anew: a session that was cut off mixes up keys
@@ -257,8 +283,12 @@ class LivePage:
             (stabilizer.tick_median_ms, stabilizer.tick_p99_ms),
         )
         time_s = stabilizer.tick * self._robot.period_s
-        for plot, row in zip(self._plots, rows, strict=True):
+        for plot, row in zip(self._plots, rows, strict=False):
             plot.add(time_s, row)
+        walk = sight.walk_status
+        if walk is not None and walk.phase != "stand":
+            off = MM_PER_M * (np.array(walk.dcm) - np.array(walk.dcm_reference))
+            self._plots[-1].add(walk.tick * self._robot.period_s, tuple(off))
         now_s = time.monotonic()
         if now_s >= self._plots_due_s:
             self._plots_due_s = now_s + PLOTS_S
@@ -300,6 +330,7 @@ class LivePage:
         self._status = gui.add_html("")
         add_controls(gui, self._asker)
         add_push(gui, self._asker, self._robot)
+        self._walk = WalkControls(gui, self._asker, self._robot, self._endpoints)
         self._gains = GainSliders(gui, self._asker)
         with gui.add_folder("Asked"):
             self._notes = gui.add_markdown("nothing asked yet")
@@ -330,6 +361,8 @@ _LEGEND = (
     + _swatch(COM, "centre of mass")
     + _swatch(ZMP, "zero moment point, measured")
     + _swatch(POLYGON, "support polygon")
+    + _swatch(DCM, "walking: divergent component of motion")
+    + _swatch(WANTED, "walking: planned steps; desired DCM and ZMP")
     + "</div>"
 )
 

@@ -45,7 +45,8 @@ FORCE = Plot(
 )
 TILT = Plot("base tilt [deg]", (Curve("roll", RED), Curve("pitch", GREEN)))
 TICK = Plot("controller tick [ms]", (Curve("median", BLUE), Curve("99 %", AMBER)))
-PLOTS = (COM_ERROR, FORCE, TILT, TICK)
+DCM_ERROR = Plot("DCM error, walking [mm]", (Curve("x", RED), Curve("y", GREEN)))
+PLOTS = (COM_ERROR, FORCE, TILT, TICK, DCM_ERROR)
 
 
 class RollingPlot:
@@ -81,6 +82,7 @@ class RollingPlot:
             height=HEIGHT_PX,
             padding=PADDING_PX,
             legend=uplot.Legend(show=True, live=False),
+            visible=False,
         )
 
     def add(self, time_s: float, row: tuple[float, ...]) -> None:
@@ -100,5 +102,7 @@ class RollingPlot:
         """Send what is kept to the page."""
         if len(self._times) < 2:
             return
+        if not self._handle.visible:
+            self._handle.visible = True
         columns = np.array(self._rows, dtype=np.float64).T
         self._handle.data = (np.array(self._times), *columns)

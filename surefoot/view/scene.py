@@ -12,6 +12,8 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.messages import GroundBlock
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene_state import (
+    F_Z,
+    LEAST_FORCE_N,
     SceneState,
     nominal_state,
     pose,
@@ -20,6 +22,7 @@ from surefoot.view.scene_state import (
     support_polygon,
     zero_moment_point,
 )
+from surefoot.view.walk_scene import AWAY, WalkScene
 
 METRES_PER_NEWTON = 1e-3
 MEASURED_BESIDE_M = 0.09
@@ -41,7 +44,6 @@ GROUND = (196, 201, 208)
 GHOST_OPACITY = 0.16
 POLYGON_LIFT_M = 0.012
 """Clear of the ground it lies on."""
-_AWAY = (0.0, 0.0, -50.0)
 
 
 class Scene:
@@ -62,16 +64,17 @@ class Scene:
         self._platforms: list[Any] = []
         self._blocks: list[GroundBlock] = []
         self._drawn: list[Any] = []
+        self._world = scene.add_frame("/world", show_axes=False)
         self._set_stage()
-        self._base = scene.add_frame("/robot", show_axes=False)
-        self._ghost = scene.add_frame("/ghost", show_axes=False)
+        self._base = scene.add_frame("/world/robot", show_axes=False)
+        self._ghost = scene.add_frame("/world/ghost", show_axes=False)
         self._links = {
-            link: scene.add_mesh_trimesh(f"/robot/{link}", mesh)
+            link: scene.add_mesh_trimesh(f"/world/robot/{link}", mesh)
             for link, mesh in shape.meshes.items()
         }
         self._ghost_links = {
             link: scene.add_mesh_simple(
-                f"/ghost/{link}",
+                f"/world/ghost/{link}",
                 np.asarray(mesh.vertices + GHOST_SKIN_M * mesh.vertex_normals),
                 np.asarray(mesh.faces),
                 color=GHOST,
@@ -81,9 +84,9 @@ class Scene:
             )
             for link, mesh in shape.meshes.items()
         }
-        nothing = np.zeros((2, 2, 3)) + _AWAY
+        nothing = np.zeros((2, 2, 3)) + AWAY
         self._measured = scene.add_arrows(
-            "/forces/measured",
+            "/world/forces/measured",
             nothing,
             MEASURED,
             shaft_radius=0.009,
@@ -91,26 +94,31 @@ class Scene:
             head_length=0.045,
         )
         self._wanted = scene.add_arrows(
-            "/forces/wanted",
+            "/world/forces/wanted",
             nothing,
             WANTED,
             shaft_radius=0.006,
             head_radius=0.016,
             head_length=0.04,
         )
-        self._stance = scene.add_frame("/stance", show_axes=False)
+        self._stance = scene.add_frame("/world/stance", show_axes=False)
         self._polygon = scene.add_line_segments(
-            "/stance/polygon", np.zeros((CORNERS, 2, 3)), POLYGON, thickness=0.012
+            "/world/stance/polygon", np.zeros((CORNERS, 2, 3)), POLYGON, thickness=0.012
         )
         self._plumb = scene.add_line_segments(
-            "/balance/plumb", nothing, COM, thickness=0.004
+            "/world/balance/plumb", nothing, COM, thickness=0.004
         )
-        self._com = scene.add_icosphere("/balance/com", 0.028, COM, position=_AWAY)
+        self._com = scene.add_icosphere("/world/balance/com", 0.028, COM, position=AWAY)
         self._reference = scene.add_icosphere(
-            "/balance/com_reference", 0.036, WANTED, opacity=0.4, position=_AWAY
+            "/world/balance/com_reference", 0.036, WANTED, opacity=0.4, position=AWAY
         )
-        self._zmp = scene.add_cylinder("/balance/zmp", 0.03, 0.006, ZMP, position=_AWAY)
-        self._below = scene.add_icosphere("/balance/below", 0.014, COM, position=_AWAY)
+        self._zmp = scene.add_cylinder(
+            "/world/balance/zmp", 0.03, 0.006, ZMP, position=AWAY
+        )
+        self._below = scene.add_icosphere(
+            "/world/balance/below", 0.014, COM, position=AWAY
+        )
+        self._walk = WalkScene(scene, robot)
         self.update(nominal_state(robot, shape))
 
     def show_ghost(self, wanted: bool) -> None:
@@ -138,6 +146,9 @@ class Scene:
         )
         self._draw_forces(state, (left, right))
         self._draw_balance(state, (left, right))
+        self._walk.update(state, (left, right))
+        x, y = self._walk.middle
+        self._world.position = (-x, -y, 0.0)
 
     def _draw_forces(self, state: SceneState, soles: tuple[Mat, Mat]) -> None:
         if state.F_meas is not None:
@@ -174,7 +185,7 @@ class Scene:
         zmp = None
         if state.F_meas is not None:
             zmp = zero_moment_point(state.F_meas, soles)
-        self._zmp.position = _AWAY if zmp is None else tuple(zmp)
+        self._zmp.position = AWAY if zmp is None else tuple(zmp)
         if state.com is not None:
             self._com.position = tuple(state.com)
             foot = state.com.copy()
@@ -186,7 +197,7 @@ class Scene:
 
     def _move_platforms(self, poses: list[Mat]) -> None:
         while len(self._platforms) < len(poses):
-            name = f"/ground/platform_{len(self._platforms)}"
+            name = f"/world/ground/platform_{len(self._platforms)}"
             self._platforms.append(self._scene.add_frame(name, show_axes=False))
         for node, platform in zip(self._platforms, poses, strict=False):
             _place(node, platform)
@@ -205,7 +216,7 @@ class Scene:
             on = "" if block.platform < 0 else f"platform_{block.platform}/"
             x, y, z, w = block.quat_xyzw
             node = self._scene.add_box(
-                f"/ground/{on}block_{index}",
+                f"/world/ground/{on}block_{index}",
                 GROUND,
                 tuple(block.size),
                 position=tuple(middle[:3]),
@@ -231,7 +242,7 @@ class Scene:
                 cast_shadow=shadow,
             )
         scene.add_grid(
-            "/floor",
+            "/world/floor",
             width=6.0,
             height=6.0,
             cell_size=0.25,
@@ -262,6 +273,9 @@ def _arrows(wrenches: Array, soles: tuple[Mat, Mat], *, beside: float) -> Array:
     ):
         outward: Vec3 = pressure_point(F)
         outward[1] += beside if i == 0 else -beside
+        if F[F_Z] < LEAST_FORCE_N:  # a foot in the air: not even the arrow's head
+            arrows[i] = AWAY
+            continue
         start = sole[:3, :3] @ outward + sole[:3, 3]
         arrows[i] = start, start + METRES_PER_NEWTON * (sole[:3, :3] @ F[:3])
     return arrows

@@ -12,6 +12,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3, Vec6
 from surefoot.schemas.messages import GroundBlock
 from surefoot.schemas.robot_file import Foot
+from surefoot.schemas.walk_plan import WalkStatus
 from surefoot.view.robot_shape import RobotShape
 
 F_Z, M_X, M_Y = 2, 3, 4
@@ -26,6 +27,30 @@ USUAL_GROUND = GroundBlock(
     platform=-1,
 )
 """What is drawn of ground that nobody tells of."""
+AIRBORNE = ("swing", "relanding")
+"""States of a foot in the air."""
+
+
+@dataclass(frozen=True)
+class WalkSight:
+    """A walk at one moment, in the odometry frame.
+
+    Attributes:
+        footholds: (2, 4) x, y, z [m] and yaw [rad]: where the feet were set down, or
+            are.
+        on_ground: whether left and right foot have been set down.
+        planned: (k, 4) where feet go: the one in the air first.
+        dcm: (2,) estimated divergent component of motion [m].
+        dcm_reference: (2,) where it should be [m].
+        zmp_reference: (2,) wanted zero-moment point [m].
+    """
+
+    footholds: Mat
+    on_ground: tuple[bool, bool]
+    planned: Mat
+    dcm: Array
+    dcm_reference: Array
+    zmp_reference: Array
 
 
 @dataclass(frozen=True)
@@ -43,6 +68,7 @@ class SceneState:
         in_contact: whether left and right foot stand.
         com: (3,) centre of mass [m]; None if unknown.
         com_reference: (3,) where it should be [m]; None if unknown.
+        walk: what there is to see of a walk; None without one.
     """
 
     base: Mat
@@ -55,6 +81,7 @@ class SceneState:
     in_contact: tuple[bool, bool]
     com: Vec3 | None
     com_reference: Vec3 | None
+    walk: WalkSight | None = None
 
 
 def pose(position: list[float] | Vec3, quat_xyzw: list[float] | Array) -> Mat:
@@ -104,6 +131,7 @@ def state_of(
         contact = (stabilizer.in_contact[0], stabilizer.in_contact[1])
     if truth is not None:
         com = np.array(truth.com)
+    walk = sight.walk_status
     return SceneState(
         base=base,
         q=q,
@@ -117,7 +145,43 @@ def state_of(
         in_contact=contact,
         com=com,
         com_reference=reference,
+        walk=None if walk is None else walk_sight(walk),
     )
+
+
+def walk_sight(status: WalkStatus) -> WalkSight:
+    """Return what a stabilizer tells of its walk, as a scene shows it."""
+    on_ground = [foot not in AIRBORNE for foot in (status.foot_left, status.foot_right)]
+    goals = (status.goal_left, status.goal_right)
+    swings = [goal for goal, down in zip(goals, on_ground, strict=True) if not down]
+    return WalkSight(
+        footholds=np.array([status.foothold_left, status.foothold_right]),
+        on_ground=(on_ground[0], on_ground[1]),
+        planned=np.array([*swings, *status.ahead]).reshape(-1, 4),
+        dcm=np.array(status.dcm),
+        dcm_reference=np.array(status.dcm_reference),
+        zmp_reference=np.array(status.zmp_reference),
+    )
+
+
+def odometry_in_world(walk: WalkSight, soles: tuple[Mat, Mat], ground: Mat) -> Mat:
+    """Return the pose of the odometry frame, as a foot that stands shows it.
+
+    Its plane is the ground's under that foot, which moves.
+
+    Args:
+        walk: where the feet are in that frame.
+        soles: (4, 4) world from sole, left and right.
+        ground: (3, 3) how the ground is turned.
+    """
+    side = 0 if walk.on_ground[0] else 1
+    x, y, z, yaw = walk.footholds[side]
+    sole = ground.T @ soles[side][:3, :3]
+    turn = np.arctan2(sole[1, 0], sole[0, 0]) - yaw
+    T = np.eye(4)
+    T[:3, :3] = ground @ Rotation.from_euler("z", turn).as_matrix()
+    T[:3, 3] = soles[side][:3, 3] - T[:3, :3] @ (x, y, z)
+    return T
 
 
 def nominal_state(robot: Robot, shape: RobotShape) -> SceneState:

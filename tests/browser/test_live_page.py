@@ -164,6 +164,16 @@ def test_hold_and_resume(open_page: Any, visit: Visit) -> None:
     open_page.get_by_text("balancing", exact=True).wait_for()
 
 
+def test_buttons_and_keys_have_the_robot_walk(open_page: Any, visit: Visit) -> None:
+    open_page.get_by_text("Walk", exact=True).click()
+    # At no velocity, so in place: how far it comes is not what is tested here.
+    open_page.get_by_text("walk", exact=True).click()
+    open_page.get_by_text("walking", exact=True).wait_for()
+    open_page.keyboard.press("Space")
+    open_page.get_by_text("balancing", exact=True).wait_for()
+    wait_until(lambda: "walk: over" in visit.log("view"), what="the walk's end")
+
+
 def test_the_e_stop_stops_the_robot(open_page: Any, visit: Visit) -> None:
     with Bus(
         visit.endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S

@@ -30,9 +30,12 @@ STATUS = WalkStatus(
     foothold_right=[1.0, -0.11, 0.0, 0.0],
     goal_left=[1.2, 0.11, 0.0, 0.0],
     goal_right=[1.0, -0.11, 0.0, 0.0],
+    ahead=[],
     shift=[0.0, 0.0],
     dcm=[1.0, 0.0],
     dcm_reference=[1.0, 0.0],
+    zmp_reference=[1.0, 0.0],
+    plan_stamp_ns=0,
     refusal="",
 )
 

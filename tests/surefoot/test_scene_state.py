@@ -1,4 +1,4 @@
-"""What a scene shows before the robot has said anything."""
+"""What a scene shows before the robot has said anything, and of a walk."""
 
 from __future__ import annotations
 
@@ -6,13 +6,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.ground_blocks import ground_blocks
 from surefoot.sim_robot.world import build_world
 from surefoot.view.robot_shape import RobotShape
-from surefoot.view.scene_state import nominal_state, pose
+from surefoot.view.scene_state import (
+    WalkSight,
+    nominal_state,
+    odometry_in_world,
+    pose,
+)
 from tests.awkward_robot import AWKWARD, make_awkward
 
 ON_THE_GROUND_M = 1e-4
@@ -58,3 +64,31 @@ def test_all_ground_of_a_scenario_is_told_in_its_place(robot: Robot) -> None:
     assert middle[2, 3] == pytest.approx(0.0)
     turned = middle[:3, 0]
     np.testing.assert_allclose(turned, [0.0, 1.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("on_ground", [(True, False), (False, True)])
+def test_footsteps_lie_on_the_ground_where_the_standing_foot_shows_them(
+    on_ground: tuple[bool, bool],
+) -> None:
+    footholds = np.array([[1.0, 0.1, 0.02, 0.3], [0.8, -0.1, 0.0, 0.2]])
+    ground = Rotation.from_euler("xy", [0.1, -0.05]).as_matrix()
+    T = np.eye(4)
+    T[:3, :3] = ground @ Rotation.from_euler("z", 0.7).as_matrix()
+    T[:3, 3] = (3.0, -2.0, 0.1)
+    soles = []
+    for (x, y, z, yaw), down in zip(footholds, on_ground, strict=True):
+        sole = np.eye(4)
+        sole[:3, :3] = Rotation.from_euler("z", yaw).as_matrix()
+        sole[:3, 3] = (x, y, z if down else z + 0.05)  # the other one is lifted
+        soles.append(T @ sole)
+    nothing = np.zeros(2)
+    walk = WalkSight(
+        footholds=footholds,
+        on_ground=on_ground,
+        planned=np.zeros((0, 4)),
+        dcm=nothing,
+        dcm_reference=nothing,
+        zmp_reference=nothing,
+    )
+    found = odometry_in_world(walk, (soles[0], soles[1]), ground)
+    np.testing.assert_allclose(found, T, atol=1e-12)
