@@ -7,7 +7,6 @@ import subprocess
 import sys
 import traceback
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 import pytest
@@ -35,14 +34,6 @@ FIXTURES_OF_PROCESSES = {"endpoints", "surefoot", "authority", "meeting"}
 def endpoints() -> Endpoints:
     """Both ends of a bus on this host, apart from every other test's."""
     return loopback_endpoints()
-
-
-@pytest.fixture
-def surefoot(tmp_path: Path) -> Surefoot:
-    """Run a command of ``surefoot`` in an empty folder."""
-    work = tmp_path / "work"
-    work.mkdir(exist_ok=True)
-    return partial(run_surefoot, cwd=work)
 
 
 @pytest.fixture
@@ -79,6 +70,22 @@ def surefoot_here(
             out, err = capfd.readouterr()
         assert isinstance(code, int)
         return subprocess.CompletedProcess(words, code, out, err)
+
+    return run
+
+
+@pytest.fixture
+def surefoot(tmp_path: Path, surefoot_here: Surefoot) -> Surefoot:
+    """Run a command of ``surefoot`` in an empty folder, as a process of its own.
+
+    Unless it is run with ``--inline``: that starts no other process either.
+    """
+    work = tmp_path / "work"
+
+    def run(*arguments: object) -> subprocess.CompletedProcess[str]:
+        if "--inline" in arguments:
+            return surefoot_here(*arguments)
+        return run_surefoot(*arguments, cwd=work)
 
     return run
 
