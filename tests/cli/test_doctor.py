@@ -11,7 +11,7 @@ from surefoot.cli.doctor.examine import Severity
 from surefoot.cli.doctor.packages import PINS, read_pins, required_packages
 from surefoot.cli.doctor.surroundings import check_port
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR
-from tests.command import Surefoot
+from tests.command import Surefoot, run_surefoot
 
 LOOKED_AT = {
     "Python",
@@ -80,7 +80,7 @@ def test_a_missing_library_of_the_system_is_told_from_a_missing_package(
         "apt-get install libgomp1"
         in lines[lines.index(f"FAIL  linear algebra: {reason}") + 1]
     )
-    run = surefoot("run", "standing", "--inline")
+    run = run_surefoot("run", "standing", "--inline", cwd=tmp_path / "work")
     assert run.returncode == 3
     assert "Traceback" not in run.stderr
     assert f"{reason}; a library of the system is missing" in run.stderr

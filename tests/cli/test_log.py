@@ -70,19 +70,19 @@ def test_info_tells_counts_and_whether_the_file_is_whole(
 
 
 def test_the_folder_of_a_run_stands_for_its_signals(
-    surefoot: Surefoot, recorded: Path, tmp_path: Path
+    surefoot_here: Surefoot, recorded: Path, tmp_path: Path
 ) -> None:
     folder = recorded.parent
     signals = read_signals(folder)
-    told = json.loads(surefoot("log", "info", folder, "--json").stdout)
+    told = json.loads(surefoot_here("log", "info", folder, "--json").stdout)
     assert told["signals"]["q"] == [300, 28]
     assert (told["ticks"], told["lost_ticks"], told["is_cut_off"]) == (300, 0, False)
-    shown = surefoot("log", "info", folder)
+    shown = surefoot_here("log", "info", folder)
     assert shown.returncode == 0, shown.stderr
     assert signals.describe() in shown.stdout
     for kind, out in (("npz", "a.npz"), ("csv", "c"), ("parquet", "p")):
         words = ["log", "export", folder, "--format", kind, "--out", tmp_path / out]
-        done = surefoot(*words)
+        done = surefoot_here(*words)
         assert done.returncode == 0, done.stderr
     with np.load(tmp_path / "a.npz") as arrays:
         assert arrays.files == list(signals)
@@ -94,7 +94,7 @@ def test_the_folder_of_a_run_stands_for_its_signals(
     data = (folder / "ticks.mcap").read_bytes()
     cut_off = tmp_path / "ticks.mcap"
     cut_off.write_bytes(data[: len(data) - 50])
-    cut = surefoot("log", "info", cut_off)
+    cut = surefoot_here("log", "info", cut_off)
     assert "cut off" in cut.stdout
     assert "controller_ms" not in cut.stdout
 
