@@ -53,7 +53,8 @@ def new_robot(
         typer.Option(metavar="NAME", help="Of the robot; the URDF's by default."),
     ] = None,
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for NAME.toml and NAME.urdf.")
+        Path,
+        typer.Option(metavar="DIR", help="Folder for TOML, URDF and meshes."),
     ] = Path(),
     overwrite: options.OverwriteOption = False,
     fix: Annotated[

@@ -39,7 +39,6 @@ class NominalPosture:
         upper: (n_a,) [rad].
         legs: left and right.
         knees: joint names.
-        reach: from this posture.
         com_travel_m: how far the CoM may sink (negative) and rise.
         asked_m: sink and rise that were asked for, both positive.
     """
@@ -49,7 +48,6 @@ class NominalPosture:
     upper: Array
     legs: tuple[Leg, Leg]
     knees: tuple[str, str]
-    reach: Reach
     com_travel_m: tuple[float, float]
     asked_m: tuple[float, float]
 
@@ -126,6 +124,13 @@ def find_nominal(
         upper=upper - np.minimum(MARGIN_RAD, 0.25 * (upper - lower)),
         is_leg=leg_mask(model, (left, right)),
     )
+    tilt = TILT_RAD / KEPT_SHARE
+    enough = Reach(
+        rise_m=asked_rise / KEPT_SHARE,
+        sink_m=asked_sink / KEPT_SHARE,
+        roll_rad=tilt,
+        pitch_rad=(tilt, tilt),
+    )
     between = np.array([0.0, apart_m, 0.0])
     best: tuple[float, Found, Reach] | None = None
     nearest: Found | None = None
@@ -138,7 +143,7 @@ def find_nominal(
             nearest = found
         if not found.is_good:
             continue
-        reach = ReachSearch(solver, found.q).reach()
+        reach = ReachSearch(solver, found.q).reach(enough)
         score = _score(reach, asked_rise=asked_rise, asked_sink=asked_sink)
         if best is None or score > best[0] + 1e-3:
             best = (score, found, reach)
@@ -163,7 +168,6 @@ def find_nominal(
         upper=upper,
         legs=(left, right),
         knees=(str(model.names[left.knee]), str(model.names[right.knee])),
-        reach=reach,
         com_travel_m=travel,
         asked_m=(asked_sink, asked_rise),
     )

@@ -119,25 +119,35 @@ class ReachSearch:
     def _part(self, ground: Ground) -> float:
         return _bisect(lambda share: self.fits(ground.scaled(share)))
 
-    def reach(self) -> Reach:
-        """Search each direction by itself."""
-        rise, sink = (self._farthest(GroundPose(z=s * FARTHEST_M)) for s in (-1.0, 1.0))
-        up, down = (
-            self._farthest(GroundPose(pitch=s * FARTHEST_RAD)) for s in (-1.0, 1.0)
-        )
-        left, right = (
-            self._farthest(GroundPose(roll=s * FARTHEST_RAD)) for s in (-1.0, 1.0)
-        )
+    def reach(self, enough: Reach | None = None) -> Reach:
+        """Search each direction by itself.
+
+        Args:
+            enough: no direction that gets so far is searched any further.
+        """
+        up, down = math.inf, math.inf
+        rise, sink, roll = math.inf, math.inf, math.inf
+        if enough is not None:
+            (up, down), roll = enough.pitch_rad, enough.roll_rad
+            rise, sink = enough.rise_m, enough.sink_m
         return Reach(
-            rise_m=FARTHEST_M * rise,
-            sink_m=FARTHEST_M * sink,
-            roll_rad=FARTHEST_RAD * min(left, right),
-            pitch_rad=(FARTHEST_RAD * up, FARTHEST_RAD * down),
+            rise_m=self._farthest(GroundPose(z=-1.0), FARTHEST_M, rise),
+            sink_m=self._farthest(GroundPose(z=1.0), FARTHEST_M, sink),
+            roll_rad=min(
+                self._farthest(GroundPose(roll=sign), FARTHEST_RAD, roll)
+                for sign in (-1.0, 1.0)
+            ),
+            pitch_rad=(
+                self._farthest(GroundPose(pitch=-1.0), FARTHEST_RAD, up),
+                self._farthest(GroundPose(pitch=1.0), FARTHEST_RAD, down),
+            ),
         )
 
-    def _farthest(self, pose: GroundPose) -> float:
-        """Part of one motion of the ground under both feet that fits."""
-        return self.largest_share([Ground(pose)])
+    def _farthest(self, one: GroundPose, most: float, enough: float) -> float:
+        """How much of one motion of the ground under both feet fits."""
+        if enough < most and self.fits(Ground(one.scaled(enough))):
+            return enough
+        return most * self.largest_share([Ground(one.scaled(most))])
 
 
 def _bisect(fits: Callable[[float], bool]) -> float:
