@@ -38,8 +38,8 @@ class ForceFeedback:
         minus_K_inv: (12,) diagonal of -K^-1.
         blend: of the low-pass, per tick.
         lead: of the feed-forward, in ticks.
-        fed: (12,) the part of it that is fed forward, as the ground's own; zero for
-            a foot that does not stand.
+        share: part of the motion of left and right foot that is its ground's: less of
+            one that has bounced [1].
         landing: whether the left and the right foot feel the impact of a touchdown:
             their wrench errors then count as no more than ``landing_force_n``.
         walks: whether steps are under way: then no stand is a firm one.
@@ -89,7 +89,7 @@ class ForceFeedback:
         self._kept_flat = dik.keep_flat
         self._recovery = period_s / ground.recovery_s
         self._turn_recovery = period_s / ground.edge_recovery_s
-        self._share = [1.0, 1.0]
+        self.share = [1.0, 1.0]
         self._turn_share = [[1.0, 1.0], [1.0, 1.0]]
         self.blend = -math.expm1(-2.0 * math.pi * ground.cutoff_hz * period_s)
         self._ground_lead_s = self._lead_s = ground.lead_s
@@ -99,7 +99,6 @@ class ForceFeedback:
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
         self.ground_twist: Array = np.zeros(12)
-        self.fed: Array = np.zeros(12)
         self.landing = [False, False]
         self.walks = False
         self._landing_force = landing_force_n
@@ -133,7 +132,7 @@ class ForceFeedback:
             side: left or right.
         """
         self._low_passed[SOLE_ROWS[side]] = 0.0
-        self._share[side] = 0.0
+        self.share[side] = 0.0
         self._turn_share[side][:] = [0.0, 0.0]
 
     def update(
@@ -181,7 +180,6 @@ class ForceFeedback:
                     self._keep_flat(side, F, F_id[rows].tolist(), dynamics)
                 self._feed_forward(side, F)
             else:
-                self.fed[rows] = 0.0
                 self._search(side, dynamics, F[NORMAL])
             self._pull_to_stance(side, dynamics, stance)
         return self.r
@@ -266,7 +264,7 @@ class ForceFeedback:
         """
         normal = F[NORMAL]
         firmness = min(max(normal / self._firm_force, 0.0), 1.0)
-        self._share[side] = min(firmness, self._share[side] + self._recovery)
+        self.share[side] = min(firmness, self.share[side] + self._recovery)
         v_x, v_y, v_z, w_x, w_y, w_z = self.ground_twist[SOLE_ROWS[side]].tolist()
         if normal > 0.0:
             x, y = -F[4] / normal, F[3] / normal
@@ -278,12 +276,10 @@ class ForceFeedback:
             v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
             w_x *= roll
             w_y *= pitch
-        share, gain = self._share[side], self._ground_gain
+        share, gain = self.share[side], self._ground_gain
         start = 6 * side
         for i, rate in enumerate((v_x, v_y, v_z, w_x, w_y, w_z)):
-            fed = share * gain[i] * rate
-            self.fed[start + i] = fed
-            self.r[start + i] += fed
+            self.r[start + i] += share * gain[i] * rate
 
     def _turning(self, side: int, axis: int, outward: float) -> float:
         """Return the part of a rotation that is the ground's: it drops at once.
@@ -302,18 +298,14 @@ class ForceFeedback:
         return share
 
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
-        """Have a lifted foot go down, along the world's vertical.
-
-        As fast with slow drives as with others: what K grows for is a loop through the
-        ground, and while a foot is in the air the robot tips over the other one.
-        """
-        self._share[side] = 0.0
+        """Have a lifted foot go down, along the world's vertical."""
+        self.share[side] = 0.0
         rows = SOLE_ROWS[side]
         index = 6 * side + NORMAL
         speed = (
             dynamics.Lambda_c_inv[index, index]
             * (self._contact.search_force_n - normal)
-            * self._firm_K_inv[index]
+            * self.minus_K_inv[index]
         )
         speed = min(max(speed, 0.0), self._contact.descent_limit_m_s)
         self.r[rows] = 0.0

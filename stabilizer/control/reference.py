@@ -87,14 +87,16 @@ class Stance:
                 np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
             )
 
-    def approach_ground(self, ground: float, *, share: float) -> None:
+    def approach_ground(self, ground: float, *, highest: float, share: float) -> None:
         """Have the height asked for follow the ground that a walk has come to.
 
         Args:
             ground: present height of the soles against nominal [m].
+            highest: height against nominal that is to stay in reach [m].
             share: of the way, in this tick [1].
         """
-        self.com_height += share * (self.com_nominal + ground - self.com_height)
+        wanted = self.com_nominal + min(ground, highest)
+        self.com_height += share * (wanted - self.com_height)
 
     def limit_height(self, ground: float, *, travel: tuple[float, float]) -> None:
         """Keep the height reference within reach of the legs.

@@ -86,6 +86,9 @@ class WholeBodyController(BalanceController):
             anchors=self.observer.anchors,
             weight=weight,
             largest_force=largest_force,
+            half_sizes=self.model.half_sizes,
+            drive_speed=robot.servo_profile.velocity_limit_rad_s,
+            com_rise=self.model.com_travel[1],
             servo_lag_s=lag_s + _damping_lag(robot, self.model),
             period_s=robot.period_s,
         )
@@ -107,7 +110,12 @@ class WholeBodyController(BalanceController):
             speed=self._fastest_mode(robot),
             landing_force_n=settings.walk.landing_force_n,
         )
-        self.dik = Dik(self.model, settings.dik, self.tasks, solver=solver)
+        self.dik = Dik(
+            self.model,
+            settings.dik,
+            self.tasks,
+            solver=solver,
+        )
         self.drives = DriveInverse(
             robot.servo_profile, joints=self.model.n_a, period_s=robot.period_s
         )
@@ -182,7 +190,7 @@ class WholeBodyController(BalanceController):
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
         """Solve both QPs and integrate."""
         dynamics, stance, walk = self.dynamics, self.stance, self.walk
-        walk.update(state, dynamics, stance, fed=self.law.fed, tick=self._tick)
+        walk.update(state, dynamics, stance, law=self.law, tick=self._tick)
         stance.limit_height(state.ground_height, travel=self.model.com_travel)
         stance.compare_base(state.R_world_base)
         tsid = self.tsid.solve(
@@ -190,13 +198,13 @@ class WholeBodyController(BalanceController):
             stance,
             in_contact=state.in_contact,
             allowed=state.allowed,
-            airborne=walk.airborne,
+            airborne=walk.feet.airborne,
         )
         if not tsid.ok and tsid.status is not QpStatus.NO_CONTACT:
             self._keep_failure(tsid)
             return tsid.status, QpStatus.NOT_TRIED
         self.observer.assume_wanted()
-        self.law.landing, self.law.walks = walk.landing, walk.is_walking
+        self.law.landing, self.law.walks = walk.feet.landing, walk.is_walking
         r = self.law.update(
             dynamics,
             stance,
@@ -204,7 +212,7 @@ class WholeBodyController(BalanceController):
             F_id=self.tsid.F_id,
             in_contact=state.in_contact,
         )
-        walk.swing_twist(dynamics, r)
+        walk.swing_twist(dynamics, self.law)
         dik = self.dik.solve(dynamics, stance, r=r, q_command=self._q_command)
         if not dik.ok:
             self._keep_failure(dik)

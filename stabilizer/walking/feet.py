@@ -71,6 +71,16 @@ class Feet:
         self._timer = [0.0, 0.0]
         self._landed_s = [0.0, 0.0]
 
+    @property
+    def airborne(self) -> int | None:
+        """The foot that is in the air, if any."""
+        return next((side for side in range(2) if self.is_airborne(side)), None)
+
+    @property
+    def landing(self) -> list[bool]:
+        """Which feet feel the impact of a touchdown."""
+        return [state is FootState.LANDING for state in self.state]
+
     def is_airborne(self, side: int) -> bool:
         """Whether a foot is in the air, by plan or since it bounced."""
         return self.state[side] in (FootState.SWING, FootState.RELANDING)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.walk_settings import WalkSettings
@@ -15,6 +16,14 @@ CLOSING_ID = -1
 """Of a step that no plan has: it brings the feet together."""
 TOGETHER_M = 0.01
 """Feet this near to side by side are together [m]."""
+NEARLY_TOGETHER_M = 0.03
+"""So are those that a step has just brought so near [m]."""
+RAMP = 0.35
+"""Part of a foot's way in which it speeds up, and slows down again [1]."""
+GLIDE_PEAK = 1.0 / (1.0 - RAMP)
+"""Fastest of a foot's way over its mean [1]."""
+FOOT_SHARE = 0.75
+"""Fastest swing foot, as part of that speed: hip and knee turn at once [1]."""
 TOGETHER_RAD = 0.03
 """And turned against each other by no more than this [rad]."""
 
@@ -50,13 +59,23 @@ class StepQueue:
         planned: steps of all plans that were taken, so far.
     """
 
-    def __init__(self, settings: WalkSettings, *, half_width: float) -> None:
+    def __init__(
+        self,
+        settings: WalkSettings,
+        *,
+        half_width: float,
+        leg_speed: float = math.inf,
+    ) -> None:
         """Begin without a plan.
 
         Args:
             settings: how far steps may go.
             half_width: sole to middle, standing [m].
+            leg_speed: of the end of a straight leg, by the speed of its drives; a step
+                that needs more than a part of it takes longer [m/s].
         """
+        fastest = FOOT_SHARE * leg_speed
+        self._s_per_m = GLIDE_PEAK / (settings.horizontal_part * fastest)
         self._settings = settings
         self._width = 2.0 * half_width
         self._steps: deque[Move] = deque()
@@ -118,7 +137,8 @@ class StepQueue:
         places, moves = list(feet), []
         for move in itertools.islice(self._steps, count):
             p = move.place
-            moves.append(_moved(move, Foothold(p.x + x, p.y + y, p.z, p.yaw)))
+            place = Foothold(p.x + x, p.y + y, p.z, p.yaw)
+            moves.append(self._paced(move, place, start=places[move.side]))
             places[move.side] = moves[-1].place
         if len(moves) < count:
             closing = self._closing(moves[-1] if moves else self.last, places)
@@ -157,11 +177,18 @@ class StepQueue:
             0.0, self._width if side == 0 else -self._width
         )
         x, y, yaw = places[side].seen_from(goal)
-        if abs(x) < TOGETHER_M and abs(y) < TOGETHER_M and abs(yaw) < TOGETHER_RAD:
+        # Not again for what a foot was set off its place.
+        near = TOGETHER_M if before.id != CLOSING_ID else NEARLY_TOGETHER_M
+        if abs(x) < near and abs(y) < near and abs(yaw) < TOGETHER_RAD:
             return None
-        return Move(
-            CLOSING_ID, side, goal, before.single_s, before.double_s, before.height_m
-        )
+        closing = replace(before, id=CLOSING_ID, side=side)
+        return self._paced(closing, goal, start=places[side])
+
+    def _paced(self, move: Move, place: Foothold, *, start: Foothold) -> Move:
+        """Return a step to a place, which takes as long as the leg needs for it."""
+        way = math.hypot(place.x - start.x, place.y - start.y)
+        single_s = max(move.single_s, way * self._s_per_m)
+        return replace(move, place=place, single_s=single_s)
 
     def _why_not(
         self, moves: Sequence[Move], feet: Sequence[Foothold], *, walks: bool
@@ -204,7 +231,3 @@ class StepQueue:
 def _foothold(position: list[float], yaw: float) -> Foothold:
     x, y, z = position
     return Foothold(x, y, z, yaw)
-
-
-def _moved(move: Move, place: Foothold) -> Move:
-    return Move(move.id, move.side, place, move.single_s, move.double_s, move.height_m)

@@ -12,7 +12,10 @@ from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
+from surefoot.stabilizer.walking.step_queue import GLIDE_PEAK, RAMP
 
+LATE_RAMP_S = 0.06
+"""A foot that finds no ground speeds up for so long [s]."""
 SHIFT_RATE = 20.0
 """Shifts of the target reach the foot through a critically damped filter [rad/s]."""
 
@@ -20,8 +23,8 @@ SHIFT_RATE = 20.0
 class SwingPath:
     """Horizontal place, heading and height over the expected ground.
 
-    x, y and yaw follow a quintic to the target, rest to rest. The height follows two
-    cubics: up to the apex, and down to the ground with a small speed there; later,
+    x, y and yaw glide to the target, rest to rest. The height follows two quintics: up
+    to the apex, and down to the ground with a small speed there; later,
     where the ground was expected and is not, it goes down evenly.
 
     Attributes:
@@ -89,7 +92,7 @@ class SwingPath:
             dt: since the last call [s].
         """
         T = self._duration_s * self._settings.horizontal_part
-        s, s_rate, s_acceleration = quintic(t / T)
+        s, s_rate, s_acceleration = glide(t / T)
         s_rate, s_acceleration = s_rate / T, s_acceleration / (T * T)
         xy, rate, acceleration = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
         for i in range(2):
@@ -107,17 +110,22 @@ class SwingPath:
         self.yaw, self.yaw_rate = self._yaw_from + turn * s, turn * s_rate
         self.height, self.height_rate, self.height_acceleration = self._height_at(t)
 
-    def velocity_at(self, t: float) -> tuple[float, float, float]:
-        """Return the velocity at another time, the shift's rate as it is now.
+    def velocity_after(self, t: float, ahead_s: float) -> tuple[float, float, float]:
+        """Return the velocity some time later, the shift's rate as it is now.
 
         Args:
             t: since lift-off [s].
+            ahead_s: how much later, but not past the planned touchdown before it [s].
 
         Returns:
             x, y, and of the height over the expected ground [m/s].
         """
+        if t < self._duration_s:
+            t = min(t + ahead_s, self._duration_s)
+        else:
+            t += ahead_s
         T = self._duration_s * self._settings.horizontal_part
-        _, s_rate, _ = quintic(t / T)
+        _, s_rate, _ = glide(t / T)
         way_x, way_y = self._to[0] - self._from[0], self._to[1] - self._from[1]
         _, rate, _ = self._height_at(t)
         return (
@@ -136,12 +144,15 @@ class SwingPath:
         settings, T = self._settings, self._duration_s
         up = settings.apex_part * T
         if t < up:
-            return hermite(t, up, self._height_from, 0.0, self._apex, 0.0)
+            return from_rest(max(t, 0.0), up, self._height_from, self._apex, 0.0)
         if t < T:
             fall = -settings.touchdown_m_s
-            return hermite(t - up, T - up, self._apex, 0.0, self._rise, fall)
-        speed = settings.late_m_s
-        depth = speed * (t - T)
+            return from_rest(t - up, T - up, self._apex, self._rise, fall)
+        slow, gain = settings.touchdown_m_s, settings.late_m_s - settings.touchdown_m_s
+        late = t - T
+        ramp = min(late, LATE_RAMP_S)
+        speed = slow + gain * ramp / LATE_RAMP_S
+        depth = slow * late + gain * (late - ramp + 0.5 * ramp * ramp / LATE_RAMP_S)
         if depth > settings.late_depth_m:
             depth, speed = settings.late_depth_m, 0.0
         return self._rise - depth, -speed, 0.0
@@ -230,37 +241,51 @@ class SwingTask(Task):
         out[3:] = gain * pin.log3(R.T @ reference.R) + reference.w @ R
 
 
-def quintic(s: float) -> tuple[float, float, float]:
-    """Return the rest-to-rest quintic from 0 to 1 with two derivatives, at s."""
+def glide(s: float) -> tuple[float, float, float]:
+    """Return a way from 0 to 1, rest to rest, with two derivatives, at s.
+
+    Its speed rises and falls as half a cosine does and is even between: a fifth less
+    than a quintic's at most, since a leg's drives have a fastest speed.
+    """
     if s <= 0.0:
         return 0.0, 0.0, 0.0
     if s >= 1.0:
         return 1.0, 0.0, 0.0
-    square = s * s
+    if s > 0.5:
+        way, rate, acceleration = glide(1.0 - s)
+        return 1.0 - way, rate, -acceleration
+    fastest = GLIDE_PEAK
+    if s > RAMP:
+        return fastest * (s - 0.5 * RAMP), fastest, 0.0
+    turn = math.pi / RAMP
     return (
-        square * s * (10.0 + s * (6.0 * s - 15.0)),
-        30.0 * square * (1.0 + s * (s - 2.0)),
-        60.0 * s * (1.0 + s * (2.0 * s - 3.0)),
+        0.5 * fastest * (s - math.sin(turn * s) / turn),
+        0.5 * fastest * (1.0 - math.cos(turn * s)),
+        0.5 * fastest * turn * math.sin(turn * s),
     )
 
 
-def hermite(
-    t: float, T: float, p0: float, v0: float, p1: float, v1: float
+def from_rest(
+    t: float, T: float, p0: float, p1: float, v1: float
 ) -> tuple[float, float, float]:
-    """Return a cubic between two places and speeds, with two derivatives.
+    """Return a quintic from rest to a place and a speed, with two derivatives.
+
+    Nothing accelerates at its ends: a foot that is late by its servos' lag, or meets
+    the ground a little early, has the last speed all the same.
 
     Args:
         t: time in it [s].
         T: its duration [s].
         p0: place at first.
-        v0: speed at first.
         p1: place at last.
         v1: speed at last.
     """
-    a = (2.0 * (p0 - p1) + (v0 + v1) * T) / (T * T * T)
-    b = (3.0 * (p1 - p0) - (2.0 * v0 + v1) * T) / (T * T)
+    s, way, last = t / T, p1 - p0, v1 * T
+    square = s * s
+    # p0 + way (10 s^3 - 15 s^4 + 6 s^5) + last (-4 s^3 + 7 s^4 - 3 s^5)
+    a, b, c = 10.0 * way - 4.0 * last, 7.0 * last - 15.0 * way, 6.0 * way - 3.0 * last
     return (
-        p0 + t * (v0 + t * (b + t * a)),
-        v0 + t * (2.0 * b + 3.0 * a * t),
-        2.0 * b + 6.0 * a * t,
+        p0 + square * s * (a + s * (b + s * c)),
+        square * (3.0 * a + s * (4.0 * b + s * 5.0 * c)) / T,
+        s * (6.0 * a + s * (12.0 * b + s * 20.0 * c)) / (T * T),
     )

@@ -8,14 +8,16 @@ left alone.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.arrays import Mat
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import NORMAL, Dynamics
+from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY
@@ -25,7 +27,7 @@ from surefoot.stabilizer.walking.footsteps import Foothold, mean_yaw, turned
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.state import WalkState
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
-from surefoot.stabilizer.walking.swing_foot import SwingFoot
+from surefoot.stabilizer.walking.swing_foot import HeightReference, SwingFoot
 
 LEAVING_FROM = 0.3
 """Planned share of the weight under which a foot that is to leave is the walk's."""
@@ -53,6 +55,9 @@ class Walk:
         anchors: Anchors | None,
         weight: float,
         largest_force: float,
+        half_sizes: Sequence[tuple[float, float]],
+        drive_speed: float,
+        com_rise: float,
         servo_lag_s: float,
         period_s: float,
     ) -> None:
@@ -66,6 +71,9 @@ class Walk:
                 every plan is refused.
             weight: of the robot [N].
             largest_force: to be asked of a foot that stands [N].
+            half_sizes: half length and half width of left and right sole [m].
+            drive_speed: of the fastest joint [rad/s].
+            com_rise: highest centre of mass over the soles, from nominal [m].
             servo_lag_s: by which joints follow their commands [s].
             period_s: control period [s].
         """
@@ -82,11 +90,15 @@ class Walk:
         self.feet = Feet(
             settings, contacts, anchors, largest_force=largest_force, period_s=period_s
         )
-        self.queue = StepQueue(settings, half_width=half_width)
+        speed = stance.com_nominal * drive_speed
+        self.queue = StepQueue(settings, half_width=half_width, leg_speed=speed)
         self.state: WalkState | None = None
         self._told = WalkState()
         self._swing = SwingFoot(
-            settings, lead_s=settings.lead_s + servo_lag_s, period_s=period_s
+            settings,
+            half_sizes=half_sizes,
+            lead_s=settings.lead_s + servo_lag_s,
+            period_s=period_s,
         )
         self.swing_tasks = self._swing.tasks
         self._adjustment = StepAdjustment(settings, omega=omega, period_s=period_s)
@@ -95,22 +107,12 @@ class Walk:
         self._begin_tick, self._blind = 0, (False, False)
         self._standing_base: Mat = np.eye(3)
         self._waited_s = 0.0
-        self._height_blend = period_s / settings.height_s
+        self._height = HeightReference(settings, com_rise=com_rise, period_s=period_s)
 
     @property
     def is_walking(self) -> bool:
         """Whether steps are under way."""
         return self.gait.phase is not Phase.STAND
-
-    @property
-    def airborne(self) -> int | None:
-        """The foot that is in the air by plan, if any."""
-        return next((i for i in range(2) if self.feet.is_airborne(i)), None)
-
-    @property
-    def landing(self) -> list[bool]:
-        """Which feet feel the impact of a touchdown."""
-        return [state is FootState.LANDING for state in self.feet.state]
 
     def follow(self, plan: WalkPlan) -> None:
         """Take a plan over, from the next tick on.
@@ -129,9 +131,8 @@ class Walk:
             if any(self._blind):
                 told.refusal = "an ankle sensor is lost"
                 return
-            told.refusal = self.queue.take(
-                plan, self._footholds(), walks=self.gait.phase is not Phase.STAND
-            )
+            feet = self._footholds()
+            told.refusal = self.queue.take(plan, feet, walks=self.is_walking)
             told.planned = self.queue.planned
 
     def end_early(self, why: str, *, blind: tuple[bool, bool]) -> None:
@@ -153,7 +154,7 @@ class Walk:
         dynamics: Dynamics,
         stance: Stance,
         *,
-        fed: Array,
+        law: ForceFeedback,
         tick: int,
     ) -> None:
         """Write the references of this tick.
@@ -162,13 +163,12 @@ class Walk:
             state: of the robot.
             dynamics: quantities at it.
             stance: gets centre of mass, base, footholds and planned load.
-            fed: (12,) sole twists that are the ground's, as the law last fed them
-                forward, sole frames.
+            law: tells how the soles move, and how much of it is the ground's.
             tick: of the robot.
         """
         if not self.is_walking and not self._begins(state, stance, tick):
             if self.queue.last is not None:
-                stance.approach_ground(state.ground_height, share=self._height_blend)
+                self._height.follow(stance, state, dynamics, self._swing.ground)
             return
         normals = (state.F_meas.item(NORMAL), state.F_meas.item(6 + NORMAL))
         self._go_on(normals, dynamics)
@@ -183,37 +183,41 @@ class Walk:
         if move is not None and is_due and self._blind[move.side]:
             self.feet.set_down(move.side)
         self._note_touchdowns(dynamics)
-        airborne = self.airborne
-        if airborne is None:
-            self._swing.ground.from_both(dynamics)
-        else:
-            self._swing.ground.from_one(dynamics, fed, support=1 - airborne)
+        self._swing.ground.update(dynamics, law, state.F_meas, feet=self.feet)
         self._told.ahead = self._ahead()
         self.gait.advance(self._footholds(), self._told.ahead)
         self._adjust(dynamics)
+        self._height.follow(stance, state, dynamics, self._swing.ground)
         self._write_stance(stance, state)
-        if airborne is not None:
+        if (airborne := self.feet.airborne) is not None:
             self._write_swing(airborne, dynamics)
         self._tell()
 
-    def swing_twist(self, dynamics: Dynamics, r: Array) -> None:
-        """Put the swing foot's wanted twist in the place of the wrench law's.
+    def swing_twist(self, dynamics: Dynamics, law: ForceFeedback) -> None:
+        """Write what a foot is to do that the wrench law does not know.
+
+        One in the air follows its path. One that lands moves with the ground that the
+        other sole shows, for as long as its own does not.
 
         Args:
             dynamics: quantities at the present state.
-            r: (12,) wanted sole twists, sole frames.
+            law: the twists of the soles, written in place.
         """
-        airborne = self.airborne
-        if airborne is not None:
-            rows = slice(6 * airborne, 6 * airborne + 6)
-            self.swing_tasks[airborne].twist(dynamics, r[rows])
+        if (airborne := self.feet.airborne) is not None:
+            twist = law.r[SOLE_ROWS[airborne]]
+            self.swing_tasks[airborne].twist(dynamics, twist)
+        else:
+            self._swing.ground.carry(dynamics, law)
 
     def _footholds(self) -> list[Foothold]:
-        """Where the feet are; of the one on its way, where it is being set."""
-        yaws = self._anchors.yaw
+        """Where the feet are; of the one on its way, where it is being set.
+
+        Heights are those of the plan: estimated ones drift on ground that moves.
+        """
+        yaws, level = self._anchors.yaw, self._anchors.level
         feet = [
-            Foothold(x, y, z, yaws[side])
-            for side, (x, y, z) in enumerate(self._anchors.p)
+            Foothold(x, y, level[side], yaws[side])
+            for side, (x, y, _) in enumerate(self._anchors.p)
         ]
         move = self._move
         if move is not None and self.feet.state[move.side] is FootState.SWING:
@@ -270,7 +274,9 @@ class Walk:
             self._waited_s += self._dt
             loaded = normals[leaving] > self._settings.unloaded_share * self._weight
             waits = loaded and self._waited_s <= self._settings.unload_wait_s
-            if not waits and self._carries(gait.support):
+            support = gait.support
+            stands = self._contacts.in_contact[support]
+            if not waits and stands and not feet.is_airborne(support):
                 self._lift(leaving, dynamics)
         elif phase is Phase.SINGLE:
             if gait.left_s > 0.0:
@@ -287,10 +293,6 @@ class Walk:
             rests = gait.rests(self._footholds())
             if is_down and rests and all(self._contacts.in_contact):
                 gait.stand()
-
-    def _carries(self, side: int) -> bool:
-        """Whether a foot stands well enough to carry alone."""
-        return self._contacts.in_contact[side] and not self.feet.is_airborne(side)
 
     def _lift(self, side: int, dynamics: Dynamics) -> None:
         """Begin the next step."""
@@ -349,9 +351,8 @@ class Walk:
         stance.com[:2] = gait.com
         stance.com_velocity[:2] = gait.com_velocity
         stance.com_acceleration[:2] = gait.com_acceleration
-        stance.approach_ground(state.ground_height, share=self._height_blend)
         yaws = list(self._anchors.yaw)
-        airborne = self.airborne
+        airborne = self.feet.airborne
         if airborne is not None:
             yaws[airborne] = self._swing.yaw
         stance.R_base[:] = turned(mean_yaw(*yaws)) @ self._standing_base
@@ -375,8 +376,7 @@ class Walk:
         """Write where the foot in the air should be."""
         if self.feet.state[side] is FootState.RELANDING:
             x, y, _ = self._anchors.p[side]
-            yaw = self._anchors.yaw[side]
-            self._swing.go_down(side, dynamics, xy=(x, y), yaw=yaw)
+            self._swing.go_down(side, dynamics, (x, y), self._anchors.yaw[side])
         else:
             self._swing.go_on(
                 side, dynamics, t=self.gait.t, shift=self._adjustment.shift

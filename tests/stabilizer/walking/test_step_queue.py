@@ -129,3 +129,13 @@ def test_messages_in_disorder_are_refused(steps: tuple[Step, ...], words: str) -
     raw["steps"] = [msgspec.to_builtins(one) for one in steps]
     with pytest.raises(msgspec.ValidationError, match=words):
         msgspec.convert(raw, WalkPlan)
+
+
+def test_a_step_takes_as_long_as_the_drives_need() -> None:
+    times = []
+    for leg_speed in (10.0, 0.5):
+        queue = StepQueue(LIMITS, half_width=HALF_M, leg_speed=leg_speed)
+        queue.take(plan(step(0)), FEET, walks=False)
+        times.append(queue.begin(FEET).single_s)
+    assert times[0] == step(0).single_s
+    assert times[1] > times[0]

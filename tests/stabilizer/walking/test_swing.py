@@ -7,7 +7,7 @@ import math
 import pytest
 
 from surefoot.schemas.walk_settings import WalkSettings
-from surefoot.stabilizer.walking.swing import SwingPath, hermite, quintic
+from surefoot.stabilizer.walking.swing import LATE_RAMP_S, SwingPath, from_rest, glide
 
 SETTINGS = WalkSettings()
 DURATION_S, LIFT_M, DT = 0.6, 0.05, 1e-3
@@ -46,7 +46,7 @@ def test_rates_are_the_slopes(t: float) -> None:
     assert now.yaw_rate == pytest.approx(
         (late.yaw - early.yaw) / (2.0 * FINE_S), abs=SLOPE
     )
-    assert now.velocity_at(t)[2] == now.height_rate
+    assert now.velocity_after(t, 0.0)[2] == now.height_rate
 
 
 @pytest.mark.parametrize("rise", [-0.1, 0.0, 0.1])
@@ -68,7 +68,10 @@ def test_foot_clears_both_footholds_and_comes_down_softly(
 def test_a_foot_that_finds_no_ground_goes_down_so_far_and_no_farther() -> None:
     path = begun()
     path.advance(DURATION_S + 0.1, shift=NONE, dt=DT)
-    assert path.height == pytest.approx(-0.1 * SETTINGS.late_m_s)
+    assert path.height_rate == pytest.approx(-SETTINGS.late_m_s)
+    fallen = (0.1 - LATE_RAMP_S) * SETTINGS.late_m_s
+    fallen += 0.5 * (SETTINGS.touchdown_m_s + SETTINGS.late_m_s) * LATE_RAMP_S
+    assert path.height == pytest.approx(-fallen)
     path.advance(DURATION_S + 10.0, shift=NONE, dt=DT)
     assert (path.height, path.height_rate) == (-SETTINGS.late_depth_m, 0.0)
 
@@ -88,8 +91,12 @@ def test_a_shift_of_the_goal_reaches_the_foot_without_a_jump() -> None:
     assert path.xy[0] == pytest.approx(0.4, abs=1e-4)
 
 
-def test_quintic_and_cubic_keep_their_ends() -> None:
-    assert quintic(0.0) == (0.0, 0.0, 0.0)
-    assert quintic(1.0) == (1.0, 0.0, 0.0)
-    assert hermite(0.0, 0.5, 1.0, 2.0, 3.0, 4.0)[:2] == (1.0, 2.0)
-    assert hermite(0.5, 0.5, 1.0, 2.0, 3.0, 4.0)[:2] == pytest.approx((3.0, 4.0))
+def test_profiles_keep_their_ends() -> None:
+    assert glide(0.0) == (0.0, 0.0, 0.0)
+    assert glide(1.0) == (1.0, 0.0, 0.0)
+    assert from_rest(0.0, 0.5, 1.0, 3.0, 4.0) == (1.0, 0.0, 0.0)
+    assert from_rest(0.5, 0.5, 1.0, 3.0, 4.0) == pytest.approx((3.0, 4.0, 0.0))
+
+
+def test_a_glide_is_slower_than_a_quintic_at_its_fastest() -> None:
+    assert max(glide(i / 100)[1] for i in range(101)) < 0.85 * 1.875

@@ -1,0 +1,71 @@
+"""The ground that a swing foot is set on, and the height over it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.walking.swing_foot import ExpectedGround, HeightReference
+
+HALF_SIZES = ((0.13, 0.08), (0.13, 0.08))
+DT, TURN_RAD_S, WEIGHT_N = 1e-3, 0.5, 690.0
+CLOSE_RAD = 0.01
+
+
+def stand_on_one_foot(*, pressed_at: float, ticks: int = 300) -> tuple[Any, Any]:
+    """A right sole that rolls under all of the weight, and the ground made of it.
+
+    Args:
+        pressed_at: centre of pressure, from the sole's middle (0) to its edge (1).
+        ticks: how long.
+    """
+    ground = ExpectedGround(WalkSettings(), half_sizes=HALF_SIZES, period_s=DT)
+    dynamics: Any = SimpleNamespace(
+        R_world_sole=[np.eye(3), np.eye(3)],
+        p_sole=[np.array([0.0, 0.11, 0.05]), np.array([0.0, -0.11, 0.0])],
+    )
+    law: Any = SimpleNamespace(share=[0.0, 1.0], ground_twist=np.zeros(12))
+    law.ground_twist[9] = TURN_RAD_S
+    F = np.zeros(12)
+    F[8], F[9] = WEIGHT_N, WEIGHT_N * pressed_at * HALF_SIZES[1][1]
+    ground.stand_on(dynamics, support=1)
+    for tick in range(ticks):
+        roll = TURN_RAD_S * DT * (tick + 1)
+        dynamics.R_world_sole[1] = Rotation.from_euler("x", roll).as_matrix()
+        ground.from_one(dynamics, law, F, support=1)
+    return ground, dynamics
+
+
+@pytest.mark.parametrize("pressed_at", [0.0, -0.9])
+def test_ground_turns_with_a_sole_that_lies_on_it(pressed_at: float) -> None:
+    ground, dynamics = stand_on_one_foot(pressed_at=pressed_at)
+    sole = dynamics.R_world_sole[1][:, 2]
+    assert np.arccos(np.clip(ground.normal @ sole, -1.0, 1.0)) < CLOSE_RAD
+
+
+def test_a_sole_that_tips_over_its_edge_is_no_ground() -> None:
+    ground, _ = stand_on_one_foot(pressed_at=1.0)
+    level = np.arccos(np.clip(ground.normal[2], -1.0, 1.0))
+    assert level < 0.15 * TURN_RAD_S * 0.3
+
+
+def test_the_height_keeps_the_deepest_ground_in_reach() -> None:
+    settings, rise = WalkSettings(), 0.08
+    heights = HeightReference(settings, com_rise=rise, period_s=DT)
+    asked = SimpleNamespace(highest=0.0)
+
+    def approach_ground(ground: float, *, highest: float, share: float) -> None:
+        asked.highest = highest
+
+    stance: Any = SimpleNamespace(approach_ground=approach_ground)
+    dynamics: Any = SimpleNamespace(p_sole=[np.zeros(3), np.zeros(3)])
+    ground = ExpectedGround(settings, half_sizes=HALF_SIZES, period_s=DT)
+    for height in (0.0, -0.1, 0.1):
+        state: Any = SimpleNamespace(ground_height=height)
+        heights.follow(stance, state, dynamics, ground)
+    assert -0.1 < asked.highest < -0.1 + rise
