@@ -90,8 +90,6 @@ def export(
     overwrite: options.OverwriteOption = False,
 ) -> None:
     """Write a record, or the signals of a run, in a format of other tools."""
-    if not overwrite:
-        _check_free(out, to)
     from surefoot.cli.console import print_note
     from surefoot.recording import export
     from surefoot.recording.read import read_record
@@ -103,7 +101,7 @@ def export(
             ExportFormat.CSV: export.export_signals_csv,
             ExportFormat.NPZ: export.export_signals_npz,
             ExportFormat.PARQUET: export.export_signals_parquet,
-        }[to](signals, out)
+        }[to](signals, out, overwrite=overwrite)
         left_out = [_CUT_OFF.format(file)] if signals.is_cut_off else []
     else:
         record = read_record(file)
@@ -111,7 +109,7 @@ def export(
             ExportFormat.CSV: export.export_csv,
             ExportFormat.NPZ: export.export_npz,
             ExportFormat.PARQUET: export.export_parquet,
-        }[to](record, out)
+        }[to](record, out, overwrite=overwrite)
         left_out = _left_out(record)
     for path in written:
         print_note(f"wrote {path}")
@@ -138,20 +136,3 @@ def _left_out(record: Record) -> list[str]:
             f"{record.path} is {record.condition}; what could be read was written"
         )
     return notes
-
-
-def _check_free(out: Path, to: ExportFormat) -> None:
-    """Refuse to replace what an earlier export wrote.
-
-    Raises:
-        UsageError: it is there.
-    """
-    from surefoot.errors import UsageError
-
-    taken = [out] if to is ExportFormat.NPZ else sorted(out.glob(f"*.{to}"))
-    for path in taken:
-        if path.exists():
-            raise UsageError(
-                f"--out {out}: {path} is there already; name another place, or give "
-                "--overwrite"
-            )

@@ -50,7 +50,7 @@ def stabilizer(
         typer.Option(
             "--walk",
             metavar="SCENARIO",
-            help="Take the steps of this scenario's [walk] table.",
+            help="Take the steps of this scenario's \\[walk] table.",
             autocompletion=complete_scenario,
         ),
     ] = None,

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import count
 from pathlib import Path
 from typing import IO, Any
-from zipfile import ZIP_DEFLATED, ZipFile
+from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 import numpy as np
 from numpy.lib.format import write_array
@@ -30,11 +30,14 @@ PART_TICKS = 16384
 """Ticks in memory at a time, whatever the length of the run."""
 
 
-def export_npz(record: Record, path: Path) -> list[Path]:
+def export_npz(record: Record, path: Path, *, overwrite: bool = False) -> list[Path]:
     """Write one file with an array per field, named ``channel.field``.
 
     Fields of varying shape are kept as JSON texts; a channel of another program
     is named with ``_`` for what no file name may hold.
+
+    Raises:
+        UsageError: there is a file, and it may not be replaced.
     """
     arrays: dict[str, Array] = {}
     safe = safe_names(record.channels)
@@ -44,12 +47,18 @@ def export_npz(record: Record, path: Path) -> list[Path]:
         for field, name in safe_names(fields).items():
             column = [message.get(field) for message in messages]
             arrays[f"{safe[channel]}.{name}"] = _array(column)
-    _write_arrays(path, arrays)
+    _check_place(path, arrays, overwrite=overwrite)
+    with atomic_file(path) as file:
+        np.savez_compressed(file, allow_pickle=False, **arrays)
     return [path]
 
 
-def export_csv(record: Record, folder: Path) -> list[Path]:
-    """Write a file per channel, with a column per number: ``q.0``, ``q.1``, ..."""
+def export_csv(record: Record, folder: Path, *, overwrite: bool = False) -> list[Path]:
+    """Write a file per channel, with a column per number: ``q.0``, ``q.1``, ...
+
+    Raises:
+        UsageError: there is a file, and it may not be replaced.
+    """
 
     def write(file: IO[bytes], columns: Columns) -> None:
         text = io.TextIOWrapper(
@@ -61,13 +70,18 @@ def export_csv(record: Record, folder: Path) -> list[Path]:
         text.flush()
         text.detach()
 
-    return _export_tables(record, folder, suffix="csv", write=write)
+    return _export_tables(
+        record, folder, suffix="csv", write=write, overwrite=overwrite
+    )
 
 
-def export_parquet(record: Record, folder: Path) -> list[Path]:
+def export_parquet(
+    record: Record, folder: Path, *, overwrite: bool = False
+) -> list[Path]:
     """Write a file per channel, with the columns of :func:`export_csv`.
 
     Raises:
+        UsageError: there is a file, and it may not be replaced.
         EnvironmentFailedError: the package for it is not installed.
     """
     pyarrow = _pyarrow()
@@ -82,11 +96,20 @@ def export_parquet(record: Record, folder: Path) -> list[Path]:
         arrays = {name: column_of(values) for name, values in columns.items()}
         pyarrow.parquet.write_table(pyarrow.table(arrays), file)
 
-    return _export_tables(record, folder, suffix="parquet", write=write)
+    return _export_tables(
+        record, folder, suffix="parquet", write=write, overwrite=overwrite
+    )
 
 
-def export_signals_npz(signals: Signals, path: Path) -> list[Path]:
-    """Write one file with an array per signal, the ticks along its first axis."""
+def export_signals_npz(
+    signals: Signals, path: Path, *, overwrite: bool = False
+) -> list[Path]:
+    """Write one file with an array per signal, the ticks along its first axis.
+
+    Raises:
+        UsageError: there is a file, and it may not be replaced.
+    """
+    _check_place(path, signals, overwrite=overwrite)
     with atomic_file(path) as file, ZipFile(file, "w", ZIP_DEFLATED) as archive:
         for name in signals:  # one in memory at a time
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
@@ -94,13 +117,19 @@ def export_signals_npz(signals: Signals, path: Path) -> list[Path]:
     return [path]
 
 
-def export_signals_csv(signals: Signals, folder: Path) -> list[Path]:
+def export_signals_csv(
+    signals: Signals, folder: Path, *, overwrite: bool = False
+) -> list[Path]:
     """Write ``ticks.csv``: a row per tick, a column per number: ``F_id.f_z_left``.
 
     What nobody told is an empty field.
+
+    Raises:
+        UsageError: there is a file, and it may not be replaced.
     """
     _make_folder(folder)
     path = folder / f"{SIGNALS_STEM}.csv"
+    _check_place(path, _all_columns(signals), overwrite=overwrite)
     with atomic_file(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="")
         writer = csv.writer(text)
@@ -113,17 +142,21 @@ def export_signals_csv(signals: Signals, folder: Path) -> list[Path]:
     return [path]
 
 
-def export_signals_parquet(signals: Signals, folder: Path) -> list[Path]:
+def export_signals_parquet(
+    signals: Signals, folder: Path, *, overwrite: bool = False
+) -> list[Path]:
     """Write ``ticks.parquet``, with the columns of :func:`export_signals_csv`.
 
     Each column says its unit, frame and meaning in its metadata.
 
     Raises:
+        UsageError: there is a file, and it may not be replaced.
         EnvironmentFailedError: the package for it is not installed.
     """
     pyarrow = _pyarrow()
     _make_folder(folder)
     path = folder / f"{SIGNALS_STEM}.parquet"
+    _check_place(path, _all_columns(signals), overwrite=overwrite)
     schema = pyarrow.schema(
         [
             pyarrow.field(
@@ -148,6 +181,10 @@ def export_signals_parquet(signals: Signals, folder: Path) -> list[Path]:
             whole = {name: np.ascontiguousarray(x) for name, x in columns.items()}
             writer.write_table(pyarrow.table(whole, schema=schema))
     return [path]
+
+
+def _all_columns(signals: Signals) -> list[str]:
+    return [name for layout in map(signals.layout, signals) for name in layout.columns]
 
 
 def _parts(signals: Signals) -> Iterator[dict[str, Array]]:
@@ -175,10 +212,37 @@ def _pyarrow() -> Any:
     return pyarrow
 
 
-def _write_arrays(path: Path, arrays: dict[str, Array]) -> None:
-    """Write named arrays as a compressed .npz, whole or not at all."""
-    with atomic_file(path) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
+def _check_place(path: Path, names: Iterable[str], *, overwrite: bool) -> None:
+    """See that a file is free, or one of the same columns, which an export wrote.
+
+    Raises:
+        UsageError: it is neither.
+    """
+    if not (path.exists() or path.is_symlink()):
+        return
+    if not overwrite:
+        raise UsageError(
+            f"--out {path}: is there already; name another place, or give --overwrite"
+        )
+    if path.is_symlink() or _names_in(path) != list(names):
+        raise UsageError(
+            f"--out {path}: is there, and not what an export of this would be; it is "
+            "left as it is, name another place"
+        )
+
+
+def _names_in(path: Path) -> list[str] | None:
+    """Arrays or columns of an exported file; None of anything else."""
+    try:
+        if path.suffix == ".csv":
+            with path.open(encoding="utf-8", newline="") as file:
+                return next(csv.reader(file), None)
+        if path.suffix == ".parquet":
+            return list(_pyarrow().parquet.read_schema(path).names)
+        with ZipFile(path) as archive:
+            return [name.removesuffix(".npy") for name in archive.namelist()]
+    except (OSError, ValueError, csv.Error, BadZipFile):
+        return None
 
 
 def _make_folder(folder: Path) -> None:
@@ -194,18 +258,23 @@ def _export_tables(
     *,
     suffix: str,
     write: Callable[[IO[bytes], Columns], None],
+    overwrite: bool,
 ) -> list[Path]:
     _make_folder(folder)
-    written = []
     safe = safe_names(record.channels)
-    for channel in record.channels:
-        messages = record.messages(channel)
-        if messages:
-            path = folder / f"{safe[channel]}.{suffix}"
-            with atomic_file(path) as file:
-                write(file, _columns(messages))
-            written.append(path)
-    return written
+    paths = {
+        channel: folder / f"{safe[channel]}.{suffix}"
+        for channel in record.channels
+        if record.messages(channel)
+    }
+    for channel, path in paths.items():  # all of them before the first is replaced
+        if path.exists() or path.is_symlink():
+            columns = _columns(record.messages(channel))
+            _check_place(path, columns, overwrite=overwrite)
+    for channel, path in paths.items():
+        with atomic_file(path) as file:
+            write(file, _columns(record.messages(channel)))
+    return list(paths.values())
 
 
 def safe_names(names: Iterable[str]) -> dict[str, str]:

@@ -109,3 +109,27 @@ def test_what_is_no_record_is_a_usage_error(
         assert done.returncode == 2, done.stderr
         assert str(path) in done.stderr
         assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("form", ["npz", "csv", "parquet"])
+@pytest.mark.parametrize("whole_run", [True, False], ids=["signals", "record"])
+def test_an_export_replaces_only_an_export(
+    surefoot_here: Surefoot, recorded: Path, tmp_path: Path, form: str, whole_run: bool
+) -> None:
+    source = recorded.parent if whole_run else recorded
+    out = tmp_path / ("a.npz" if form == "npz" else "tables")
+    words = ("log", "export", source, "--format", form, "--out", out)
+    assert surefoot_here(*words).returncode == 0
+    again = surefoot_here(*words)
+    assert again.returncode == 2
+    assert "--overwrite" in again.stderr
+    assert surefoot_here(*words, "--overwrite").returncode == 0
+    written = sorted(out.iterdir()) if out.is_dir() else [out]
+    before = {path: path.read_bytes() for path in written}
+    mine = written[-1]
+    mine.write_text("my own notes\n")
+    refused = surefoot_here(*words, "--overwrite")
+    assert refused.returncode == 2
+    assert f"{mine}: is there, and not what an export" in refused.stderr
+    assert mine.read_text() == "my own notes\n"
+    assert all(path.read_bytes() == before[path] for path in written[:-1])
