@@ -237,6 +237,8 @@ def _plate_below(model: pin.Model, sensor_id: int) -> Plate:
 def inertia_below(model: pin.Model, sensor_id: int) -> pin.Inertia:
     """Return the inertia of all links fixed below a sensor, in its joint's frame."""
     mount_id = model.frames[sensor_id].parentFrame
+    if model.frames[mount_id].type == pin.FrameType.JOINT:
+        return model.inertias[model.frames[sensor_id].parentJoint].copy()
     total = pin.Inertia.Zero()
     for frame_id, frame in enumerate(model.frames):
         if frame.inertia.mass > 0.0 and _is_below(model, frame_id, mount_id):

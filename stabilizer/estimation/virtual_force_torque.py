@@ -61,7 +61,12 @@ class VirtualWrenches:
             joint = self._pin.frames[frame_id].parentJoint
             rest = self._pin.inertias[joint].toDynamicParameters()
             plate = inertia_below(model.pin_model, frame_id).toDynamicParameters()
-            self._pin.inertias[joint] = pin.Inertia.FromDynamicParameters(rest - plate)
+            rest -= plate
+            self._pin.inertias[joint] = (
+                pin.Inertia.FromDynamicParameters(rest)
+                if rest[0] > 0.0  # mass; there is none where the plate is all
+                else pin.Inertia.Zero()
+            )
         # As a low-pass sampled exactly, so that slow ticks stay stable.
         rate = 2.0 * math.pi * settings.cutoff_hz
         self._gain = -math.expm1(-rate * period_s) / period_s

@@ -11,14 +11,14 @@ import pytest
 
 import surefoot as sf
 from surefoot.robot_io.identity import describe
-from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.robot_file import VirtualForceTorque
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.estimation.virtual_force_torque import VirtualWrenches
-from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.safety.safety import Safety
 from tests.awkward_robot import Awkward
 
@@ -28,6 +28,7 @@ SETTLED = 60
 MOST_SHARE = 0.02
 """Of the largest force or moment: the observer's lag, and what the prior takes."""
 MOST_FORCE_N, MOST_MOMENT_NM = 4.0, 0.6
+MOST_AT_REST_N = 1.0
 
 
 class Course:
@@ -131,6 +132,27 @@ def test_it_feels_what_a_sensor_would_while_everything_moves(
     moments = [3, 4, 5, 9, 10, 11]
     assert worst[forces].max() < MOST_SHARE * np.abs(felt[forces]).max()
     assert worst[moments].max() < 3.0 * MOST_SHARE * np.abs(felt[moments]).max()
+
+
+@pytest.mark.parametrize("link", ["foot_plate", "foot"])
+def test_what_hangs_below_the_sensor_is_not_taken_for_ground(
+    walker: Robot, link: str
+) -> None:
+    """Whether the sensor's link is fixed to the foot, or an ankle joint carries it."""
+    feet = [
+        msgspec.structs.replace(foot, ft_link=f"{foot.side}_{link}")
+        for foot in walker.file.foot
+    ]
+    file = msgspec.structs.replace(walker.file, foot=feet)
+    model = RobotModel(make_robot(file, path=walker.path, urdf_path=walker.urdf_path))
+    course = Course(model, 0)
+    course.size[:] = 0.0
+    course.F = np.tile([0.0, 0.0, 350.0, 0.0, 0.0, 0.0], (2, 1))
+    snapshot, _ = course.tick(0)
+    found = VirtualWrenches(model, QUICK, period_s=PERIOD_S).infer(snapshot)
+    for plate, ft in zip(model.plates, (found.ft_left, found.ft_right), strict=True):
+        felt = ft[2] + plate.mass * GRAVITY
+        assert felt == pytest.approx(350.0, abs=MOST_AT_REST_N)
 
 
 def test_a_reading_that_is_no_number_costs_one_tick(walker: Robot) -> None:
