@@ -48,7 +48,7 @@ _FIRST_PRIVATE = 0x80
 _PIECE_BYTES = 2**20
 _LARGEST_EXPANSION = 255
 """What LZ4 can reach at most; data of a robot stay far below, also with zstd."""
-_BAD_CONTENT = (
+BAD_CONTENT = (
     McapError,
     struct.error,
     ValueError,
@@ -193,7 +193,7 @@ class McapRecords:
             return
         try:
             yield from self._in_summary(summary)
-        except _BAD_CONTENT as error:
+        except BAD_CONTENT as error:
             self.damage.append(
                 Damage(footer.summary_start, f"a broken summary ({error})")
             )
@@ -282,7 +282,7 @@ class McapRecords:
                 if frame.opcode == Opcode.ATTACHMENT:
                     _check_crc(data[: -_CRC.size], _CRC.unpack(data[-_CRC.size :])[0])
                 yield _parsed(_KINDS[frame.opcode], data)
-        except _BAD_CONTENT as error:
+        except BAD_CONTENT as error:
             words = str(error) or type(error).__name__
             self.damage.append(Damage(frame.begin, f"a {name} left out: {words}"))
 

@@ -11,13 +11,16 @@ from types import TracebackType
 from typing import Self
 
 import msgspec
+from mcap.reader import make_reader
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
+from surefoot.errors import UsageError
 from surefoot.out_folder import claim_file
 from surefoot.recording.attachments import Attachment
 from surefoot.recording.counts import count_message, new_count
 from surefoot.recording.log_times import LogTimes
+from surefoot.recording.mcap_records import BAD_CONTENT
 from surefoot.robot_io.client_side.observer import Sample
 from surefoot.schemas.codec import Head, decode_map
 from surefoot.schemas.errors import MessageError
@@ -28,6 +31,8 @@ CHUNK_BYTES = 128 * 1024
 """Small: what a crash can cost is the chunk that is being filled."""
 KEPT_FREE_BYTES = 64 * 2**20
 """Left on the disk, so that a record never takes the room of a run's own files."""
+LIBRARY = "surefoot"
+"""Who wrote a file, by its header."""
 MSGPACK = "msgpack"
 UNREADABLE, BYTES = "unreadable", "application/octet-stream"
 """Channel below a channel, and its encoding, for what came there and is no message."""
@@ -70,10 +75,11 @@ class McapFile:
             attachments: what the messages alone do not tell.
             raw: write the bytes of the bus, not JSON.
             times: gives log times; by default they are the senders' stamps.
-            overwrite: replace a file of this name at the end.
+            overwrite: replace a record of this name at the end.
 
         Raises:
-            UsageError: the name is taken, or another recorder is writing there.
+            UsageError: the name is taken, also by what is no record of ours, or another
+                recorder is writing there.
             OSError: it cannot be written; the message says what is left.
         """
         self.path = path
@@ -83,11 +89,13 @@ class McapFile:
         self._times = times or LogTimes(None)
         self._kept_apart: dict[str, int] = {}
         try:
+            for file in (path, self.partial):
+                _refuse_foreign(file)
             self._file = claim_file(path, overwrite=overwrite)
             self._writer = Writer(
                 self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4
             )
-            self._writer.start(profile="", library="surefoot")
+            self._writer.start(profile="", library=LIBRARY)
             self._ids = {name: self._declare(name, keys[name]) for name in self.counts}
             for entry in attachments:
                 self._writer.add_attachment(
@@ -224,3 +232,23 @@ class McapFile:
             else ""
         )
         return OSError(f"cannot record to {self.path}: {reason}{left}")
+
+
+def _refuse_foreign(path: Path) -> None:
+    """See that a file, if it is there and holds anything, is a record of ours.
+
+    Raises:
+        UsageError: it is something else, which is never replaced.
+    """
+    if not path.is_file() or not path.stat().st_size:
+        return
+    try:
+        with path.open("rb") as file:
+            is_ours = make_reader(file).get_header().library == LIBRARY
+    except BAD_CONTENT:
+        is_ours = False
+    if not is_ours:
+        raise UsageError(
+            f"--out {path}: is there, and no record of surefoot; it is left as it is, "
+            "name another file"
+        )

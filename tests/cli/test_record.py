@@ -12,6 +12,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from surefoot.errors import UsageError
+from surefoot.recording.write import McapFile
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
@@ -216,3 +218,19 @@ def test_a_name_that_cannot_be_is_a_usage_error(
     done = surefoot_here("record", "--out", name, "--connect", "tcp/127.0.0.1:1")
     assert done.returncode == 2
     assert name in done.stderr
+
+
+@pytest.mark.parametrize("name", ["mine.mcap", "mine.mcap.partial"])
+def test_only_a_record_is_replaced(tmp_path: Path, name: str) -> None:
+    mine = tmp_path / name
+    mine.write_text("my own notes")
+    with pytest.raises(UsageError, match="no record of surefoot"):
+        McapFile(
+            tmp_path / "mine.mcap",
+            channels=["joints"],
+            keys={"joints": "joints"},
+            attachments=[],
+            raw=False,
+            overwrite=True,
+        )
+    assert mine.read_text() == "my own notes"
