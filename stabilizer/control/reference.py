@@ -6,6 +6,7 @@ middle of the feet, base upright. A planner's :class:`Reference` message replace
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,15 @@ import pinocchio as pin
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.messages import Reference
+from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel, yaw_from
+
+NEAR_M, NEAR_RAD = 0.02, 0.05
+"""So far from its reference a robot may be at a start, to be asked for it at once."""
+APPROACH_RAD_S = 3.5
+"""How fast it is led there otherwise: 97 % in 2 s."""
+ARRIVED = 1e-4
+"""Of metre and radian; then it is there."""
 
 
 @dataclass
@@ -110,6 +119,69 @@ class Stance:
         lowest, highest = travel
         level = self.com_nominal + ground
         self.com[2] = min(max(self.com_height, level + lowest), level + highest)
+
+
+class Approach:
+    """The way to the reference from where a start finds the robot.
+
+    A robot that was held while its ground turned leans, and its centre of mass is off
+    by more than a step may ask for: the foot that it would unload at once would lift.
+    So the reference begins there, with the speed there is and without acceleration, and
+    goes to its own place by a filter of third order. A robot that is where it should
+    be, within a margin, is asked for just that.
+
+    Attributes:
+        is_over: whether the reference is what it is without this.
+    """
+
+    def __init__(self, *, period_s: float) -> None:
+        """Have nothing to do; see :meth:`begin`."""
+        self._dt = period_s
+        self._offset, self._rate = np.zeros(6), np.zeros(6)
+        self._acceleration = np.zeros(6)
+        self.is_over = True
+
+    def begin(self, dynamics: Dynamics, stance: Stance) -> None:
+        """Start from the present state.
+
+        Args:
+            dynamics: quantities at it.
+            stance: reference, compared with the base.
+        """
+        offset, rate = self._offset, self._rate
+        np.subtract(dynamics.p_com, stance.com, out=offset[:3])
+        np.negative(stance.base_error, out=offset[3:])
+        np.subtract(dynamics.v_com, stance.com_velocity, out=rate[:3])
+        rate[3:] = dynamics.v[3:6]
+        self._acceleration[:] = 0.0
+        for part, margin in ((slice(0, 3), NEAR_M), (slice(3, 6), NEAR_RAD)):
+            size = math.sqrt(offset[part] @ offset[part])
+            share = 0.0 if size <= margin else 1.0 - margin / size
+            offset[part] *= share
+            rate[part] *= share
+        self.is_over = not offset.any()
+
+    def step(self) -> None:
+        """Advance by a tick."""
+        p, dt = APPROACH_RAD_S, self._dt
+        offset, rate, acceleration = self._offset, self._rate, self._acceleration
+        jerk = 3.0 * p * acceleration + 3.0 * p * p * rate + p**3 * offset
+        offset += dt * rate
+        rate += dt * acceleration
+        acceleration -= dt * jerk
+        self.is_over = bool(np.abs(offset).max() < ARRIVED)
+
+    def move(self, stance: Stance, way: float) -> None:
+        """Move the reference to where it is now, or back.
+
+        Args:
+            stance: reference, in place; compared with the base.
+            way: 1 there, -1 back.
+        """
+        stance.com += way * self._offset[:3]
+        stance.com_velocity += way * self._rate[:3]
+        stance.com_acceleration += way * self._acceleration[:3]
+        stance.base_error += way * self._offset[3:]
 
 
 def standing(model: RobotModel) -> Stance:

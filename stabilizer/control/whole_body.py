@@ -22,6 +22,7 @@ from surefoot.stabilizer.control.dik import Dik
 from surefoot.stabilizer.control.drive_inverse import DriveInverse
 from surefoot.stabilizer.control.feedback_speed import fastest_mode
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
+from surefoot.stabilizer.control.reference import Approach
 from surefoot.stabilizer.control.tasks import Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
 from surefoot.stabilizer.dynamics import Dynamics
@@ -122,6 +123,7 @@ class WholeBodyController(BalanceController):
         self._q_command: Array = np.zeros(self.model.n_a)
         self._v_joint: Array = np.zeros(self.model.n_a)
         self._ages = ReadingAges(period_s=robot.period_s)
+        self._approach = Approach(period_s=robot.period_s)
         self._return_ticks = 0
         self._return_step: Array = np.zeros(self.model.n_a)
 
@@ -188,11 +190,26 @@ class WholeBodyController(BalanceController):
         self.drives.take_over(q_command)
 
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
-        """Solve both QPs and integrate."""
+        """Have the reference where it is to be in this tick; solve."""
         dynamics, stance, walk = self.dynamics, self.stance, self.walk
         walk.update(state, dynamics, stance, law=self.law, tick=self._tick)
         stance.limit_height(state.ground_height, travel=self.model.com_travel)
         stance.compare_base(state.R_world_base)
+        approach = self._approach
+        if state.is_calibrating:
+            approach.begin(dynamics, stance)
+        if approach.is_over:
+            return self._solve(state)
+        approach.step()
+        approach.move(stance, 1.0)
+        try:
+            return self._solve(state)
+        finally:
+            approach.move(stance, -1.0)
+
+    def _solve(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
+        """Solve both QPs and integrate."""
+        dynamics, stance, walk = self.dynamics, self.stance, self.walk
         tsid = self.tsid.solve(
             dynamics,
             stance,

@@ -12,12 +12,18 @@ from surefoot.stabilizer.model import GRAVITY
 
 FEWEST_READINGS = 20
 """From fewer readings nobody can tell noise from ground that turns."""
-TILT_LEARNING, BIAS_LEARNING = 3.0, 0.5
+TILT_LEARNING, BIAS_LEARNING = 1.5, 1.0
 """After a start on turning ground: bandwidths times the time watched [1]."""
 LIKELY_BIAS_RAD_S = 0.02
 """What gyroscopes are off by [rad/s]."""
-DOUBT_RAD_S, DOUBT_SHARE = 0.005, 0.1
-"""Of a bias shown by gravity: by noise [rad/s], and of the ground's rate [1]."""
+DOUBT_RAD_S, DOUBT_SHARE, DOUBT_CHANGE = 0.005, 0.1, 0.3
+"""Of a bias shown by gravity: by noise [rad/s], of the ground's rate [1], and of what
+that rate changes by [1]."""
+LEVEL_M_S2, ACCELERATES = 0.85, 1.5
+"""By how much ground that is taken for level leans all the same, 5 deg; and by how much
+ground has accelerated on average, against the change of it seen [1]."""
+NOISE_S = 0.2
+"""In so short a time noise is most of what the slopes of readings tell [s]."""
 LEAST_KNOWN_S = 0.3
 """Shorter times make gains that noise would shake [s]."""
 LEARNT_S = 10.0
@@ -52,6 +58,7 @@ class AttitudeFilter:
         bias: (3,) gyroscope bias estimate [rad/s].
         rate: (3,) bias-free angular velocity in the IMU frame [rad/s].
         ground_turns: whether the ground was taken to turn while calibrating.
+        surely_turns: whether by more than any gyroscope is off by.
     """
 
     def __init__(
@@ -78,6 +85,7 @@ class AttitudeFilter:
         self._bandwidth = tilt_bandwidth
         self._bias_pull = bias_gain / tilt_bandwidth
         self._known_s = LEAST_KNOWN_S
+        self._level_share = 0.0
         self._still_rate = still_rate
         self._ahead = ahead.copy()
         self._count = 0
@@ -86,7 +94,7 @@ class AttitudeFilter:
         # reading's number, and times its square.
         self._readings: Mat = np.zeros((3, 3))
         self._moments: Array = np.zeros((3, 3, 3))
-        self.ground_turns = False
+        self.ground_turns = self.surely_turns = False
         self._rest: Vec3 = np.zeros(3)
         self._restless = RESTLESS_AT_FIRST_RAD_S
         self._is_at_rest = False
@@ -105,12 +113,17 @@ class AttitudeFilter:
         accel_bias: Vec3,
         leg_rate: Vec3,
         leg_velocity: Vec3,
+        leg_up: Vec3,
     ) -> None:
         """Take one reading of a robot that keeps its posture.
 
         The gyroscope is integrated. Seen from there, gravity's direction stays put,
         unless the gyroscope is biased: then it turns at that rate. On ground that does
         not turn, by that measure, and keeps its rate, the mean rate is the bias.
+
+        A direction that turns faster than a biased gyroscope would have it is no
+        gravity's alone: the ground speeds up sideways, and the less the mean tells
+        what is up, the more the soles are taken to stand level.
 
         Args:
             gyro: (3,) angular velocity in the IMU frame [rad/s].
@@ -119,6 +132,7 @@ class AttitudeFilter:
             leg_rate: (3,) angular velocity that the legs see, IMU frame [rad/s].
             leg_velocity: (3,) velocity of the unit that the legs see if the gyroscope
                 has no bias, world [m/s].
+            leg_up: (3,) normal of the soles, IMU frame.
         """
         if self._count:
             self._R_first_imu = self._R_first_imu @ pin.exp3(gyro * self._dt)
@@ -135,8 +149,13 @@ class AttitudeFilter:
         turn, up = self._judge()
         np.subtract(gyro, self.bias, out=self.rate)
         up += np.cross(turn, up) * (0.5 * self._dt * (self._count - 1))
-        up = up @ R - accel_bias
+        up = up @ R - self._believed(accel_bias)
         up /= np.linalg.norm(up)
+        if self._level_share:
+            up += self._level_share * (leg_up - up)
+            up /= np.linalg.norm(up)
+            # As well as it is known: what comes is the ground's motion, too.
+            self._known_s /= (1.0 - self._level_share) ** 2
         x_axis = self._ahead - (self._ahead @ up) * up
         x_axis /= np.linalg.norm(x_axis)
         self.R_world_imu[:] = np.vstack((x_axis, np.cross(up, x_axis), up))
@@ -163,7 +182,8 @@ class AttitudeFilter:
         # What the unit speeds up by is not gravity.
         felt = mean[1] - slope[2] / self._dt
         self.bias[:] = rate
-        self.ground_turns = False
+        self.ground_turns = self.surely_turns = False
+        self._level_share = 0.0
         if count < FEWEST_READINGS:
             return R @ rate, felt
         turned = turned - 2.0 * bend[2] / self._dt
@@ -171,16 +191,30 @@ class AttitudeFilter:
         by_gravity = np.cross(up, turned) @ R / (np.linalg.norm(felt) * self._dt)
         up = up @ R
         of_ground = rate - (rate @ up) * up - by_gravity
-        turns = np.linalg.norm(of_ground) + count * np.linalg.norm(rise)
+        change = count * float(np.linalg.norm(rise))
+        turns = float(np.linalg.norm(of_ground)) + change
         is_too_much = np.linalg.norm(rate) > BIAS_LIMIT_RAD_S
         self.ground_turns = bool(turns > self._still_rate or is_too_much)
+        self.surely_turns = bool(is_too_much or change > BIAS_LIMIT_RAD_S)
         if self.ground_turns:
-            # The faster the ground, the less gravity's direction tells.
-            doubt = DOUBT_RAD_S + DOUBT_SHARE * turns
+            # The faster the ground, the less gravity's direction tells, and less yet
+            # while the rate changes, or when there was little time.
+            doubt = DOUBT_RAD_S + DOUBT_SHARE * turns + DOUBT_CHANGE * change
+            doubt += LIKELY_BIAS_RAD_S * (NOISE_S / (count * self._dt)) ** 2.5
             weight = LIKELY_BIAS_RAD_S**2 / (LIKELY_BIAS_RAD_S**2 + doubt**2)
-            believed = np.linalg.norm(by_gravity) < BIAS_LIMIT_RAD_S
-            self.bias[:] = weight * by_gravity if believed else 0.0
+            turn_rate = float(np.linalg.norm(by_gravity))
+            self.bias[:] = weight * by_gravity if turn_rate < BIAS_LIMIT_RAD_S else 0.0
+            sideways = ACCELERATES * turn_rate * GRAVITY * count * self._dt
+            square = sideways * sideways
+            self._level_share = square / (square + LEVEL_M_S2**2)
         return R @ self.bias, felt
+
+    def _believed(self, accel_bias: Vec3) -> Vec3:
+        """Return how much of it to take off: little of what a moment told."""
+        if not self.ground_turns:
+            return accel_bias
+        square = (self._count * self._dt) ** 2
+        return accel_bias * (square / (square + NOISE_S**2))
 
     def update(self, gyro: Vec3, accel: Vec3, *, leg_velocity: Vec3) -> None:
         """Advance by one period.

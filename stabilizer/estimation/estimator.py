@@ -93,12 +93,15 @@ class Estimator:
         )
         self._felt: Vec3 = np.zeros(3)
 
-    def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
+    def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> bool:
         """Take one reading of a robot that keeps its posture.
 
         Args:
             snapshot: reading of all sensors.
             wrenches: (12,) as last measured at the soles; None: not known.
+
+        Returns:
+            Whether the ground surely turns: a robot that is held on it may fall.
         """
         attitude = self._attitude
         attitude.rate[:] = snapshot.angular_velocity
@@ -109,6 +112,7 @@ class Estimator:
             accel_bias=self._R_imu_base @ self._accel_bias.bias,
             leg_rate=self._leg_rate(),
             leg_velocity=self._unit_velocity(),
+            leg_up=self._leg_up(),
         )
         self._read(snapshot)
         attitude.start_from(self._unit_velocity())
@@ -123,6 +127,7 @@ class Estimator:
         )
         self._take_height()
         self._place()
+        return attitude.surely_turns
 
     def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
         """Advance by one tick.
@@ -200,6 +205,12 @@ class Estimator:
             rate -= 0.5 * twist.angular
         seen: Vec3 = self._attitude.rate + rate @ self._attitude.R_world_imu
         return seen
+
+    def _leg_up(self) -> Vec3:
+        """Return the normal of the soles, IMU frame, (3,)."""
+        left, right = (self._data.oMf[i].rotation[:, 2] for i in self._model.sole_ids)
+        up: Vec3 = (left + right) @ self._attitude.R_world_imu
+        return up / np.linalg.norm(up)
 
     def _unit_velocity(self) -> Vec3:
         """Return the velocity of the IMU that the legs see, world, (3,) [m/s]."""

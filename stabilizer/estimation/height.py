@@ -41,6 +41,8 @@ NOISE_MARGIN_M_S2 = 0.012
 """A mean at the start within this may be noise alone [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
 """Gravity differs by so much from place to place [m/s^2]."""
+CHANGE_M_S2, FEWEST_READINGS = 0.15, 50
+"""An acceleration that changes by more in so many readings is the ground's [m/s^2]."""
 DIFFERENCE_MEMORY_S = 60.0
 """How long a difference between feet and accelerometer takes to be the new usual."""
 DIFFERENCE_LAG_S = 0.1
@@ -99,7 +101,7 @@ class HeightFilter:
         self._dt = period_s
         self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
         self._count = 0
-        self._sum = 0.0
+        self._sum = self._moment = 0.0
         self.height = self.rate = self.bias = self.ground = 0.0
         self._height = self._rate = 0.0
         self._known_s = LEAST_KNOWN_S
@@ -127,12 +129,17 @@ class HeightFilter:
                 forces; None: not known [m/s^2].
             height: of the point over the ground, by the legs [m].
             rate: its rate [m/s].
-            moves: whether the ground turns, so that the mean is no bias alone.
+            moves: whether the ground turns, so that the mean is no bias alone; a mean
+                that changes shows ground that heaves, too.
         """
         self._count += 1
         self._known_s = max(self._count * self._dt, LEAST_KNOWN_S)
         self._sum += acceleration
+        self._moment += self._count * acceleration
         mean = self._sum / self._count
+        if self._count >= FEWEST_READINGS:
+            lopsided = self._moment - 0.5 * (self._count + 1) * self._sum
+            moves = moves or abs(12.0 * lopsided) > CHANGE_M_S2 * self._count**2
         if difference is not None:
             self._usual += (difference - self._usual) / self._count
         # Ground that speeds up evenly looks like a bias, but not to the feet.

@@ -21,6 +21,9 @@ from surefoot.stabilizer.estimation.estimator import Estimator
 from surefoot.stabilizer.estimation.wrench_compensation import WrenchCompensation
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
+HURRIED_S = 0.1
+"""On ground that turns fast the calibration may end after so long [s]."""
+
 
 class StateEstimator(Protocol):
     """Tells where base and joints are; :class:`Estimator` is one.
@@ -37,13 +40,16 @@ class StateEstimator(Protocol):
     R_world_base: Mat
     ground_height: float
 
-    def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
+    def calibrate(self, snapshot: Snapshot, *, wrenches: Array | None) -> bool | None:
         """Take one reading of a robot that keeps its posture.
 
         Args:
             snapshot: reading of all sensors.
             wrenches: (12,) of the ground on left and right sole as last measured, sole
                 frames; None before the first, or with a sensor left out [N, N m].
+
+        Returns:
+            Whether the robot should not be held for longer than it must.
         """
 
     def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
@@ -200,7 +206,9 @@ class Observer:
         state.active_s = self._since_start_s - self._calibration_s
         state.is_calibrating = self._since_start_s < self._calibration_s
         if state.is_calibrating:
-            estimator.calibrate(snapshot, wrenches=self._measured)
+            hurries = estimator.calibrate(snapshot, wrenches=self._measured)
+            if hurries and self._since_start_s > HURRIED_S:
+                self._calibration_s = self._since_start_s
         else:
             estimator.update(snapshot, wrenches=self._measured)
         state.q, state.v = estimator.q, estimator.v

@@ -202,6 +202,28 @@ def test_speeding_up_is_not_taken_for_gravity(model: RobotModel) -> None:
     assert tilt_between(upright, estimator.q) < 0.1 * looks_like
 
 
+def test_ground_that_sways_sideways_is_no_lean(model: RobotModel) -> None:
+    """The robot keeps its posture; the accelerometer alone would show 6 deg."""
+    amplitude, omega = 0.05, 2.0 * np.pi * 0.8
+
+    def swaying(time_s: float) -> Array:
+        q = model.nominal_configuration().copy()
+        q[1] += amplitude * np.sin(omega * time_s + 1.3)
+        return q
+
+    robot = KinematicRobot(model, swaying)
+    estimator = Estimator(model, SETTINGS, period_s=PERIOD_S)
+    felt = []
+    for time_s in np.arange(0.0, 0.3, PERIOD_S):
+        reading = robot.snapshot(float(time_s))
+        estimator.calibrate(reading, wrenches=None)
+        felt.append(reading.linear_acceleration)
+    looks_like = float(np.hypot(*np.mean(felt, axis=0)[:2])) / GRAVITY
+    upright = model.nominal_configuration()
+    assert looks_like > 0.05
+    assert tilt_between(upright, estimator.q) < 0.5 * looks_like
+
+
 def test_calibration_averages_noise_away(model: RobotModel) -> None:
     rng = np.random.default_rng(27)
     q = model.nominal_configuration()

