@@ -24,6 +24,8 @@ LEVEL_M_S2, ACCELERATES = 0.85, 1.5
 ground has accelerated on average, against the change of it seen [1]."""
 NOISE_S = 0.2
 """In so short a time noise is most of what the slopes of readings tell [s]."""
+CERTAIN_S = 0.25
+"""Before, noise makes ground at rest look as if it turned [s]."""
 LEAST_KNOWN_S = 0.3
 """Shorter times make gains that noise would shake [s]."""
 LEARNT_S = 10.0
@@ -199,19 +201,26 @@ class AttitudeFilter:
         if self.ground_turns:
             # The faster the ground, the less gravity's direction tells, and less yet
             # while the rate changes, or when there was little time.
-            doubt = DOUBT_RAD_S + DOUBT_SHARE * turns + DOUBT_CHANGE * change
-            doubt += LIKELY_BIAS_RAD_S * (NOISE_S / (count * self._dt)) ** 2.5
+            doubt = DOUBT_RAD_S + DOUBT_SHARE * turns
+            if self._is_certain:
+                doubt += DOUBT_CHANGE * change
+                doubt += LIKELY_BIAS_RAD_S * (NOISE_S / (count * self._dt)) ** 2.5
             weight = LIKELY_BIAS_RAD_S**2 / (LIKELY_BIAS_RAD_S**2 + doubt**2)
             turn_rate = float(np.linalg.norm(by_gravity))
             self.bias[:] = weight * by_gravity if turn_rate < BIAS_LIMIT_RAD_S else 0.0
-            sideways = ACCELERATES * turn_rate * GRAVITY * count * self._dt
-            square = sideways * sideways
-            self._level_share = square / (square + LEVEL_M_S2**2)
+            if self._is_certain:
+                sideways = ACCELERATES * turn_rate * GRAVITY * count * self._dt
+                square = sideways * sideways
+                self._level_share = square / (square + LEVEL_M_S2**2)
         return R @ self.bias, felt
+
+    @property
+    def _is_certain(self) -> bool:
+        return self.surely_turns or self._count * self._dt >= CERTAIN_S
 
     def _believed(self, accel_bias: Vec3) -> Vec3:
         """Return how much of it to take off: little of what a moment told."""
-        if not self.ground_turns:
+        if not (self.ground_turns and self._is_certain):
             return accel_bias
         square = (self._count * self._dt) ** 2
         return accel_bias * (square / (square + NOISE_S**2))

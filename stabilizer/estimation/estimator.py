@@ -157,6 +157,11 @@ class Estimator:
             self._follow_feet()
         self._pull_yaw()
 
+    @property
+    def force_offsets(self) -> Array:
+        """What normal forces are too large by, left and right, (2,) [N]."""
+        return self._felt_motion.offsets
+
     def _read(self, snapshot: Snapshot) -> None:
         """Fill q and v from joints and attitude, then ask the legs about the base."""
         model, data, attitude = self._model, self._data, self._attitude
@@ -270,6 +275,7 @@ class Estimator:
             felt -= self.R_world_base @ bias.bias
             return None
         bias.learn(feet.by_force, feet.by_pressure, self.R_world_base)
+        feet.learn_offsets(self._data)
         felt -= self.R_world_base @ bias.bias
         return feet.by_force.item(2)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pinocchio as pin
 
@@ -10,6 +12,13 @@ from surefoot.stabilizer.model import RobotModel
 
 LEAST_SHARE = 0.5
 """Of the weight that the feet must carry, to tell anything."""
+
+
+OFFSET_SHARES = (0.1, 0.2)
+"""Of the weight: what forces may be off in all, and from where on it is all an offset;
+less is a payload or a model's error [1]."""
+OFFSET_MEMORY_S = 2.0
+"""Over which they are compared [s]."""
 
 
 class FeltMotion:
@@ -26,6 +35,8 @@ class FeltMotion:
         by_pressure: (3,) the same by where the soles are pressed; z is zero.
         relative: (3,) acceleration of the accelerometer against the centre of mass, by
             the joints [m/s^2].
+        offsets: (2,) what the left and the right normal force are too large by: zero
+            unless their sum is off by far [N].
     """
 
     def __init__(self, model: RobotModel, *, period_s: float) -> None:
@@ -35,6 +46,10 @@ class FeltMotion:
         self._least = LEAST_SHARE * model.weight
         self._rate = 1.0 / period_s
         self._apart: Vec3 | None = None
+        self._least_gain = period_s / OFFSET_MEMORY_S
+        self._count = 0
+        self._excess = self._aside = 0.0
+        self.offsets: Array = np.zeros(2)
         self.relative: Vec3 = np.zeros(3)
         self.by_force: Vec3 = np.zeros(3)
         self.by_pressure: Vec3 = np.zeros(3)
@@ -87,3 +102,37 @@ class FeltMotion:
         self.by_pressure[:] = turn_x * leverage, turn_y * leverage, felt_here.item(2)
         np.subtract(felt_here, self.by_pressure, out=self.by_pressure)
         return True
+
+    def learn_offsets(self, data: pin.Data) -> None:
+        """Take one tick's comparison for what a force sensor is off by.
+
+        The sum of the normal forces tells how much, where they seem to be pressed tells
+        which foot: with b what a foot feels too much and a its distance from the centre
+        of mass along the line between the feet,
+
+            b_left + b_right = excess,   a_left b_left + a_right b_right = aside
+
+        Args:
+            data: as for :meth:`compare`.
+        """
+        left, right = (data.oMf[frame].translation for frame in self._soles)
+        com_x, com_y, com_z = data.com[0].tolist()
+        d_x, d_y = (left[:2] - right[:2]).tolist()
+        apart = math.hypot(d_x, d_y)
+        p_x, p_y, _ = self.by_pressure.tolist()
+        arm = self._mass * (com_z - 0.5 * (left[2] + right[2])) / apart
+        aside = -arm * (p_x * d_x + p_y * d_y)
+        self._count += 1
+        gain = max(1.0 / self._count, self._least_gain)
+        excess = -self._mass * self.by_force.item(2)
+        self._excess += gain * (excess - self._excess)
+        self._aside += gain * (aside - self._aside)
+        begins, ends = OFFSET_SHARES
+        off = abs(self._excess) / (2.0 * self._least) - begins
+        if off <= 0.0:
+            self.offsets[:] = 0.0
+            return
+        share = min(1.0, off / (ends - begins)) / apart
+        a_left = ((com_x - left[0]) * d_x + (com_y - left[1]) * d_y) / apart
+        self.offsets[0] = share * ((a_left + apart) * self._excess - self._aside)
+        self.offsets[1] = share * (self._aside - a_left * self._excess)

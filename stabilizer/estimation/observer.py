@@ -162,6 +162,7 @@ class Observer:
         )
         self._weight = model.mass * GRAVITY
         self._measured: Array | None = None
+        self._reported: Array = np.zeros(12)
         self.lost = (False, False)
         self._instead: Array = np.zeros(12)
         self.state = ObservedState(
@@ -219,6 +220,10 @@ class Observer:
             snapshot.ft_left, snapshot.ft_right, kinematics.R_world_sole
         )
         self._measured = F_meas
+        if isinstance(estimator, Estimator) and estimator.force_offsets.any():
+            self._measured = self._reported
+            self._reported[:] = F_meas
+            F_meas[NORMAL::6] -= estimator.force_offsets
         if any(self.lost):
             self._assume(F_meas)
             self._measured = None

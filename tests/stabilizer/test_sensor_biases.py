@@ -127,6 +127,26 @@ def test_a_push_is_not_taken_for_a_bias(model: RobotModel) -> None:
     assert lean < 0.1 * 40.0 / model.weight
 
 
+@pytest.mark.parametrize(("left", "right"), [(300.0, 0.0), (0.0, -300.0)])
+def test_a_normal_force_that_is_far_off_is_told_by_foot(
+    model: RobotModel, left: float, right: float
+) -> None:
+    """Their sum is not the weight, and they seem to be pressed elsewhere."""
+    off = np.zeros(12)
+    off[[2, 8]] = left, right
+    readings = at_rest(model, duration_s=1.0)
+    estimator = follow(model, readings, disturb=lambda F: F + off)
+    np.testing.assert_allclose(estimator.force_offsets, [left, right], atol=3.0)
+
+
+def test_a_payload_is_no_offset(model: RobotModel) -> None:
+    load = np.zeros(12)
+    load[[2, 8]] = 0.04 * model.weight
+    readings = at_rest(model, duration_s=1.0)
+    estimator = follow(model, readings, disturb=lambda F: F + load)
+    assert not estimator.force_offsets.any()
+
+
 def test_gyroscope_off_by_more_than_slow_ground_turns(model: RobotModel) -> None:
     """Gravity's direction stays put: it is the gyroscope, not the ground."""
     q = model.nominal_configuration()
