@@ -198,7 +198,7 @@ class WholeBodyController(BalanceController):
         approach = self._approach
         if state.is_calibrating:
             approach.begin(dynamics, stance)
-        if approach.is_over:
+        if state.is_calibrating or approach.is_over:
             return self._solve(state)
         approach.step()
         approach.move(stance, 1.0)
