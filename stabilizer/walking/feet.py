@@ -77,6 +77,13 @@ class Feet:
         return next((side for side in range(2) if self.is_airborne(side)), None)
 
     @property
+    def arriving(self) -> int | None:
+        """The foot in the air, or else one that lands, if any."""
+        if self.airborne is not None or FootState.LANDING not in self.state:
+            return self.airborne
+        return self.state.index(FootState.LANDING)
+
+    @property
     def landing(self) -> list[bool]:
         """Which feet feel the impact of a touchdown."""
         return [state is FootState.LANDING for state in self.state]

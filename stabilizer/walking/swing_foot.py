@@ -34,11 +34,11 @@ STEEPEST = 0.3
 class ExpectedGround:
     """Normal and motion of the ground: a plane through the standing sole.
 
-    With both feet down the normal is the mean of the soles', as far as these agree
+    With both feet planted the normal is the mean of the soles', as far as these agree
     with each other and with the line between them: a platform is followed, stones
-    that each lie as they please count as level. With one foot down it turns with that
-    foot's sole, about each axis for as long as the pressure keeps off the edge: a sole
-    that tips over its edge is no ground, but stands on that very edge.
+    that each lie as they please count as level. From when one foot leaves until it has
+    landed, the ground turns with the other one's sole, about each axis for as long as
+    the pressure keeps off its edge: a sole that tips stands on that very edge.
 
     Attributes:
         normal: (3,) unit, world.
@@ -71,6 +71,7 @@ class ExpectedGround:
         self.velocity = 0.0
         self.turn: Vec3 = np.zeros(3)
         self.under: int | None = None
+        self._off: int | None = None
         self.middle_over_support = 0.0
         self.edge_share = [1.0, 1.0]
         self._half_sizes = half_sizes
@@ -87,14 +88,19 @@ class ExpectedGround:
             F_meas: (12,) wrenches of the ground on the soles.
             feet: what they are doing.
         """
-        self.under, self.middle_over_support = None, 0.0
-        for side in range(2):
-            lands = feet.state[side] is FootState.LANDING
-            if feet.is_airborne(side) or (lands and not feet.is_airborne(1 - side)):
-                self.under = side
-                self.from_one(dynamics, law, F_meas, support=1 - side)
-                return
-        self.from_both(dynamics)
+        self.under = feet.arriving
+        off = self.under
+        if off is None and FootState.LEAVING in feet.state:
+            off = feet.state.index(FootState.LEAVING)
+        if off is None:
+            self.from_both(dynamics)
+        else:
+            if self._off != off:
+                self.stand_on(dynamics, support=1 - off)
+            self.from_one(dynamics, law, F_meas, support=1 - off)
+        self._off = off
+        if self.under is None:
+            self.middle_over_support = 0.0
 
     def carry(self, dynamics: Dynamics, law: ForceFeedback) -> None:
         """Have a foot that lands move with its ground.
@@ -307,7 +313,6 @@ class SwingFoot:
             rise: of the foothold over the other foot's [m].
         """
         side = move.side
-        self.ground.stand_on(dynamics, support=1 - side)
         p = dynamics.p_sole[side]
         slope_x, slope_y = self.ground.slope()
         across = p - dynamics.p_sole[1 - side]
