@@ -57,11 +57,20 @@ class Dynamics:
         self.p_com: Array = np.zeros(3)
         self.v_com: Array = np.zeros(3)
         self.v_sole: Array = np.zeros(12)
-        self.R_world_sole: list[Mat] = [np.eye(3), np.eye(3)]
-        self.p_sole: list[Array] = [np.zeros(3), np.zeros(3)]
         self.X: Mat = np.zeros((n_v, 12))
         self.Lambda_c_inv: Mat = np.zeros((12, 12))
         self._below = np.tri(n_v, k=-1, dtype=bool)
+        # Views of what Pinocchio computes: asking for one anew costs more than reading.
+        data = self._data
+        self._Minv, self._nle, self._Jcom = data.Minv, data.nle, data.Jcom
+        self._com, self._vcom, self._acom = data.com[0], data.vcom[0], data.acom[0]
+        soles = [data.oMf[frame] for frame in model.sole_ids]
+        self.R_world_sole = [sole.rotation for sole in soles]
+        self.p_sole = [sole.translation for sole in soles]
+        self._rows_of_soles = [
+            (frame, self.J_contact[rows], self.Jdot_v_contact[rows])
+            for frame, rows in zip(model.sole_ids, SOLE_ROWS, strict=True)
+        ]
 
     def update(self, q: Array, v: Array) -> None:
         """Compute everything at a state.
@@ -75,24 +84,21 @@ class Dynamics:
         self.v[:] = v
         pin.computeMinverse(model, data, q)
         # Pinocchio fills the upper triangle only.
-        self.H_inv[:] = data.Minv
+        self.H_inv[:] = self._Minv
         np.copyto(self.H_inv, self.H_inv.T.copy(), where=self._below)
         pin.computeAllTerms(model, data, q, v)
-        self.c[:] = data.nle
-        self.J_com[:] = data.Jcom
+        self.c[:] = self._nle
+        self.J_com[:] = self._Jcom
         # With zero joint acceleration, frame accelerations are the drift Jdot v.
         pin.centerOfMass(model, data, q, v, self._zero)
-        self.p_com[:] = data.com[0]
-        self.v_com[:] = data.vcom[0]
-        self.Jdot_v_com[:] = data.acom[0]
-        for side, frame in enumerate(self.model.sole_ids):
-            rows = SOLE_ROWS[side]
-            placement = pin.updateFramePlacement(model, data, frame)
-            self.R_world_sole[side] = placement.rotation
-            self.p_sole[side] = placement.translation
-            self.J_contact[rows] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
+        self.p_com[:] = self._com
+        self.v_com[:] = self._vcom
+        self.Jdot_v_com[:] = self._acom
+        for frame, J, Jdot_v in self._rows_of_soles:
+            pin.updateFramePlacement(model, data, frame)
+            J[:] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
             drift = pin.getFrameAcceleration(model, data, frame, pin.LOCAL)
-            self.Jdot_v_contact[rows] = drift.vector
+            Jdot_v[:] = drift.vector
         self.J_contact.dot(v, out=self.v_sole)
         self.H_inv.dot(self.J_contact.T, out=self.X)
         self.J_contact.dot(self.X, out=self.Lambda_c_inv)

@@ -262,7 +262,7 @@ def yaw_from(R: Mat, yaw: float) -> float:
     Returns:
         Between -pi and pi, counter-clockwise from above [rad].
     """
-    return math.remainder(math.atan2(R[1, 0], R[0, 0]) - yaw, math.tau)
+    return math.remainder(math.atan2(R.item(1, 0), R.item(0, 0)) - yaw, math.tau)
 
 
 def skew(v: Vec3) -> Mat:

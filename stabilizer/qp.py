@@ -192,6 +192,7 @@ class DenseQp:
     """Workspace for problems of one size.
 
     Fill ``P``, ``q_lin``, ``G``, ``h_u``, ``x_l``, ``x_u`` in place, then solve.
+    ``diagonal`` is a view of P's.
     """
 
     def __init__(
@@ -207,6 +208,7 @@ class DenseQp:
         """
         self.name = name
         self.P: Mat = np.eye(n)
+        self.diagonal: Array = self.P.reshape(-1)[:: n + 1]
         self.q_lin: Array = np.zeros(n)
         self.G: Mat = np.zeros((m, n))
         self.h_u: Array = np.ones(m)

@@ -133,7 +133,7 @@ class Dik:
             task.velocity(dynamics, stance, q_command, t_rows)
         t *= self._roots
         T.T.dot(T, out=qp.P)
-        qp.P.flat[:: self._model.n_v + 1] += self._diagonal
+        qp.diagonal += self._diagonal
         t.dot(T, out=qp.q_lin)
         for selection, y, weights, q_lin in self._selected:
             selection.velocity(dynamics, stance, q_command, y)

@@ -83,6 +83,7 @@ class ForceFeedback:
         self._sole_scale = sole_scale
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
+        self._least_twist = -self._yield_limit
         self._contact = contact
         self._firm_force = ground.firm_force_n
         self._edge_begins = ground.edge_begins
@@ -168,7 +169,7 @@ class ForceFeedback:
         np.multiply(e_F, self.minus_K_inv, out=self._scaled)
         dynamics.Lambda_c_inv.dot(self._scaled, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
-        np.maximum(self.r, -self._yield_limit, out=self.r)
+        np.maximum(self.r, self._least_twist, out=self.r)
         change = self.blend * (dynamics.v_sole - self._low_passed)
         self._low_passed += change
         np.multiply(change, self.lead, out=self.ground_twist)

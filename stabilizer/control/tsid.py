@@ -255,7 +255,7 @@ class Tsid:
         self._set_limits(problem, allowed)
         qp = problem.qp
         problem.T.T.dot(problem.T, out=qp.P)
-        qp.P.flat[:: self._model.n_a + 1] += self._settings.torque_weight
+        qp.diagonal += self._settings.torque_weight
         problem.t.dot(problem.T, out=qp.q_lin)
         np.negative(qp.q_lin, out=qp.q_lin)
         solution = qp.solve()

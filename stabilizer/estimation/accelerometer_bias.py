@@ -8,9 +8,11 @@ three different sensors: whichever is off, the one in the middle is not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from surefoot.schemas.arrays import Mat, Vec3
+from surefoot.schemas.arrays import Vec3
 
 BIAS_LIMIT_M_S2 = 0.5
 """More than any accelerometer is off by [m/s^2]; a robot that is pulled at looks so."""
@@ -46,25 +48,30 @@ class HorizontalBias:
         self._by_pressure = [0.0, 0.0]
         self.bias: Vec3 = np.zeros(3)
 
-    def learn(self, by_force: Vec3, by_pressure: Vec3, R_world_base: Mat) -> None:
+    def learn(
+        self,
+        by_force: Sequence[float],
+        by_pressure: Sequence[float],
+        R_world_base: Sequence[Sequence[float]],
+    ) -> None:
         """Take one tick's comparison.
 
         Args:
             by_force: (3,) specific force of the accelerometer less that which the
                 feet's horizontal forces show, world axes [m/s^2].
             by_pressure: (3,) the same by where the soles are pressed.
-            R_world_base: (3, 3) base rotation.
+            R_world_base: rows of the base's rotation.
         """
         self._count += 1
         gain = max(1.0 / self._count, self._least)
-        R = R_world_base
+        x_axis, y_axis, _ = R_world_base
         for mean, seen in (
             (self._by_force, by_force),
             (self._by_pressure, by_pressure),
         ):
-            x, y, _ = seen.tolist()
+            x, y = seen[0], seen[1]
             for axis in (0, 1):
-                in_base = R.item(0, axis) * x + R.item(1, axis) * y
+                in_base = x_axis[axis] * x + y_axis[axis] * y
                 off = in_base - mean[axis]
                 if self._count > self._known:
                     off = min(max(off, -SUDDEN_M_S2), SUDDEN_M_S2)

@@ -301,10 +301,10 @@ class AttitudeFilter:
             angle: rotation to apply, counter-clockwise from above [rad].
         """
         cos, sin = math.cos(angle), math.sin(angle)
-        row_x, row_y, row_z = self._rows
+        (x_x, x_y, x_z), (y_x, y_y, y_z), row_z = self._rows
         self._rows = [
-            [cos * x - sin * y for x, y in zip(row_x, row_y, strict=True)],
-            [sin * x + cos * y for x, y in zip(row_x, row_y, strict=True)],
+            [cos * x_x - sin * y_x, cos * x_y - sin * y_y, cos * x_z - sin * y_z],
+            [sin * x_x + cos * y_x, sin * x_y + cos * y_y, sin * x_z + cos * y_z],
             row_z,
         ]
         self.R_world_imu[:] = self._rows

@@ -26,6 +26,8 @@ from surefoot.stabilizer.estimation.height import HeightFilter
 from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
 
 _ORIGIN = np.zeros(3)
+LEAST_TRACE = 0.1
+"""Of a rotation whose quaternion has a real part to divide by [1]."""
 MIN_TOTAL_FORCE_N = 50.0
 """Below it the load share keeps its last value [N]."""
 SAME_TIME_S = 0.0025
@@ -73,11 +75,22 @@ class Estimator:
             [sole.translation for sole in soles],
             [yaw_from(sole.rotation, 0.0) for sole in soles],
         )
+        # Views of what Pinocchio computes: asking for one anew costs more than reading.
+        self._R_sole = [sole.rotation for sole in soles]
+        self._p_sole = [sole.translation for sole in soles]
+        self._com_view, self._v_com_view = self._data.com[0], self._data.vcom[0]
         self._leg_velocity = np.zeros(3)
         self._velocity = np.zeros(3)
-        self._other = np.zeros(3)
+        self._lever = np.zeros(3)
+        self._unit_velocity: Vec3 = np.zeros(3)
+        self._rows = self.R_world_base.tolist()
         self._sole_yaw = 0.0
-        self._anchor = np.zeros(3)
+        self._anchor = (0.0, 0.0, 0.0)
+        self._soles = [
+            (R, p.tolist()) for R, p in zip(self._R_sole, self._p_sole, strict=True)
+        ]
+        self._com = self._v_com = [0.0, 0.0, 0.0]
+        self._lift = self._lift_rate = 0.0
         self.q: Array = nominal.copy()
         self.v: Array = np.zeros(model.n_v)
         self.height = float(nominal[2])
@@ -111,11 +124,11 @@ class Estimator:
             snapshot.linear_acceleration,
             accel_bias=self._R_imu_base @ self._accel_bias.bias,
             leg_rate=self._leg_rate(),
-            leg_velocity=self._unit_velocity(),
+            leg_velocity=self._unit_velocity,
             leg_up=self._leg_up(),
         )
         self._read(snapshot)
-        attitude.start_from(self._unit_velocity())
+        attitude.start_from(self._unit_velocity)
         difference = self._compare(snapshot, wrenches)
         over, rate = self._point_over_ground()
         self._vertical.calibrate(
@@ -140,7 +153,7 @@ class Estimator:
         self._attitude.update(
             snapshot.angular_velocity,
             snapshot.linear_acceleration - self._R_imu_base @ self._accel_bias.bias,
-            leg_velocity=self._unit_velocity(),
+            leg_velocity=self._unit_velocity,
         )
         self._update_share(wrenches)
         self._read(snapshot)
@@ -170,34 +183,85 @@ class Estimator:
         q[7:] = snapshot.q[model.to_model]
         v[6:] = snapshot.dq[model.to_model]
         attitude.R_world_imu.dot(self._R_imu_base, out=self.R_world_base)
-        # Not by pin.Quaternion of a matrix: its binding keeps 80 bytes of each call.
-        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(self.R_world_base, _ORIGIN))
+        self._rows = self.R_world_base.tolist()
+        q[:3] = 0.0
+        q[3:7] = self._quaternion()
         v[:3] = 0.0
         attitude.rate.dot(self._R_imu_base, out=v[3:6])
         pin.centerOfMass(pin_model, data, q, v, False)
         left, right = model.sole_ids
         world = pin.LOCAL_WORLD_ALIGNED
-        T_left = pin.updateFramePlacement(pin_model, data, left)
-        T_right = pin.updateFramePlacement(pin_model, data, right)
+        pin.updateFramePlacement(pin_model, data, left)
+        pin.updateFramePlacement(pin_model, data, right)
+        R_left, R_right = self._R_sole
+        p_left, p_right = (p.tolist() for p in self._p_sole)
+        self._soles = [(R_left, p_left), (R_right, p_right)]
+        self._com, self._v_com = self._com_view.tolist(), self._v_com_view.tolist()
         # Twists of the soles as if the base stood still but for its rotation.
-        v_left = pin.getFrameVelocity(pin_model, data, left, world).linear
-        v_right = pin.getFrameVelocity(pin_model, data, right, world).linear
+        l_x, l_y, l_z = pin.getFrameVelocity(
+            pin_model, data, left, world
+        ).linear.tolist()
+        r_x, r_y, r_z = pin.getFrameVelocity(
+            pin_model, data, right, world
+        ).linear.tolist()
         share = self._left_share
-        mixed, other = self._anchor, self._other
-        np.multiply(T_left.translation, share, out=mixed)
-        np.multiply(T_right.translation, 1.0 - share, out=other)
-        mixed += other
-        mixed = self._leg_velocity
-        np.multiply(v_left, -share, out=mixed)
-        np.multiply(v_right, share - 1.0, out=other)
-        mixed += other
-        R_left, R_right = T_left.rotation, T_right.rotation
+        rest = 1.0 - share
+        self._anchor = (
+            p_left[0] * share + p_right[0] * rest,
+            p_left[1] * share + p_right[1] * rest,
+            p_left[2] * share + p_right[2] * rest,
+        )
+        less = share - 1.0
+        self._leg_velocity[:] = (
+            l_x * -share + r_x * less,
+            l_y * -share + r_y * less,
+            l_z * -share + r_z * less,
+        )
         yaw_left, yaw_right = self.anchors.yaw
         turn_left, turn_right = yaw_from(R_left, yaw_left), yaw_from(R_right, yaw_right)
         if self.anchors.by_load:
             self._sole_yaw = share * turn_left + (1.0 - share) * turn_right
         else:
             self._sole_yaw = 0.5 * (turn_left + turn_right)
+        self._see_unit()
+
+    def _quaternion(self) -> list[float]:
+        """Return the base's rotation as x, y, z, w, as Eigen computes it.
+
+        In plain numbers, since the bindings' way takes three objects.
+        """
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self._rows
+        trace = xx + (yy + zz)
+        if trace < LEAST_TRACE:  # Not by pin.Quaternion of a matrix: it leaks 80 bytes.
+            turned: list[float] = pin.SE3ToXYZQUAT(
+                pin.SE3(self.R_world_base, _ORIGIN)
+            ).tolist()
+            return turned[3:]
+        root = math.sqrt(trace + 1.0)
+        scale = 0.5 / root
+        return [(zy - yz) * scale, (xz - zx) * scale, (yx - xy) * scale, 0.5 * root]
+
+    def _see_unit(self) -> None:
+        """Take the IMU's velocity that the legs see, world [m/s], and a point's height.
+
+        The point, whose height is filtered, is half way from the unit to the centre of
+        mass; its lift is over the base's origin.
+        """
+        w_x, w_y, w_z = self.v[3:6].tolist()
+        p_x, p_y, p_z = self._p_base_imu
+        s_x, s_y, s_z = (
+            w_y * p_z - w_z * p_y,
+            w_z * p_x - w_x * p_z,
+            w_x * p_y - w_y * p_x,
+        )
+        self._lever[:] = s_x, s_y, s_z
+        self.R_world_base.dot(self._lever, out=self._unit_velocity)
+        self._unit_velocity += self._leg_velocity
+        up_x, up_y, up_z = self._rows[2]
+        lift = up_x * p_x + up_y * p_y + up_z * p_z
+        rate = up_x * s_x + up_y * s_y + up_z * s_z
+        self._lift = 0.5 * (lift + self._com[2])
+        self._lift_rate = 0.5 * (rate + self._v_com[2])
 
     def _leg_rate(self) -> Vec3:
         """Return the angular velocity that the legs see, IMU frame, (3,) [rad/s]."""
@@ -213,26 +277,17 @@ class Estimator:
 
     def _leg_up(self) -> Vec3:
         """Return the normal of the soles, IMU frame, (3,)."""
-        left, right = (self._data.oMf[i].rotation[:, 2] for i in self._model.sole_ids)
+        left, right = (R[:, 2] for R in self._R_sole)
         up: Vec3 = (left + right) @ self._attitude.R_world_imu
         return up / np.linalg.norm(up)
-
-    def _unit_velocity(self) -> Vec3:
-        """Return the velocity of the IMU that the legs see, world, (3,) [m/s]."""
-        w_x, w_y, w_z = self.v[3:6].tolist()
-        p_x, p_y, p_z = self._p_base_imu
-        lever = (w_y * p_z - w_z * p_y, w_z * p_x - w_x * p_z, w_x * p_y - w_y * p_x)
-        velocity: Vec3 = self.R_world_base @ lever
-        velocity += self._leg_velocity
-        return velocity
 
     def _place(self) -> None:
         """Set base position and velocity from the anchor and the height."""
         q, v = self.q, self.v
         share = self._left_share
         left, right = self.anchors.p
-        q[0] = share * left[0] + (1.0 - share) * right[0] - self._anchor.item(0)
-        q[1] = share * left[1] + (1.0 - share) * right[1] - self._anchor.item(1)
+        q[0] = share * left[0] + (1.0 - share) * right[0] - self._anchor[0]
+        q[1] = share * left[1] + (1.0 - share) * right[1] - self._anchor[1]
         q[2] = self.height
         velocity = self._velocity
         velocity[:] = self._leg_velocity
@@ -267,26 +322,29 @@ class Estimator:
         felt, bias = self._felt, self._accel_bias
         self._attitude.R_world_imu.dot(snapshot.linear_acceleration, out=felt)
         feet = self._felt_motion
-        v_imu = self._unit_velocity() - self._leg_velocity
-        if not feet.compare(self._data, felt=felt, v_imu=v_imu, wrenches=wrenches):
-            felt -= self.R_world_base @ bias.bias
-            return None
-        if self.anchors.by_load:  # on the way, impacts and swinging legs tell nothing
-            felt -= self.R_world_base @ bias.bias
-            return None
-        bias.learn(feet.by_force, feet.by_pressure, self.R_world_base)
-        feet.learn_offsets(self._data)
+        is_felt = feet.compare(
+            felt=felt.tolist(),
+            v_imu=(self._unit_velocity - self._leg_velocity).tolist(),
+            com=self._com,
+            v_com=self._v_com,
+            soles=self._soles,
+            wrenches=wrenches,
+        )
+        # On the way, impacts and swinging legs tell nothing.
+        tells = is_felt and not self.anchors.by_load
+        if tells:
+            bias.learn(feet.by_force, feet.by_pressure, self._rows)
+            feet.learn_offsets(self._com, self._soles)
         felt -= self.R_world_base @ bias.bias
-        return feet.by_force.item(2)
+        return feet.by_force[2] if tells else None
 
     def _point_over_ground(self) -> tuple[float, float]:
         """Return height of the filtered point over the ground [m], and its rate.
 
         It is half way between the inertial unit and the centre of mass.
         """
-        lift, lift_rate = self._lift()
-        over = lift - self._anchor.item(2) + self._level()
-        return over, lift_rate + self._leg_velocity.item(2)
+        over = self._lift - self._anchor[2] + self._level()
+        return over, self._lift_rate + self._leg_velocity.item(2)
 
     def _level(self) -> float:
         """Return the height of the foothold that carries, as planned [m]."""
@@ -295,28 +353,13 @@ class Estimator:
 
     def _acceleration(self) -> float:
         """Return that point's vertical acceleration by the accelerometer [m/s^2]."""
-        return self._felt.item(2) - GRAVITY - 0.5 * self._felt_motion.relative.item(2)
+        return self._felt.item(2) - GRAVITY - 0.5 * self._felt_motion.relative[2]
 
     def _take_height(self) -> None:
         """Set the base's height by the filtered point's."""
-        lift, lift_rate = self._lift()
-        self.height = self._vertical.height - lift
-        self.height_rate = self._vertical.rate - lift_rate
+        self.height = self._vertical.height - self._lift
+        self.height_rate = self._vertical.rate - self._lift_rate
         self.ground_height = self._vertical.ground + self._level()
-
-    def _lift(self) -> tuple[float, float]:
-        """Return the height of that point over the base's origin [m], and its rate."""
-        up = self.R_world_base[2].tolist()
-        w_x, w_y, w_z = self.v[3:6].tolist()
-        p_x, p_y, p_z = self._p_base_imu
-        lift = up[0] * p_x + up[1] * p_y + up[2] * p_z
-        rate = (
-            up[0] * (w_y * p_z - w_z * p_y)
-            + up[1] * (w_z * p_x - w_x * p_z)
-            + up[2] * (w_x * p_y - w_y * p_x)
-        )
-        com, v_com = self._data.com[0], self._data.vcom[0]
-        return 0.5 * (lift + com.item(2)), 0.5 * (rate + v_com.item(2))
 
     def _pull_yaw(self) -> None:
         """Keep the mean yaw of the soles at the stance's, since yaw is free."""

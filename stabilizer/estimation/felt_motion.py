@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 
-from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.arrays import Array, Mat
 from surefoot.stabilizer.model import RobotModel
 
 LEAST_SHARE = 0.5
@@ -30,10 +30,10 @@ class FeltMotion:
     the motion of the one against the other, which the joints tell.
 
     Attributes:
-        by_force: (3,) the accelerometer's specific force less that by the forces,
+        by_force: the accelerometer's specific force less that by the forces,
             world axes [m/s^2].
         by_pressure: (3,) the same by where the soles are pressed; z is zero.
-        relative: (3,) acceleration of the accelerometer against the centre of mass, by
+        relative: acceleration of the accelerometer against the centre of mass, by
             the joints [m/s^2].
         offsets: (2,) what the left and the right normal force are too large by: zero
             unless their sum is off by far [N].
@@ -41,47 +41,53 @@ class FeltMotion:
 
     def __init__(self, model: RobotModel, *, period_s: float) -> None:
         """Allocate."""
-        self._soles = model.sole_ids
         self._mass = model.mass
         self._least = LEAST_SHARE * model.weight
         self._rate = 1.0 / period_s
-        self._apart: Vec3 | None = None
+        self._apart: tuple[float, float, float] | None = None
         self._least_gain = period_s / OFFSET_MEMORY_S
         self._count = 0
         self._excess = self._aside = 0.0
         self.offsets: Array = np.zeros(2)
-        self.relative: Vec3 = np.zeros(3)
-        self.by_force: Vec3 = np.zeros(3)
-        self.by_pressure: Vec3 = np.zeros(3)
+        self.relative = (0.0, 0.0, 0.0)
+        self.by_force = (0.0, 0.0, 0.0)
+        self.by_pressure = (0.0, 0.0, 0.0)
 
     def compare(
-        self, data: pin.Data, *, felt: Vec3, v_imu: Vec3, wrenches: Array | None
+        self,
+        *,
+        felt: Sequence[float],
+        v_imu: Sequence[float],
+        com: Sequence[float],
+        v_com: Sequence[float],
+        soles: Sequence[tuple[Mat, Sequence[float]]],
+        wrenches: Array | None,
     ) -> bool:
-        """Take one tick.
+        """Take one tick, with the base's origin at rest in the world's origin.
+
+        Numbers instead of arrays: of three each, they cost a third.
 
         Args:
-            data: kinematics of the tick with the base's origin at rest in the world's
-                origin, soles and centre of mass included.
-            felt: (3,) specific force by the accelerometer, world axes [m/s^2].
-            v_imu: (3,) velocity of the accelerometer, as in ``data`` [m/s].
+            felt: specific force by the accelerometer, world axes [m/s^2].
+            v_imu: velocity of the accelerometer [m/s].
+            com: centre of mass [m].
+            v_com: its velocity [m/s].
+            soles: (3, 3) rotation and position of left and right sole [m].
             wrenches: (12,) measured at the soles, sole frames; None: not known.
 
         Returns:
             Whether anything was felt: ``by_force`` and ``by_pressure`` are new.
         """
-        apart = v_imu - data.vcom[0]
-        before = apart if self._apart is None else self._apart
-        self._apart = apart
-        np.subtract(apart, before, out=self.relative)
-        self.relative *= self._rate
+        a_x, a_y, a_z = v_imu[0] - v_com[0], v_imu[1] - v_com[1], v_imu[2] - v_com[2]
+        b_x, b_y, b_z = self._apart or (a_x, a_y, a_z)
+        self._apart = a_x, a_y, a_z
+        rate = self._rate
+        r_x, r_y, r_z = (a_x - b_x) * rate, (a_y - b_y) * rate, (a_z - b_z) * rate
+        self.relative = r_x, r_y, r_z
         if wrenches is None:
             return False
-        com = data.com[0].tolist()
         f_x = f_y = f_z = turn_x = turn_y = height = 0.0
-        for frame, start in zip(self._soles, (0, 6), strict=True):
-            placement = data.oMf[frame]
-            R = placement.rotation
-            x, y, z = placement.translation.tolist()
+        for (R, (x, y, z)), start in zip(soles, (0, 6), strict=True):
             g_x, g_y, g_z = R.dot(wrenches[start : start + 3]).tolist()
             m_x, m_y, _ = R.dot(wrenches[start + 3 : start + 6]).tolist()
             f_x, f_y, f_z = f_x + g_x, f_y + g_y, f_z + g_z
@@ -95,15 +101,19 @@ class FeltMotion:
         turn_x -= height * f_x
         turn_y -= height * f_y
         over_mass = 1.0 / self._mass
-        felt_here = felt - self.relative
-        self.by_force[:] = f_x * over_mass, f_y * over_mass, f_z * over_mass
-        np.subtract(felt_here, self.by_force, out=self.by_force)
+        h_x, h_y, h_z = felt[0] - r_x, felt[1] - r_y, felt[2] - r_z
+        self.by_force = (
+            h_x - f_x * over_mass,
+            h_y - f_y * over_mass,
+            h_z - f_z * over_mass,
+        )
         leverage = over_mass / (com[2] - height)
-        self.by_pressure[:] = turn_x * leverage, turn_y * leverage, felt_here.item(2)
-        np.subtract(felt_here, self.by_pressure, out=self.by_pressure)
+        self.by_pressure = h_x - turn_x * leverage, h_y - turn_y * leverage, 0.0
         return True
 
-    def learn_offsets(self, data: pin.Data) -> None:
+    def learn_offsets(
+        self, com: Sequence[float], soles: Sequence[tuple[Mat, Sequence[float]]]
+    ) -> None:
         """Take one tick's comparison for what a force sensor is off by.
 
         The sum of the normal forces tells how much, where they seem to be pressed tells
@@ -113,18 +123,19 @@ class FeltMotion:
             b_left + b_right = excess,   a_left b_left + a_right b_right = aside
 
         Args:
-            data: as for :meth:`compare`.
+            com: as for :meth:`compare`.
+            soles: likewise.
         """
-        left, right = (data.oMf[frame].translation for frame in self._soles)
-        com_x, com_y, com_z = data.com[0].tolist()
-        d_x, d_y = (left[:2] - right[:2]).tolist()
+        (_, left), (_, right) = soles
+        com_x, com_y, com_z = com
+        d_x, d_y = left[0] - right[0], left[1] - right[1]
         apart = math.hypot(d_x, d_y)
-        p_x, p_y, _ = self.by_pressure.tolist()
+        p_x, p_y, _ = self.by_pressure
         arm = self._mass * (com_z - 0.5 * (left[2] + right[2])) / apart
         aside = -arm * (p_x * d_x + p_y * d_y)
         self._count += 1
         gain = max(1.0 / self._count, self._least_gain)
-        excess = -self._mass * self.by_force.item(2)
+        excess = -self._mass * self.by_force[2]
         self._excess += gain * (excess - self._excess)
         self._aside += gain * (aside - self._aside)
         begins, ends = OFFSET_SHARES
