@@ -53,7 +53,7 @@ class _Interruption:
 
     def _come(self, signum: int, frame: FrameType | None) -> None:
         self.has_come = True
-        raise KeyboardInterrupt
+        raise KeyboardInterrupt(signal.Signals(signum).name)
 
 
 if __name__ == "__main__":

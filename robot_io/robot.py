@@ -161,7 +161,8 @@ def find_robot(name_or_path: str | Path) -> Path:
     if path.suffix == ".toml":
         if path.is_file():
             return path
-        raise RobotFileError(f"{path}: no such robot file")
+        what = "is a folder, no" if path.is_dir() else "no such"
+        raise RobotFileError(f"{path}: {what} robot file")
     name = str(name_or_path)
     shipped = ROBOTS_DIR / name / f"{name}.toml"
     if shipped.is_file():

@@ -31,8 +31,14 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(f"{path}: cannot be read ({error})") from error
+    except IsADirectoryError as error:
+        raise FileFormatError(f"{path}: is a folder, expected a TOML file") from error
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path}: is no text, expected a TOML file") from error
+    except OSError as error:
+        raise FileFormatError(
+            f"{path}: cannot be read ({error.strerror or error})"
+        ) from error
     except tomllib.TOMLDecodeError as error:
         raise FileFormatError(f"{path}: not valid TOML: {error}") from error
 

@@ -29,7 +29,8 @@ def find_scenario(name_or_path: str) -> Path:
     if path.suffix == ".toml":
         if path.is_file():
             return path
-        raise ScenarioError(f"{path}: no such scenario file")
+        what = "is a folder, no" if path.is_dir() else "no such"
+        raise ScenarioError(f"{path}: {what} scenario file")
     if name_or_path in list_scenarios():
         return SCENARIOS_DIR / f"{name_or_path}.toml"
     shipped = list_scenarios()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 from functools import partial
 
@@ -30,6 +31,8 @@ from surefoot.sim_robot.state_view import PlantView
 from surefoot.sim_robot.ticks import SIM_STEP_S, whole_ticks
 from surefoot.sim_robot.truth import PlantTruth
 from surefoot.sim_robot.world import World, build_world, renew
+
+_LOG = logging.getLogger("surefoot.sim")
 
 
 class Plant:
@@ -60,6 +63,8 @@ class Plant:
             ScenarioError: the scenario does not fit the robot or the simulation.
             RobotFileError: the robot does not stand in its nominal posture.
         """
+        # By itself it would write MUJOCO_LOG.TXT into whatever folder this is.
+        mujoco.set_mju_user_warning(_LOG.warning)
         self.world: World = build_world(robot, scenario)
         self.data = mujoco.MjData(self.world.model)
         self._model = self.world.model

@@ -19,6 +19,8 @@ from surefoot.sim_robot.ground_records import GroundRecord, read_record
 from surefoot.sim_robot.motion_law import FASTEST_HZ, MotionLaw
 from surefoot.sim_robot.ticks import SIM_STEP_S
 
+LARGEST = 1000.0
+"""In m or rad, per second or per square second: no ground that a robot stands on."""
 _FILTER_ORDER = 2
 """Of the high-pass, which runs forwards and backwards: twice that in all."""
 _PADDING_PERIODS = 3.0
@@ -101,10 +103,12 @@ def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
         factor = motion.si_factor(motion.units or record.units, record.quantity)
     except ValueError as error:
         raise ScenarioError(f"units: {error}", field="units") from error
+    values = motion.scale * factor * values
+    _check_size(values, motion, "holds")
     v, a = _velocity(
         record.quantity,
         times,
-        motion.scale * factor * values,
+        values,
         drift_hz=motion.drift_of(record.quantity),
     )
     v, a = _faded(v, a, blend_s=motion.blend)
@@ -112,7 +116,18 @@ def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
     steps = 0.5 * SIM_STEP_S * (v[1:] + v[:-1])
     steps += SIM_STEP_S**2 / 12.0 * (a[:-1] - a[1:])
     p = np.concatenate(([0.0], np.cumsum(steps)))
+    _check_size(p, motion, "moves the ground by")
     return RecordedTrack(hashlib.sha256(record.content).hexdigest(), p, v, a)
+
+
+def _check_size(values: Array, motion: RecordedMotion, what: str) -> None:
+    largest = float(np.abs(values).max())
+    if not largest <= LARGEST:  # which nan is neither
+        raise ScenarioError(
+            f"file: {motion.file} {what} {largest:g}, expected at most {LARGEST:g} in "
+            "SI units; are its numbers, units and scale right?",
+            field="file",
+        )
 
 
 def recorded_ground(scenario: Scenario) -> list[RecordedGround]:

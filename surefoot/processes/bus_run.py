@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -276,19 +277,19 @@ def run_processes(
             ),
             relay=_relay_result(relay, relay_file, error),
         )
-        if isinstance(error, ChildFailedError):
+        if error is not None:
             sides = _ended_by(error, sides)
     for file in (plant_file, controller_file, relay_file, meeting, beyond_file):
         file.unlink(missing_ok=True)
     return BusRun(sides, error)
 
 
-def _ended_by(error: ChildFailedError, sides: Sides) -> Sides:
-    """Name whose failure ended a run, where the robot only knows that it was asked."""
+def _ended_by(error: ChildFailedError | KeyboardInterrupt, sides: Sides) -> Sides:
+    """Name what ended a run, where the robot only knows that it was asked."""
     plant = sides.plant
     if plant.end is not ModeCause.STOPPED:
         return sides
-    first_line = str(error).splitlines()[0]
+    first_line = next(iter(str(error).splitlines()), signal.SIGINT.name)
     return sides._replace(plant=replace(plant, end_detail=first_line))
 
 

@@ -50,7 +50,7 @@ def execute(
 
     Args:
         cells: all runs of the study.
-        store: open for writing.
+        store: of the study; written to once all cells have been checked.
         robot: shipped robot or a robot file.
         overrides: settings for all, ``section.name=value``.
         jobs: processes; 0 for one per processor.
@@ -65,6 +65,7 @@ def execute(
     tasks = tasks_of(cells, robot=robot, overrides=overrides)
     for task in tasks:
         store.check(task)
+    store.begin()
     missing = [task for task in tasks if task.cell.key not in store.rows]
     with bar(title, total=len(cells), done=len(cells) - len(missing)) as tell:
         for row in run_tasks(missing, jobs=jobs, scheduler=scheduler):

@@ -29,19 +29,19 @@ class StudyStore:
     """
 
     def __init__(self, folder: Path, *, about: dict[str, Any]) -> None:
-        """Open a new or a former study.
+        """Look at a former study, or name a new one; :meth:`begin` writes.
 
         Args:
-            folder: made if need be.
+            folder: where it is, or will be.
             about: what all runs share, such as overrides; code and packages are
                 added.
 
         Raises:
             UsageError: the folder holds runs of other code or settings, or something
                 else altogether.
-            EnvironmentFailedError: nothing can be written there.
         """
         self.rows: dict[str, Row] = {}
+        self._folder = folder
         self._path = folder / RUNS
         self._file: BinaryIO | None = None
         about = {**about, **about_code()}
@@ -51,18 +51,28 @@ class StudyStore:
             self._compare(msgspec.json.decode(marker.read_bytes()), folder)
         elif folder.is_dir() and any(folder.iterdir()):
             raise UsageError(f"{folder}: not empty and no study; name another folder")
-        make_out_folder(folder, out=folder)
-        with atomic_file(marker) as file:
-            file.write(msgspec.json.format(msgspec.json.encode(about)) + b"\n")
         self.rows = {row["key"]: row for row in read_rows(folder)}
 
     def __enter__(self) -> Self:
-        """Open the file of runs for more, without a line that was cut off."""
+        """Give itself."""
+        return self
+
+    def begin(self) -> None:
+        """Make the folder, and open the file of runs without a line that was cut off.
+
+        Raises:
+            UsageError: something on the way to the folder is a file.
+            EnvironmentFailedError: nothing can be written there.
+        """
+        if self._file is not None:
+            return
+        make_out_folder(self._folder, out=self._folder)
+        with atomic_file(self._folder / STUDY) as file:
+            file.write(msgspec.json.format(msgspec.json.encode(self.about)) + b"\n")
         with atomic_file(self._path) as file:
             for row in self.rows.values():
                 file.write(msgspec.json.encode(row) + b"\n")
         self._file = self._path.open("ab")
-        return self
 
     def __exit__(
         self,
@@ -76,6 +86,7 @@ class StudyStore:
 
     def add(self, row: Row) -> None:
         """Keep a finished run."""
+        self.begin()
         assert self._file is not None
         self._file.write(msgspec.json.encode(row) + b"\n")
         self._file.flush()

@@ -67,9 +67,10 @@ def test_interrupting_a_run_stops_both_and_keeps_what_there_is(
     process, folder = endless_run
     ids = children(folder)
     process.send_signal(sent)
-    _, stderr = process.communicate(timeout=PATIENCE_S)
+    stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130
     assert "Traceback" not in stderr
+    assert f": {sent.name}" in stdout
     assert all(map(is_gone, ids))
     kept = {file.name for file in folder.rglob("*.log")}
     assert {"robot.log", "stabilizer.log"} <= kept

@@ -79,3 +79,11 @@ def test_unknown_path_is_a_usage_error_before_anything_runs(tmp_path: Path) -> N
     assert done.returncode == 2
     assert "friction" in done.stderr
     assert not list(read_rows(tmp_path / "out"))
+
+
+def test_a_refused_sweep_leaves_nothing(tmp_path: Path) -> None:
+    words = ("--vary", "friction=nan,1", "--out", tmp_path / "out")
+    done = run_surefoot("sweep", scenario(tmp_path), *words)
+    assert done.returncode == 2
+    assert "friction: got nan" in done.stderr
+    assert not (tmp_path / "out").exists()

@@ -181,6 +181,13 @@ def test_units_scale_and_cut(tmp_path: Path) -> None:
         ("0,0\n1,a\n2,1\n3,1\n", {"quantity": "position"}, "file", "in each line"),
         ("0,0\n1,1\n2,1\n3,1\n", {}, "quantity", "missing"),
         ("t,a\n0,0\n", {"quantity": "position", "column": "b"}, "column", "t, a"),
+        ("0,0\n1,1e9\n2,0\n3,1\n", {"quantity": "position"}, "file", "SI units"),
+        (
+            "0,0\n1,1e308\n2,-1e308\n3,1\n",
+            {"quantity": "position"},
+            "file",
+            "scale right",
+        ),
     ],
 )
 def test_a_bad_file_is_named_with_the_key(
