@@ -20,6 +20,12 @@ SIDES: tuple[Side, Side] = ("left", "right")
 STAND_AT_END_S = 1.0
 """A walk without an end of its own stops in time to stand for so long."""
 _LENGTH_TOLERANCE = 1e-6
+RAMP = 0.35
+"""Part of a foot's way in which it speeds up, and slows down again [1]."""
+GLIDE_PEAK = 1.0 / (1.0 - RAMP)
+"""Fastest of a foot's way over its mean [1]."""
+FOOT_SHARE = 0.75
+"""Fastest swing foot, as part of its leg's speed: hip and knee turn at once [1]."""
 
 
 class Foothold(NamedTuple):
@@ -148,6 +154,17 @@ def mean_yaw(left: float, right: float) -> float:
     return right + 0.5 * math.remainder(left - right, math.tau)
 
 
+def swing_time(way: float, settings: WalkSettings, *, leg_speed: float) -> float:
+    """Return the least single support in which a leg can set its foot so far [s].
+
+    Args:
+        way: of the foot [m].
+        settings: the part of it in which the foot travels.
+        leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
+    """
+    return way * GLIDE_PEAK / (settings.horizontal_part * FOOT_SHARE * leg_speed)
+
+
 def half_width_of(robot: Robot) -> float:
     """Return the distance from sole to middle in a robot's nominal stance [m].
 
@@ -169,12 +186,15 @@ def plan_of(
         settings: the times of the first and the last shift.
         duration_s: of the scenario.
     """
-    half_width, period_s = half_width_of(robot), robot.period_s
-    steps = (
-        _written_steps(walk)
-        if walk.step
-        else _velocity_steps(walk, settings, duration_s, half_width)
-    )
+    stance, period_s = standing(RobotModel(robot)), robot.period_s
+    if walk.step:
+        steps = _written_steps(walk)
+    else:
+        speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
+        way = 2.0 * abs(walk.velocity_m_s) * (walk.step_s + walk.double_s)
+        step_s = max(walk.step_s, swing_time(way, settings, leg_speed=speed))
+        half_width = 0.5 * float(stance.p_sole[0][1] - stance.p_sole[1][1])
+        steps = _velocity_steps(walk, settings, duration_s, half_width, step_s)
     return WalkPlan(
         schema=SCHEMA_VERSION,
         tick=0,
@@ -200,9 +220,14 @@ def _written_steps(walk: Walk) -> list[Step]:
 
 
 def _velocity_steps(
-    walk: Walk, settings: WalkSettings, duration_s: float, half_width: float
+    walk: Walk,
+    settings: WalkSettings,
+    duration_s: float,
+    half_width: float,
+    taken_s: float,
 ) -> list[Step]:
-    period = walk.step_s + walk.double_s
+    """As many as there is time for, with the single support that they take."""
+    period = taken_s + walk.double_s
     last_s = walk.stop_s
     if last_s is None:
         # One more step brings the feet together.

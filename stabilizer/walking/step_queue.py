@@ -6,11 +6,11 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.walk_settings import WalkSettings
-from surefoot.stabilizer.walking.footsteps import SIDES, Foothold
+from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, swing_time
 
 CLOSING_ID = -1
 """Of a step that no plan has: it brings the feet together."""
@@ -18,12 +18,6 @@ TOGETHER_M = 0.01
 """Feet this near to side by side are together [m]."""
 NEARLY_TOGETHER_M = 0.03
 """So are those that a step has just brought so near [m]."""
-RAMP = 0.35
-"""Part of a foot's way in which it speeds up, and slows down again [1]."""
-GLIDE_PEAK = 1.0 / (1.0 - RAMP)
-"""Fastest of a foot's way over its mean [1]."""
-FOOT_SHARE = 0.75
-"""Fastest swing foot, as part of that speed: hip and knee turn at once [1]."""
 TOGETHER_RAD = 0.03
 """And turned against each other by no more than this [rad]."""
 
@@ -74,8 +68,7 @@ class StepQueue:
             leg_speed: of the end of a straight leg, by the speed of its drives; a step
                 that needs more than a part of it takes longer [m/s].
         """
-        fastest = FOOT_SHARE * leg_speed
-        self._s_per_m = GLIDE_PEAK / (settings.horizontal_part * fastest)
+        self._s_per_m = swing_time(1.0, settings, leg_speed=leg_speed)
         self._settings = settings
         self._width = 2.0 * half_width
         self._steps: deque[Move] = deque()
@@ -181,14 +174,16 @@ class StepQueue:
         near = TOGETHER_M if before.id != CLOSING_ID else NEARLY_TOGETHER_M
         if abs(x) < near and abs(y) < near and abs(yaw) < TOGETHER_RAD:
             return None
-        closing = replace(before, id=CLOSING_ID, side=side)
+        closing = Move(
+            CLOSING_ID, side, goal, before.single_s, before.double_s, before.height_m
+        )
         return self._paced(closing, goal, start=places[side])
 
     def _paced(self, move: Move, place: Foothold, *, start: Foothold) -> Move:
         """Return a step to a place, which takes as long as the leg needs for it."""
         way = math.hypot(place.x - start.x, place.y - start.y)
         single_s = max(move.single_s, way * self._s_per_m)
-        return replace(move, place=place, single_s=single_s)
+        return Move(move.id, move.side, place, single_s, move.double_s, move.height_m)
 
     def _why_not(
         self, moves: Sequence[Move], feet: Sequence[Foothold], *, walks: bool

@@ -12,7 +12,7 @@ from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
-from surefoot.stabilizer.walking.step_queue import GLIDE_PEAK, RAMP
+from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP
 
 LATE_RAMP_S = 0.06
 """A foot that finds no ground speeds up for so long [s]."""

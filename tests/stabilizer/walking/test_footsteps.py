@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.walk_plan import Step, Walk
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import (
@@ -98,3 +98,13 @@ def test_a_walk_without_an_end_stops_in_time(walker: Robot) -> None:
 
 def test_width_is_that_of_the_nominal_stance(walker: Robot) -> None:
     assert half_width_of(walker) == pytest.approx(0.11)
+
+
+def test_slow_drives_take_fewer_steps_in_the_same_time(walker: Robot) -> None:
+    quick = Walk(velocity_m_s=0.46, start_s=1.0, step_s=0.5, double_s=0.15)
+    slow_drives = load_robot("walker", servo_profile="harmonic")
+    counts = [
+        len(plan_of(quick, robot, WalkSettings(), duration_s=20.0).steps)
+        for robot in (walker, slow_drives)
+    ]
+    assert counts[1] < counts[0]
