@@ -12,7 +12,10 @@ from surefoot.cli import options
 
 def reproduce(
     out: Annotated[
-        Path, typer.Option("--out", help="Folder of the study; a former one goes on.")
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder of the study; a former one goes on."
+        ),
     ] = Path("out/reproduce"),
     quick: Annotated[
         bool,

@@ -22,7 +22,10 @@ def sweep(
         ),
     ],
     out: Annotated[
-        Path, typer.Option("--out", help="Folder of the study; a former one goes on.")
+        Path,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder of the study; a former one goes on."
+        ),
     ],
     vary: Annotated[
         list[str] | None,
