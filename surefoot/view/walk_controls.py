@@ -6,7 +6,7 @@ import logging
 import math
 import threading
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from surefoot.planner import VelocityPlanner, walk_on_bus
 from surefoot.robot_io.bus.stop_request import StopRequest
@@ -47,7 +47,8 @@ RATES = (
     Rate("To the left [m/s]", 0.1, 0.05, "U", "O"),
     Rate("Turn left [deg/s]", 20.0, 5.0, "J", "L"),
 )
-STOP_KEY = "space"
+STOP_KEY: Literal["X"] = "X"
+"""Not the space bar, which presses whatever button was clicked last."""
 
 
 class Stroller:
@@ -151,7 +152,7 @@ class WalkControls:
                 for rate in RATES
             ]
             buttons = gui.add_button_group("Steps", ("walk", "stop"))
-            gui.add_markdown("Keys: I K ahead, J L turn, U O aside, space stops.")
+            gui.add_markdown("Keys: I K ahead, J L turn, U O aside, X stops.")
         buttons.on_click(
             lambda event: self._go() if buttons.value == "walk" else self._halt()
         )

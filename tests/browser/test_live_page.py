@@ -169,7 +169,7 @@ def test_buttons_and_keys_have_the_robot_walk(open_page: Any, visit: Visit) -> N
     # At no velocity, so in place: how far it comes is not what is tested here.
     open_page.get_by_text("walk", exact=True).click()
     open_page.get_by_text("walking", exact=True).wait_for()
-    open_page.keyboard.press("Space")
+    open_page.keyboard.press("x")
     open_page.get_by_text("balancing", exact=True).wait_for()
     wait_until(lambda: "walk: over" in visit.log("view"), what="the walk's end")
 
