@@ -16,6 +16,7 @@ from surefoot.cli.check_robot_file_command import check_robot_file
 from surefoot.cli.doctor_command import doctor
 from surefoot.cli.log_command import log
 from surefoot.cli.margins_command import margins
+from surefoot.cli.measure_commands import identify, tare
 from surefoot.cli.new_robot_command import new_robot
 from surefoot.cli.options import Command, Group
 from surefoot.cli.record_command import record
@@ -29,7 +30,6 @@ from surefoot.cli.run_command import run
 from surefoot.cli.scenarios_command import scenarios
 from surefoot.cli.stabilizer_command import stabilizer
 from surefoot.cli.sweep_command import sweep
-from surefoot.cli.tare_command import tare
 from surefoot.cli.tune_command import tune
 from surefoot.cli.view_command import view
 from surefoot.cli.walk_command import walk
@@ -74,7 +74,7 @@ _COMMANDS = (
     *(run, robot, stabilizer, walk, view),
     *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
     *(sweep, tune, report, reproduce, bench),
-    *(router, relay, certs, check_robot, tare),
+    *(router, relay, certs, check_robot, tare, identify),
     *(new_robot, check_robot_file),
 )
 """In the order of the help."""

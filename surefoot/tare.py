@@ -16,7 +16,7 @@ from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
 from surefoot.robot_io.tare import Tare, load_tare, save_tare
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.stabilizer.estimation.foot_offsets import foot_offsets
+from surefoot.stabilizer.estimation.wrench_compensation import foot_offsets
 from surefoot.stabilizer.model import RobotModel
 
 FootChoice = Literal["left", "right", "both"]

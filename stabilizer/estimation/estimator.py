@@ -18,10 +18,9 @@ import pinocchio as pin
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import EstimatorSettings
-from surefoot.stabilizer.estimation.accelerometer_bias import HorizontalBias
 from surefoot.stabilizer.estimation.attitude import AttitudeFilter
 from surefoot.stabilizer.estimation.contact import Anchors
-from surefoot.stabilizer.estimation.felt_motion import FeltMotion
+from surefoot.stabilizer.estimation.felt_motion import FeltMotion, HorizontalBias
 from surefoot.stabilizer.estimation.height import HeightFilter
 from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
 

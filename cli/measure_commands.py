@@ -1,0 +1,190 @@
+"""``surefoot tare``, ``identify``: what a robot's own sensors and drives are like."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from surefoot.cli import options
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from surefoot.stabilizer.identification import Drive
+
+
+def tare(
+    robot: options.RobotOption = "walker",
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    wait_s: Annotated[
+        float,
+        typer.Option(
+            "--wait", min=0.1, metavar="SECONDS", help="How long to look for the robot."
+        ),
+    ] = 10.0,
+    foot: Annotated[
+        str,
+        typer.Option("--foot", metavar="left|right|both", help="What hangs free."),
+    ] = "both",
+    duration_s: Annotated[
+        float,
+        typer.Option("--duration", min=0.1, metavar="S", help="How long to average."),
+    ] = 2.0,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Measure what the ankle sensors read while the feet hang free, and store it.
+
+    Beside the robot file, as NAME.tare.toml; the driver takes it off from its next
+    start on. Nothing is commanded. Exits with 2 when a foot stands or moves.
+    """
+    from surefoot.cli.console import print_json, print_text
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.errors import UsageError
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.tare import measure_tare
+
+    if foot not in ("left", "right", "both"):
+        raise UsageError(f"--foot {foot}: expected left, right or both")
+    found = measure_tare(
+        load_robot(robot),
+        endpoints=choose_endpoints(endpoints, listen=[], connect=connect or []),
+        foot=foot,  # type: ignore[arg-type]  # checked above
+        duration_s=duration_s,
+        timeout_s=wait_s,
+    )
+    if as_json:
+        print_json(
+            {
+                "path": str(found.path),
+                "readings": found.readings,
+                "left": found.tare.left,
+                "right": found.tare.right,
+            }
+        )
+        return
+    for name, off in zip(("left", "right"), found.found, strict=True):
+        if foot in (name, "both"):
+            forces = ", ".join(f"{value:.1f}" for value in off[:3])
+            moments = ", ".join(f"{value:.2f}" for value in off[3:])
+            print_text(f"{name}: {forces} N; {moments} N m beside what was known")
+    print_text(f"{found.readings} readings; stored in {found.path}")
+    print_text("The robot's driver takes it off from its next start on.")
+
+
+def identify(
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    inline: Annotated[
+        bool,
+        typer.Option("--inline", help="A simulated robot in this process, no bus."),
+    ] = False,
+    scenario: Annotated[
+        str | None,
+        typer.Option(
+            "--scenario",
+            metavar="SCENARIO",
+            help="What the simulated robot's sensors and drives are like.",
+        ),
+    ] = None,
+    joints: Annotated[
+        list[str] | None,
+        typer.Option("--joint", metavar="NAME", help="Only this one. May be repeated."),
+    ] = None,
+    amplitude: Annotated[
+        float,
+        typer.Option("--amplitude", metavar="RAD", help="How far a joint is moved."),
+    ] = 0.02,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="The robot file to write; NAME-identified.toml when absent.",
+        ),
+    ] = None,
+    overwrite: options.OverwriteOption = False,
+    lockstep: options.LockstepOption = False,
+    wait_s: Annotated[
+        float,
+        typer.Option(
+            "--wait", min=0.1, metavar="SECONDS", help="How long to look for the robot."
+        ),
+    ] = 10.0,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Move a standing robot's joints a little, one by one; tell what its drives do.
+
+    The robot stands on both feet on firm, level ground; nothing balances it meanwhile,
+    and no joint goes farther than the amplitude from its posture. Writes a robot
+    file that extends the robot's by the profile `identified`.
+    """
+    from msgspec import to_builtins
+
+    from surefoot.cli.console import print_json, print_table, print_text
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.errors import UsageError
+    from surefoot.identify import check_out, identify_drives, write_profile
+    from surefoot.robot_io.realtime import Pace
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.sim_robot.catalogue import load_scenario
+
+    model = load_robot(robot, servo_profile=servo_profile)
+    if scenario is not None and not inline:
+        raise UsageError(
+            "--scenario: only a robot in this process has one; add --inline"
+        )
+    target = out or Path(f"{model.file.name}-identified.toml")
+    check_out(target, overwrite=overwrite)
+    meeting = None
+    if not inline:
+        meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    drives = identify_drives(
+        model,
+        joints=joints or (),
+        amplitude_rad=amplitude,
+        endpoints=meeting,
+        pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+        scenario=None if scenario is None else load_scenario(scenario),
+        timeout_s=wait_s,
+    )
+    profile = write_profile(model, drives, target)
+    if as_json:
+        print_json(
+            {
+                "robot": model.file.name,
+                "out": str(target),
+                "profile": to_builtins(profile),
+                "drives": to_builtins(drives),
+            }
+        )
+        return
+    print_table(_table(drives))
+    print_text(
+        f"profile identified in {target}: lag {1e3 * profile.lag_s:.1f} ms, "
+        f"{profile.velocity_limit_rad_s:g} rad/s; run with --robot {target}"
+    )
+
+
+def _table(drives: list[Drive]) -> Table:
+    from rich.table import Table
+
+    table = Table(title="drives", title_justify="left")
+    table.add_column("joint")
+    for name in ("lag, ms", "limit, rad/s", "play, mrad", "stiffness", "delay, ms"):
+        table.add_column(name, justify="right")
+    for drive in drives:
+        scale = drive.stiffness_scale
+        table.add_row(
+            drive.joint,
+            f"{1e3 * drive.lag_s:.1f}",
+            f"{'>= ' if drive.is_bound else ''}{drive.velocity_limit_rad_s:.2f}",
+            f"{'<= ' if drive.backlash_is_bound else ''}{1e3 * drive.backlash_rad:.2f}",
+            "-" if scale is None else f"{scale:.2f}",
+            f"{1e3 * drive.delay_s:g}",
+        )
+    return table

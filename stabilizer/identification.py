@@ -1,0 +1,341 @@
+"""What the drives of a standing robot do with a command: lag, speed limit, play.
+
+One joint at a time is moved by a few hundredths of a radian while all others keep the
+posture. What a drive's set-point does shows in its torque, whatever holds the joint:
+
+    set-point = q + (effort + kd dq) / kp
+
+and it is compared with a set-point L that follows the command at a limited speed, and
+one S behind it with a lag, S += g (L - S), as robot files describe drives.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import msgspec
+import numpy as np
+
+from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.snapshot import Snapshot
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import Reference
+from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.qp import QpData
+
+REST_S, SMALL_S, LARGE_S, SLOW_S = 0.2, 0.2, 0.25, 0.8
+"""How long the joint rests, keeps each end of the steps, and sways slowly [s]."""
+SMALL_SHARE = 0.3
+"""Of the small step in the large one: a speed limit tells them apart, a lag not."""
+STEP_SHARE = 0.9
+"""Of the largest change of a command that the gate lets through in one tick."""
+LAGS_S = np.linspace(0.0, 0.06, 25)
+SPEEDS_RAD_S = np.geomspace(0.8, 30.0, 22)
+HALVES_RAD = np.array([0.0, 0.0003, 0.0008, 0.002, 0.005])
+"""Lags, speed limits and halves of the play that are tried at first."""
+MOST_DELAY_TICKS = 6
+FINER = 5
+"""Rounds of the search, each about the best so far and half as wide."""
+TRIED = 2
+"""So many delays are looked at closely."""
+SEEN_S = 0.0025
+"""A speed limit that stretches the large step by less is not seen [s]."""
+LEAST_MOTION_RAD = 1e-3
+"""Of set-point against joint, to tell the stiffness [rad]."""
+WORSE = 1.2
+"""A model without speed limit that is worse by less is as good [1]."""
+
+
+class Drive(msgspec.Struct, frozen=True, kw_only=True):
+    """What one drive was found to do.
+
+    Attributes:
+        joint: its name.
+        lag_s: of the set-point [s].
+        velocity_limit_rad_s: fastest its set-point moved [rad/s].
+        is_bound: whether that is only a bound from below: no limit showed.
+        delay_s: from the tick answered to the one in which it acts, and more [s].
+        backlash_rad: play between drive and joint [rad].
+        backlash_is_bound: whether that is only a bound from above: the torque kept its
+            sign, and an offset of the encoder looks the same.
+        stiffness_scale: true stiffness over the robot file's; None: it did not show.
+        misfit_rad: how far the model is off, root mean square [rad].
+    """
+
+    joint: str
+    lag_s: float
+    velocity_limit_rad_s: float
+    is_bound: bool
+    delay_s: float
+    backlash_rad: float
+    backlash_is_bound: bool
+    stiffness_scale: float | None
+    misfit_rad: float
+
+
+class Samples(NamedTuple):
+    """A joint's commands and readings, a row per tick."""
+
+    ticks: Array
+    command: Array
+    q: Array
+    dq: Array
+    effort: Array
+
+
+class IdentifyController:
+    """Moves one joint after the other, the others held; ends when all are done.
+
+    Attributes:
+        name: for status and results.
+        is_done: whether all joints have been moved.
+        on_end: called once that is so, at every tick.
+        failure: no QP, so none fails.
+    """
+
+    name = "identify"
+
+    def __init__(
+        self, robot: Robot, joints: Sequence[int], *, amplitude_rad: float
+    ) -> None:
+        """Plan the motions.
+
+        Args:
+            robot: what its files say.
+            joints: which to move, in bus order.
+            amplitude_rad: of the large step [rad].
+        """
+        self._robot, self._joints = robot, list(joints)
+        self._amplitude = amplitude_rad
+        self._shapes = [self._motion(joint) for joint in self._joints]
+        self._length = len(self._shapes[0])
+        self._held: Array = np.zeros(robot.n_a)
+        self._command: Array = np.zeros(robot.n_a)
+        self._first_tick = 0
+        self._rows: list[list[tuple[float, ...]]] = [[] for _ in self._joints]
+        self.is_done = False
+        self.on_end: Callable[[], None] | None = None
+        self.failure: QpData | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """How long all motions take [s]."""
+        return len(self._joints) * self._length * self._robot.period_s
+
+    @property
+    def progress(self) -> float:
+        """Part of the joints that has been moved [1]."""
+        return sum(bool(rows) for rows in self._rows) / max(1, len(self._joints))
+
+    def start(self, snapshot: Snapshot, q_command: Array) -> None:
+        """Begin on a robot that stands still, from the posture it holds."""
+        self._held[:] = self._command[:] = q_command
+        self._first_tick = snapshot.tick
+
+    def step(
+        self, snapshot: Snapshot, reference: Reference | None = None
+    ) -> ControllerOutput:
+        """Answer one tick: a joint on its way, all others where they were."""
+        del reference
+        index, at = divmod(snapshot.tick - self._first_tick, self._length)
+        np.copyto(self._command, self._held)
+        self.is_done = index >= len(self._joints)
+        if not self.is_done:
+            joint = self._joints[index]
+            self._command[joint] += self._shapes[index][at]
+            self._rows[index].append(
+                (
+                    snapshot.tick,
+                    self._command.item(joint),
+                    snapshot.q.item(joint),
+                    snapshot.dq.item(joint),
+                    snapshot.effort.item(joint),
+                )
+            )
+        if self.is_done and self.on_end is not None:
+            self.on_end()
+        return ControllerOutput(self._command)
+
+    def found(self) -> list[Drive]:
+        """Return what the drives moved so far do, in the order of the joints."""
+        return [
+            identify(self._robot, joint, Samples(*np.array(rows).T))
+            for joint, rows in zip(self._joints, self._rows, strict=True)
+            if len(rows) > 0.9 * self._length
+        ]
+
+    def _motion(self, joint: int) -> Array:
+        """A joint's way, as fast as the gate lets it and where there is more room."""
+        robot = self._robot
+        step = min(
+            STEP_SHARE * robot.file.gate.step_limit_rad,
+            robot.velocity_limit.item(joint) * robot.period_s,
+        )
+        q = robot.nominal.item(joint)
+        goes_up = robot.upper[joint] - q >= q - robot.lower[joint]
+        amplitude = self._amplitude if goes_up else -self._amplitude
+        return motion(amplitude, largest_step=step, period_s=robot.period_s)
+
+
+def motion(amplitude: float, *, largest_step: float, period_s: float) -> Array:
+    """Return a joint's way from its posture and back, tick by tick, (n,) [rad].
+
+    A small step and a large one, there and back, then slowly to both sides.
+    """
+
+    def stay(value: float, seconds: float) -> list[float]:
+        return [value] * round(seconds / period_s)
+
+    small = SMALL_SHARE * amplitude
+    wanted = [
+        *stay(0.0, REST_S),
+        *(*stay(small, SMALL_S), *stay(0.0, SMALL_S)),
+        *(*stay(amplitude, LARGE_S), *stay(0.0, LARGE_S)),
+    ]
+    way, at = [], 0.0
+    for goal in wanted:
+        at += min(max(goal - at, -largest_step), largest_step)
+        way.append(at)
+    turns = np.linspace(0.0, math.tau, round(SLOW_S / period_s))
+    return np.array([*way, *(amplitude * np.sin(turns) * np.sin(0.5 * turns))])
+
+
+def identify(robot: Robot, joint: int, samples: Samples) -> Drive:
+    """Fit a drive's model to what was commanded and measured.
+
+    Args:
+        robot: gains of the drive as the file has them, and the length of a tick.
+        joint: in bus order.
+        samples: of its motion.
+    """
+    dt, kp = robot.period_s, robot.kp.item(joint)
+    torque = samples.effort + robot.kd.item(joint) * samples.dq
+    fits = [
+        _search(
+            samples, torque, LAGS_S, SPEEDS_RAD_S, halves=HALVES_RAD, delay=delay, dt=dt
+        )
+        for delay in range(MOST_DELAY_TICKS + 1)
+    ]
+    free = min(fit.free for fit in fits)
+    for best in sorted(fits)[:TRIED]:
+        for width in 0.5 ** np.arange(FINER):
+            lags = np.abs(best.lag + 0.004 * width * np.linspace(-1.0, 1.0, 9))
+            ratios = (1.0 + 0.3 * width) ** np.linspace(-1.0, 1.0, 9)
+            fit = _search(
+                samples,
+                torque,
+                lags,
+                best.speed * ratios,
+                halves=best.half * (1.0 + 0.6 * width * np.linspace(-1.0, 1.0, 5)),
+                delay=best.delay,
+                dt=dt,
+            )
+            free, best = min(free, fit.free), min(best, fit)
+        fits.append(best)
+    best = min(fits)
+    setpoint = _setpoints(
+        samples.command, np.array([best.lag]), np.array([best.speed]), best.delay, dt
+    )[:, 0, 0]
+    distance = setpoint - samples.q
+    stiffness = None
+    if np.ptp(distance) > LEAST_MOTION_RAD:
+        stretched = distance - np.clip(distance, -best.half, best.half)
+        stiffness = float(np.polyfit(stretched, torque, 1)[0])
+    short = distance - torque / (stiffness or kp)
+    backlash, backlash_is_bound = _play(short, torque, rest=round(REST_S / dt))
+    fastest = float(np.abs(samples.command - samples.command[0]).max()) / SEEN_S
+    is_free = free < WORSE * best.misfit or best.speed > fastest
+    return Drive(
+        joint=robot.joint_names[joint],
+        lag_s=round(best.lag, 5),
+        velocity_limit_rad_s=round(min(best.speed, fastest), 3),
+        is_bound=is_free,
+        delay_s=round(best.delay * dt, 6),
+        backlash_rad=round(backlash, 6),
+        backlash_is_bound=backlash_is_bound,
+        stiffness_scale=None if stiffness is None else round(stiffness / kp, 3),
+        misfit_rad=round(best.misfit / kp, 7),
+    )
+
+
+class _Fit(NamedTuple):
+    """The best of some models: misfit [N m], lag [s], speed [rad/s], delay in ticks."""
+
+    misfit: float
+    lag: float
+    speed: float
+    delay: int
+    half: float
+    """Of the play [rad]."""
+    free: float
+    """Misfit of the best without speed limit [N m]."""
+
+
+def _search(
+    samples: Samples,
+    torque: Array,
+    lags: Array,
+    speeds: Array,
+    *,
+    halves: Array,
+    delay: int,
+    dt: float,
+) -> _Fit:
+    """Try all models; the stiffness is that which fits each best."""
+    speeds = np.append(speeds, np.inf)
+    away = _setpoints(samples.command, lags, speeds, delay, dt)
+    away -= samples.q[:, None, None]
+    centred = torque - torque.mean()
+    fits = []
+    for half in halves:
+        # Within the play no torque passes.
+        pulled = away - np.clip(away, -half, half)
+        pulled -= pulled.mean(axis=0)
+        along = np.einsum("tlv,t->lv", pulled, centred)
+        square = np.einsum("tlv,tlv->lv", pulled, pulled)
+        rest = centred @ centred - along**2 / np.maximum(square, 1e-12)
+        misfit = np.sqrt(np.maximum(rest, 0.0) / len(torque))
+        row, column = divmod(int(misfit[:, :-1].argmin()), len(speeds) - 1)
+        lag, speed = float(lags[row]), float(speeds[column])
+        free = float(misfit[:, -1].min())
+        least = float(misfit[row, column])
+        fits.append(_Fit(least, lag, speed, delay, float(half), free))
+    return min(fits)
+
+
+def _setpoints(
+    command: Array, lags: Array, speeds: Array, delay: int, dt: float
+) -> Array:
+    """Return where each model's set-point is at each reading, (n, lags, speeds)."""
+    safe = np.maximum(lags, 1e-9)
+    gain = np.where(lags > 0.0, -np.expm1(-dt / safe), 1.0)[:, None]
+    reach = speeds * dt
+    limited = np.full(len(speeds), command.item(0))
+    lagged = np.full((len(lags), len(speeds)), command.item(0))
+    out = np.empty((len(command), *lagged.shape))
+    late = itertools.chain([command.item(0)] * delay, command.tolist())
+    for row, asked in zip(out, late, strict=False):
+        row[:] = lagged  # read before the tick's own command acts
+        limited += np.clip(asked - limited, -reach, reach)
+        lagged += gain * (limited - lagged)
+    return out
+
+
+def _play(short: Array, torque: Array, *, rest: int) -> tuple[float, bool]:
+    """Play of a drive, and whether that is only a bound.
+
+    What the torque falls short of is half the play, to the torque's side.
+
+    Args:
+        short: (n,) set-point less the one that the torque shows [rad].
+        torque: (n,) [N m].
+        rest: how many readings at the beginning are of a joint at rest.
+    """
+    least = 0.1 * float(np.abs(torque).max())
+    up, down = short[torque > least], short[torque < -least]
+    if len(up) > rest // 2 and len(down) > rest // 2:
+        return max(0.0, float(np.median(up) - np.median(down))), False
+    return 2.0 * abs(float(np.median(short[:rest]))), True

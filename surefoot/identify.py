@@ -1,0 +1,230 @@
+"""Identifies a robot's drives, in one process or over the bus, and writes a profile."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+import numpy as np
+import tomli_w
+
+from surefoot.errors import ChildFailedError, UsageError
+from surefoot.exit_codes import ExitCode
+from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.robot import EXTENDS, Robot
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.key_names import nearest
+from surefoot.schemas.reasons import EndReason, in_words
+from surefoot.schemas.robot_file import ServoProfile
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.toml_file import read_toml
+from surefoot.simulation import Simulation
+from surefoot.stabilizer.identification import Drive, IdentifyController
+from surefoot.stabilizer.node import run_stabilizer
+
+PROFILE = "identified"
+AMPLITUDE_RAD = 0.02
+LARGEST_AMPLITUDE_RAD = 0.05
+"""A leg moved further would lift its foot [rad]."""
+
+
+def choose_joints(robot: Robot, names: Sequence[str]) -> list[int]:
+    """Return the joints of these names in bus order; all when there are none.
+
+    Raises:
+        UsageError: there is no such joint.
+    """
+    known = robot.joint_names
+    for name in names:
+        if name not in known:
+            raise UsageError(
+                f"--joint {name}: {robot.file.name} has no such joint"
+                f"{nearest(name, known)}; it has {', '.join(known)}"
+            )
+    return [known.index(name) for name in names or known]
+
+
+def identify_drives(
+    robot: Robot,
+    *,
+    joints: Sequence[str] = (),
+    amplitude_rad: float = AMPLITUDE_RAD,
+    endpoints: Endpoints | None = None,
+    pace: Pace = Pace.REALTIME,
+    scenario: Scenario | None = None,
+    timeout_s: float = 10.0,
+) -> list[Drive]:
+    """Move a standing robot's joints a little, one by one, and tell what drives do.
+
+    Args:
+        robot: what its files say; stands on both feet and is at rest.
+        joints: by name; all when empty.
+        amplitude_rad: of the motion [rad].
+        endpoints: where to find it; None for a simulated one in this process.
+        pace: of the robot on the bus.
+        scenario: of the simulated robot; None: it stands as its file says.
+        timeout_s: how long to look for it on the bus [s].
+
+    Returns:
+        A row per joint.
+
+    Raises:
+        UsageError: no such joint, or an amplitude that is too large.
+        RobotIoError: there is no robot on the bus.
+        ChildFailedError: the robot fell, or gave up, before all was done.
+    """
+    if not 0.0 < amplitude_rad <= LARGEST_AMPLITUDE_RAD:
+        raise UsageError(
+            f"--amplitude {amplitude_rad:g}: expected more than 0 and at most "
+            f"{LARGEST_AMPLITUDE_RAD:g} rad, or a foot may lift"
+        )
+    chosen = choose_joints(robot, joints)
+
+    def make(settings: ControllerSettings) -> IdentifyController:
+        del settings
+        return IdentifyController(robot, chosen, amplitude_rad=amplitude_rad)
+
+    if endpoints is None:
+        controller, why, code = _in_simulation(robot, make, scenario)
+    else:
+        controller, why, code = _on_bus(robot, make, endpoints, pace, timeout_s)
+    if not controller.is_done:
+        raise ChildFailedError(
+            f"identify: it ended with {controller.progress:.0%} of the joints moved: "
+            f"{why}; nothing was written. Have the robot stand on both feet on firm, "
+            "level ground, or try a smaller --amplitude",
+            exit_code=code,
+        )
+    return controller.found()
+
+
+class _Ended(NamedTuple):
+    controller: IdentifyController
+    why: str
+    code: ExitCode
+
+
+def _in_simulation(
+    robot: Robot,
+    make: Callable[[ControllerSettings], IdentifyController],
+    scenario: Scenario | None,
+) -> _Ended:
+    controller = make(ControllerSettings())
+    seconds = controller.duration_s + 1.0
+    base = scenario or Scenario(name="identify", duration_s=seconds)
+    sim = Simulation(robot, msgspec.structs.replace(base, duration_s=seconds))
+    while not (sim.finished or controller.is_done):
+        if sim.step(controller) is None:
+            break
+    result = sim.result()
+    code = ExitCode.FELL if sim.fell else ExitCode.FAILED
+    return _Ended(controller, result.outcome_detail or str(result.outcome), code)
+
+
+def _on_bus(
+    robot: Robot,
+    make: Callable[[ControllerSettings], IdentifyController],
+    endpoints: Endpoints,
+    pace: Pace,
+    timeout_s: float,
+) -> _Ended:
+    stop = StopRequest()
+    made: list[IdentifyController] = []
+
+    def watched(settings: ControllerSettings) -> IdentifyController:
+        made.append(make(settings))
+        made[-1].on_end = lambda: stop.set("all joints have been moved")
+        return made[-1]
+
+    result = run_stabilizer(
+        watched,
+        robot,
+        endpoints=endpoints,
+        pace=pace,
+        connect_timeout_s=timeout_s,
+        stop=stop,
+    )
+    done = [one for one in made if one.is_done]
+    if not done and result.end is EndReason.STOPPED:
+        raise KeyboardInterrupt
+    code = ExitCode.FELL if result.end is EndReason.FELL else ExitCode.FAILED
+    why = in_words(result.end, result.end_detail)
+    return _Ended((done or made)[-1], why, code)
+
+
+def profile_of(drives: Sequence[Drive]) -> ServoProfile:
+    """Return one profile for all: the median lag, the slowest limit that showed.
+
+    Where no limit showed, the smallest of what drives reached at least.
+    """
+    shown = [drive.velocity_limit_rad_s for drive in drives if not drive.is_bound]
+    speeds = shown or [drive.velocity_limit_rad_s for drive in drives]
+    return ServoProfile(
+        velocity_limit_rad_s=round(min(speeds), 3),
+        lag_s=round(float(np.median([drive.lag_s for drive in drives])), 5),
+    )
+
+
+def check_out(out: Path, *, overwrite: bool) -> None:
+    """Refuse a place that cannot be written, before anything moves.
+
+    Raises:
+        UsageError: it is taken, or its folder is not there.
+    """
+    if out.is_dir() or (out.exists() and not overwrite):
+        raise UsageError(
+            f"--out {out}: is there already; choose another name, or replace the file "
+            "with --overwrite"
+        )
+    if not out.parent.is_dir():
+        raise UsageError(f"--out {out}: there is no folder {out.parent}")
+
+
+def write_profile(robot: Robot, drives: Sequence[Drive], out: Path) -> ServoProfile:
+    """Write a robot file that extends the robot's by what was identified.
+
+    A file that itself extends another one is written anew, with all it says.
+
+    Args:
+        robot: whose drives they are.
+        drives: at least one.
+        out: the file.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    profile = profile_of(drives)
+    profiles = {**robot.file.servo.profiles, PROFILE: profile}
+    servo = {"profile": PROFILE, "profiles": msgspec.to_builtins(profiles)}
+    source = read_toml(robot.path)
+    below = robot.path
+    table: dict[str, Any] = {}
+    if EXTENDS in source:
+        below = robot.path.parent / str(source[EXTENDS])
+        table = {name: value for name, value in source.items() if name != EXTENDS}
+    start = out.resolve().parent
+    table = {EXTENDS: os.path.relpath(below.resolve(), start), **table, "servo": servo}
+    if "urdf" in table:
+        table["urdf"] = os.path.relpath(robot.urdf_path, start)
+    lines = [f"# Drives of {robot.file.name}, by surefoot identify."]
+    lines += [f"# {line}" for line in in_lines(drives)]
+    with atomic_file(out) as file:
+        file.write(("\n".join(lines) + "\n\n" + tomli_w.dumps(table)).encode())
+    return profile
+
+
+def in_lines(drives: Sequence[Drive]) -> list[str]:
+    """Return a line of words for each drive."""
+    return [
+        f"{drive.joint}: lag {1e3 * drive.lag_s:.1f} ms, "
+        f"{'at least ' if drive.is_bound else ''}{drive.velocity_limit_rad_s:g} rad/s, "
+        f"play {'at most ' if drive.backlash_is_bound else ''}"
+        f"{1e3 * drive.backlash_rad:.2f} mrad"
+        for drive in drives
+    ]

@@ -1,0 +1,79 @@
+"""Drives of a standing robot, identified by small motions; their truth is known."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from surefoot.cli.app import app
+from surefoot.identify import identify_drives
+from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.robot_file import ServoProfile
+from surefoot.schemas.scenario import Scenario, scenario_from_table
+from tests.stabilizer.closed_loop import NOISE
+
+pytestmark = pytest.mark.closed_loop
+JOINT = "left_ankle_pitch"
+LAG_S, SPEED_SHARE, PLAY_RAD = 1.5e-3, 0.1, 3e-4
+"""What may be missed: half a tick and a little more, and a share of the speed."""
+
+
+def with_drives(robot: Robot, *, lag_s: float, speed: float) -> Robot:
+    profile = ServoProfile(velocity_limit_rad_s=speed, lag_s=lag_s)
+    servo = msgspec.structs.replace(robot.file.servo, profiles={"true": profile})
+    servo = msgspec.structs.replace(servo, profile="true")
+    return replace(robot, file=msgspec.structs.replace(robot.file, servo=servo))
+
+
+def imperfect(**error: float) -> Scenario:
+    table = {"name": "drives", "duration_s": 1.0, "sensors": NOISE}
+    return scenario_from_table({**table, "model_error": error}, source="test")
+
+
+@pytest.mark.parametrize(
+    ("lag_s", "speed", "play"), [(0.02, 3.1, 0.001), (0.04, 2.0, 0.002)]
+)
+def test_lag_speed_limit_and_play_are_those_of_the_drive(
+    walker: Robot, lag_s: float, speed: float, play: float
+) -> None:
+    robot = with_drives(walker, lag_s=lag_s, speed=speed)
+    (found,) = identify_drives(
+        robot,
+        joints=[JOINT],
+        scenario=imperfect(backlash_rad=play, servo_kp_scale=0.9),
+    )
+    assert found.lag_s == pytest.approx(lag_s, abs=LAG_S)
+    assert found.velocity_limit_rad_s == pytest.approx(speed, rel=SPEED_SHARE)
+    assert not found.is_bound
+    assert found.backlash_rad == pytest.approx(play, abs=PLAY_RAD)
+    assert found.stiffness_scale == pytest.approx(0.9, abs=0.03)
+
+
+def test_a_limit_that_does_not_show_is_a_bound(walker: Robot) -> None:
+    robot = with_drives(walker, lag_s=0.005, speed=12.0)
+    (found,) = identify_drives(robot, joints=[JOINT], scenario=imperfect())
+    assert found.lag_s == pytest.approx(0.005, abs=LAG_S)
+    assert found.is_bound
+    assert 5.0 < found.velocity_limit_rad_s <= 12.0
+
+
+def test_the_command_writes_a_robot_file_and_replaces_none(tmp_path: Path) -> None:
+    out = tmp_path / "mine.toml"
+    words = ["identify", "--inline", "--servo-profile", "harmonic", "--json"]
+    words += ["--joint", JOINT, "--out", str(out)]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == 0, answer.output
+    told = json.loads(answer.stdout)
+    assert [drive["joint"] for drive in told["drives"]] == [JOINT]
+    profile = load_robot(out).servo_profile
+    assert profile.lag_s == pytest.approx(0.02, abs=LAG_S)
+    assert msgspec.to_builtins(profile) == told["profile"]
+    before = out.read_text()
+    again = CliRunner().invoke(app, words)
+    assert "is there already" in str(again.exception)
+    assert out.read_text() == before
