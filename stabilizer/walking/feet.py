@@ -65,7 +65,7 @@ class Feet:
         self._settings = settings
         self._contacts, self._anchors = contacts, anchors
         self._largest, self._dt = largest_force, period_s
-        self.state = [FootState.PLANTED, FootState.PLANTED]
+        self.states = [FootState.PLANTED, FootState.PLANTED]
         self.since_s = [0.0, 0.0]
         self.touched = [False, False]
         self._timer = [0.0, 0.0]
@@ -79,18 +79,18 @@ class Feet:
     @property
     def arriving(self) -> int | None:
         """The foot in the air, or else one that lands, if any."""
-        if self.airborne is not None or FootState.LANDING not in self.state:
+        if self.airborne is not None or FootState.LANDING not in self.states:
             return self.airborne
-        return self.state.index(FootState.LANDING)
+        return self.states.index(FootState.LANDING)
 
     @property
     def landing(self) -> list[bool]:
         """Which feet feel the impact of a touchdown."""
-        return [state is FootState.LANDING for state in self.state]
+        return [state is FootState.LANDING for state in self.states]
 
     def is_airborne(self, side: int) -> bool:
         """Whether a foot is in the air, by plan or since it bounced."""
-        return self.state[side] in (FootState.SWING, FootState.RELANDING)
+        return self.states[side] in (FootState.SWING, FootState.RELANDING)
 
     def leave(self, side: int) -> None:
         """Have a foot unload, to be lifted."""
@@ -122,7 +122,7 @@ class Feet:
             self.since_s[side] += self._dt
             self._landed_s[side] += self._dt
             self.touched[side] = False
-            state = self.state[side]
+            state = self.states[side]
             if state is FootState.SWING or state is FootState.RELANDING:
                 if may_touch or state is FootState.RELANDING:
                     self._feel_for_ground(side, normals[side])
@@ -137,7 +137,7 @@ class Feet:
     def settle(self, side: int) -> None:
         """Let a foot that has landed for long enough be planted, if it has."""
         if (
-            self.state[side] is FootState.LANDING
+            self.states[side] is FootState.LANDING
             and self.since_s[side] >= self._settings.landing_s
         ):
             self.give_back(side)
@@ -150,7 +150,7 @@ class Feet:
         self._touch(side)
 
     def _touch(self, side: int) -> None:
-        if self.state[side] is FootState.SWING:
+        if self.states[side] is FootState.SWING:
             self._landed_s[side] = 0.0
             self.touched[side] = True
         self._contacts.in_contact[side] = True
@@ -173,6 +173,6 @@ class Feet:
             self._enter(side, FootState.RELANDING)
 
     def _enter(self, side: int, state: FootState) -> None:
-        self.state[side] = state
+        self.states[side] = state
         self.since_s[side] = 0.0
         self._timer[side] = 0.0

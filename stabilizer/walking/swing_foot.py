@@ -90,8 +90,8 @@ class ExpectedGround:
         """
         self.under = feet.arriving
         off = self.under
-        if off is None and FootState.LEAVING in feet.state:
-            off = feet.state.index(FootState.LEAVING)
+        if off is None and FootState.LEAVING in feet.states:
+            off = feet.states.index(FootState.LEAVING)
         if off is None:
             self.from_both(dynamics)
         else:

@@ -220,7 +220,7 @@ class Walk:
             for side, (x, y, _) in enumerate(self._anchors.p)
         ]
         move = self._move
-        if move is not None and self.feet.state[move.side] is FootState.SWING:
+        if move is not None and self.feet.states[move.side] is FootState.SWING:
             x, y = self._adjustment.shift
             p = move.place
             feet[move.side] = Foothold(p.x + x, p.y + y, p.z, p.yaw)
@@ -260,14 +260,14 @@ class Walk:
         if phase in (Phase.SHIFT, Phase.DOUBLE):
             leaving = 1 - gait.support
             moves = self._ahead()
-            if moves and feet.state[leaving] is FootState.PLANTED:
+            if moves and feet.states[leaving] is FootState.PLANTED:
                 left = gait.left_share(self._footholds())
                 if (left if leaving == 0 else 1.0 - left) < LEAVING_FROM:
                     feet.leave(leaving)
             if gait.left_s > 0.0:
                 return
             if not moves:
-                if feet.state[leaving] is FootState.LEAVING:
+                if feet.states[leaving] is FootState.LEAVING:
                     feet.give_back(leaving)
                 gait.begin_settle()
                 return
@@ -289,7 +289,7 @@ class Walk:
                 else:
                     gait.begin_settle()
         elif phase is Phase.SETTLE and gait.left_s == 0.0:
-            is_down = all(state is FootState.PLANTED for state in feet.state)
+            is_down = all(state is FootState.PLANTED for state in feet.states)
             rests = gait.rests(self._footholds())
             if is_down and rests and all(self._contacts.in_contact):
                 gait.stand()
@@ -335,7 +335,7 @@ class Walk:
         if (
             gait.phase is Phase.SINGLE
             and move is not None
-            and self.feet.state[move.side] is FootState.SWING
+            and self.feet.states[move.side] is FootState.SWING
         ):
             moved = self._adjustment.update(
                 (x, y),
@@ -363,7 +363,7 @@ class Walk:
         share = gait.left_share(feet)
         stance.load[:] = share, 1.0 - share
         for side in range(2):
-            foot = self.feet.state[side]
+            foot = self.feet.states[side]
             if foot is FootState.LEAVING:
                 part = stance.load[side]
                 margin = self._settings.leaving_margin * min(1.0, 4.0 * part)
@@ -374,7 +374,7 @@ class Walk:
 
     def _write_swing(self, side: int, dynamics: Dynamics) -> None:
         """Write where the foot in the air should be."""
-        if self.feet.state[side] is FootState.RELANDING:
+        if self.feet.states[side] is FootState.RELANDING:
             x, y, _ = self._anchors.p[side]
             self._swing.go_down(side, dynamics, (x, y), self._anchors.yaw[side])
         else:
@@ -386,7 +386,7 @@ class Walk:
         """Bring what is told of the walk up to date."""
         told = self._told
         told.phase, told.phase_s = self.gait.phase, self.gait.t
-        told.feet = self.feet.state
+        told.feet = self.feet.states
         told.shift[:] = self._adjustment.shift
         told.see(self._anchors, self._footholds())
 

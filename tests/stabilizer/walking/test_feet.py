@@ -61,7 +61,7 @@ def test_a_lifted_foot_touches_down_once(stand: Stand, side: int) -> None:
     assert not stand.anchors.planted[side]
     assert stand.feel(side, 100.0, time_s=0.05, may=False) == 0
     assert stand.feel(side, 100.0, time_s=0.05) == 1
-    assert stand.feet.state[side] is FootState.LANDING
+    assert stand.feet.states[side] is FootState.LANDING
     assert stand.contacts.in_contact[side]
 
 
@@ -71,7 +71,7 @@ def test_a_spike_of_one_tick_is_no_touchdown(stand: Stand, side: int) -> None:
     for _ in range(20):
         stand.feel(side, 200.0, time_s=DT)
         stand.feel(side, 0.0, time_s=DT)
-    assert stand.feet.state[side] is FootState.SWING
+    assert stand.feet.states[side] is FootState.SWING
 
 
 @SIDES
@@ -80,11 +80,11 @@ def test_a_landing_foot_is_planted_after_its_time(stand: Stand, side: int) -> No
     stand.feel(side, 100.0, time_s=0.02)
     assert not stand.anchors.planted[side]
     stand.feet.settle(side)
-    assert stand.feet.state[side] is FootState.LANDING
+    assert stand.feet.states[side] is FootState.LANDING
     stand.feel(side, 300.0, time_s=SETTINGS.landing_s)
     assert stand.anchors.planted[side]
     stand.feet.settle(side)
-    assert stand.feet.state[side] is FootState.PLANTED
+    assert stand.feet.states[side] is FootState.PLANTED
     assert not stand.contacts.owned[side]
 
 
@@ -95,10 +95,10 @@ def test_a_bounce_is_a_landing_again_and_no_other_touchdown(
     stand.feet.lift(side)
     assert stand.feel(side, 500.0, time_s=0.01) == 1
     assert stand.feel(side, 0.0, time_s=0.03) == 0
-    assert stand.feet.state[side] is FootState.RELANDING
+    assert stand.feet.states[side] is FootState.RELANDING
     assert not stand.contacts.in_contact[side]
     assert stand.feel(side, 100.0, time_s=0.01) == 0
-    assert stand.feet.state[side] is FootState.LANDING
+    assert stand.feet.states[side] is FootState.LANDING
 
 
 @SIDES

@@ -36,7 +36,7 @@ def begun(robot: Robot, **table: object) -> tuple[Simulation, WholeBodyControlle
     controller = WholeBodyController(robot, ControllerSettings())
     while sim.time_s < IN_THE_AIR_S:
         sim.step(controller)
-    assert controller.walk.feet.state[0] is FootState.SWING
+    assert controller.walk.feet.states[0] is FootState.SWING
     return sim, controller
 
 
