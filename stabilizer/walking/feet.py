@@ -38,7 +38,7 @@ class Feet:
     """The states of both feet, written into contact monitor and anchors.
 
     Attributes:
-        state: of left and right foot.
+        states: of left and right foot.
         since_s: time since the last change of state of each.
         touched: whether each foot touched down in this tick, for the first time in
             its step.
