@@ -299,14 +299,18 @@ class ForceFeedback:
         return share
 
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
-        """Have a lifted foot go down, along the world's vertical."""
+        """Have a lifted foot go down, along the world's vertical.
+
+        As fast with slow drives as with others: what K grows for is a loop through the
+        ground, and while a foot is in the air the robot tips over the other one.
+        """
         self.share[side] = 0.0
         rows = SOLE_ROWS[side]
         index = 6 * side + NORMAL
         speed = (
             dynamics.Lambda_c_inv[index, index]
             * (self._contact.search_force_n - normal)
-            * self.minus_K_inv[index]
+            * self._firm_K_inv[index]
         )
         speed = min(max(speed, 0.0), self._contact.descent_limit_m_s)
         self.r[rows] = 0.0

@@ -82,9 +82,12 @@ def test_first_commands_are_the_posture_it_took_over(
 
 
 def test_commands_fade_in(controller: WholeBodyController, snapshot: Snapshot) -> None:
+    """With a force error too small to be a sensor's offset."""
     answers(controller, snapshot, ticks=CALIBRATION_TICKS)
     ramp = round(SETTINGS.dik.ramp_in_s / PERIOD_S)
-    commands = answers(controller, pushed(snapshot), ticks=ramp)
+    left, right = 1.05 * snapshot.ft_left, 0.95 * snapshot.ft_right
+    uneven = replace(snapshot, ft_left=left, ft_right=right)
+    commands = answers(controller, uneven, ticks=ramp)
     steps = np.abs(np.diff(commands, axis=0)).max(axis=1)
     assert steps[0] < 0.05 * steps.max()
     assert steps[: ramp // 10].max() < 0.2 * steps.max()
