@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from surefoot.cli import console
 from surefoot.cli.__main__ import main
 from surefoot.endpoints import loopback_endpoints
 from surefoot.schemas.endpoints import Endpoints
@@ -57,6 +58,8 @@ def surefoot_here(
             patch.setattr(sys, "argv", words)
             for name, value in PLAIN.items():
                 patch.setenv(name, value)
+            # Made when first imported, maybe by a test with a narrower terminal.
+            patch.setattr(console, "_stdout", console._console_for_results())
             capfd.readouterr()
             try:
                 main()
