@@ -13,6 +13,7 @@ import tomli_w
 
 from surefoot.errors import ChildFailedError, UsageError
 from surefoot.exit_codes import ExitCode
+from surefoot.out_folder import check_replaceable
 from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import Pace
@@ -29,6 +30,7 @@ from surefoot.stabilizer.identification import Drive, IdentifyController
 from surefoot.stabilizer.node import run_stabilizer
 
 PROFILE = "identified"
+SIGNATURE = "by surefoot identify"
 AMPLITUDE_RAD = 0.02
 LARGEST_AMPLITUDE_RAD = 0.05
 """A leg moved further would lift its foot [rad]."""
@@ -177,11 +179,7 @@ def check_out(out: Path, *, overwrite: bool) -> None:
     Raises:
         UsageError: it is taken, or its folder is not there.
     """
-    if out.is_dir() or (out.exists() and not overwrite):
-        raise UsageError(
-            f"--out {out}: is there already; choose another name, or replace the file "
-            "with --overwrite"
-        )
+    check_replaceable(out, signature=SIGNATURE, overwrite=overwrite)
     if not out.parent.is_dir():
         raise UsageError(f"--out {out}: there is no folder {out.parent}")
 
@@ -212,7 +210,7 @@ def write_profile(robot: Robot, drives: Sequence[Drive], out: Path) -> ServoProf
     table = {EXTENDS: os.path.relpath(below.resolve(), start), **table, "servo": servo}
     if "urdf" in table:
         table["urdf"] = os.path.relpath(robot.urdf_path, start)
-    lines = [f"# Drives of {robot.file.name}, by surefoot identify."]
+    lines = [f"# Drives of {robot.file.name}, {SIGNATURE}."]
     lines += [f"# {line}" for line in in_lines(drives)]
     with atomic_file(out) as file:
         file.write(("\n".join(lines) + "\n\n" + tomli_w.dumps(table)).encode())

@@ -19,6 +19,10 @@ except ImportError:  # no POSIX: two runs into one folder are then not told apar
     fcntl = None  # type: ignore[assignment]
 
 
+_LONGEST_LINE = 4096
+"""Of a file whose first line is looked at [bytes]."""
+
+
 def make_out_folder(folder: Path, *, out: Path) -> None:
     """Make a folder, with those above it, and see that files can be written there.
 
@@ -46,6 +50,35 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
             f"--out {out}: cannot write in {folder} ({error.strerror or error}); name "
             "a folder that can be written to, on a disk with room"
         ) from error
+
+
+def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
+    """See that a file is not there, or one that the same command wrote.
+
+    Args:
+        path: the file.
+        signature: what such a file says in its first line.
+        overwrite: whether it may be replaced.
+
+    Raises:
+        UsageError: it is there, and may not be replaced or is somebody else's.
+    """
+    if not (path.exists() or path.is_symlink()):
+        return
+    if not overwrite:
+        raise UsageError(
+            f"--out {path}: is there already; name another place, or give --overwrite"
+        )
+    try:
+        with path.open("rb") as file:
+            is_ours = signature.encode() in file.readline(_LONGEST_LINE)
+    except OSError:
+        is_ours = False
+    if not is_ours:
+        raise UsageError(
+            f"--out {path}: is there, and its first line does not say {signature!r}; "
+            "it is left as it is, name another place"
+        )
 
 
 def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:

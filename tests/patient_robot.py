@@ -11,7 +11,7 @@ from pathlib import Path
 
 import msgspec
 
-from surefoot.robot_io.robot import Robot, find_robot
+from surefoot.robot_io.robot import Robot, find_robot, load_robot
 from surefoot.schemas.settings import ControllerSettings, build_settings
 
 HOLD_AFTER_S = 0.5
@@ -44,6 +44,11 @@ def patient(robot: Robot, **gate: float) -> Robot:
     """
     changed = msgspec.structs.replace(robot.file.gate, **{**GATE, **gate})
     return replace(robot, file=msgspec.structs.replace(robot.file, gate=changed))
+
+
+def judged_walker() -> Robot:
+    """The Walker for a conformance run."""
+    return patient(load_robot("walker"), **JUDGED)
 
 
 def patient_robot_file(folder: Path, below: Path | None = None, **gate: float) -> Path:

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from surefoot.errors import UsageError
+from surefoot.out_folder import check_replaceable
 from surefoot.robot_files import clean_urdf
 from surefoot.robot_files.draft import Draft, Note
 from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
@@ -32,6 +33,7 @@ from surefoot.stabilizer.stance.nominal import NominalPosture, find_nominal
 
 LOWEST_M, HIGHEST_M = 0.05, 3.0
 """Of the centre of mass above the soles."""
+SIGNATURE = "by surefoot new-robot"
 BESIDE_M = 0.03
 """Least gap between the soles."""
 
@@ -115,11 +117,11 @@ def new_robot(
     name = _name(options.name or draft.root.get("name") or urdf.stem)
     toml_path, urdf_path = out / f"{name}.toml", out / f"{name}.urdf"
     for path in (toml_path, urdf_path):
-        if path.exists() and (not overwrite or path.resolve() == urdf.resolve()):
+        if path.exists() and path.resolve() == urdf.resolve():
             raise UsageError(
-                f"{path}: is there already; take another --name or --out, or replace "
-                "it with --overwrite"
+                f"{path}: is the URDF itself; take another --name or --out"
             )
+        check_replaceable(path, signature=SIGNATURE, overwrite=overwrite)
     checked = Urdf(urdf, draft.root)
     checked.check_masses()
     body = read_body(bare_text(draft.root), source=str(urdf))
@@ -152,7 +154,11 @@ def new_robot(
     copies = carry_meshes(draft, out, folder=f"{name}_meshes")
     if not overwrite:
         check_copies(copies)
-    contents = {toml_path: text, urdf_path: draft.text()}
+    made = f"{SIGNATURE} from {urdf.name}"
+    contents = {
+        toml_path: f"# {name}, {made}.\n{text}",
+        urdf_path: f"<!-- {name}, {made}. -->\n{draft.text()}",
+    }
     with tempfile.TemporaryDirectory() as trial:
         for path, content in contents.items():
             (Path(trial) / path.name).write_text(content, encoding="utf-8")

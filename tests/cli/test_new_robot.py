@@ -33,12 +33,17 @@ def test_a_urdf_becomes_a_robot_file_that_is_judged(
     report = json.loads(judged.stdout)
     assert {f["verdict"] for f in report["findings"]} == {"ok"}
     assert {fit["name"] for fit in report["scenarios"]} >= {"standing"}
-    again = surefoot_here(
-        *("new-robot", str(WALKER), *FEET, "--name", "mine"),
-        *("--out", str(tmp_path / "robot")),
-    )
+    words = ("new-robot", WALKER, *FEET, "--name", "mine", "--out", tmp_path / "robot")
+    again = surefoot_here(*words)
     assert again.returncode == 2
     assert "--overwrite" in again.stderr
+    assert surefoot_here(*words, "--overwrite").returncode == 0
+    mine = tmp_path / "robot" / "mine.urdf"
+    mine.write_text("<robot/> <!-- drawn by hand -->")
+    refused = surefoot_here(*words, "--overwrite")
+    assert refused.returncode == 2
+    assert "'by surefoot new-robot'" in refused.stderr
+    assert mine.read_text() == "<robot/> <!-- drawn by hand -->"
 
 
 def test_what_cannot_be_is_one_line_and_exit_code_2(

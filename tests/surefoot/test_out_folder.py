@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 import surefoot as sf
-from surefoot.out_folder import OutFolder, claim_file
+from surefoot.out_folder import OutFolder, check_replaceable, claim_file
 from surefoot.run_folder import MARKER, RUN_FILES, run_folder
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
@@ -220,6 +220,18 @@ def test_a_run_in_memory_is_saved_as_the_command_would(tmp_path: Path) -> None:
     with pytest.raises(sf.UsageError, match="--overwrite"):
         run.save(tmp_path / "run")
     run.save(tmp_path / "run", overwrite=True)
+
+
+def test_only_a_file_that_says_who_wrote_it_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    check_replaceable(path, signature="by surefoot identify", overwrite=False)
+    path.write_text("# Drives of walker, by surefoot identify.\n")
+    check_replaceable(path, signature="by surefoot identify", overwrite=True)
+    with pytest.raises(sf.UsageError, match="--overwrite"):
+        check_replaceable(path, signature="by surefoot identify", overwrite=False)
+    path.write_text("# Mine.\n# by surefoot identify\n")
+    with pytest.raises(sf.UsageError, match="is left as it is"):
+        check_replaceable(path, signature="by surefoot identify", overwrite=True)
 
 
 def test_a_record_is_never_replaced_without_asking(tmp_path: Path) -> None:

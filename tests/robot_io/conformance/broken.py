@@ -12,13 +12,13 @@ import numpy as np
 
 from deploy.driver.acme_driver import AcmeAdapter
 from surefoot.robot_io.bus.stop_request import StopRequest
-from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.robot_side.driver import run_driver
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import JointCommand
+from tests.patient_robot import judged_walker
 
 Twist = Callable[[Snapshot, int], Snapshot]
 GRAVITY_M_S2 = 9.80665
@@ -132,7 +132,7 @@ def broken_robot(
     endpoints: Endpoints, twist: Twist, gate: type[CommandGate], period_factor: int
 ) -> str:
     """Serve such a robot until it is killed."""
-    robot = load_robot("walker")
+    robot = judged_walker()
     inner = AcmeAdapter(robot)
 
     class Adapter:

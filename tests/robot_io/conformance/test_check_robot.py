@@ -16,7 +16,7 @@ from surefoot.sim_robot.node import RobotRun, run_robot
 from tests.awkward_robot import AWKWARD, make_awkward
 from tests.command import Surefoot
 from tests.nodes.processes import running
-from tests.patient_robot import JUDGED, patient_robot_file
+from tests.patient_robot import JUDGED, judged_walker, patient_robot_file
 from tests.robot_io.conformance import broken
 from tests.robot_io.conformance.verdict import (
     OF_THE_MACHINE,
@@ -54,7 +54,7 @@ def failures(
     """Names of what fails on such a robot."""
     with running(broken.broken_robot, endpoints, twist, gate, period_factor):
         report = check_conformance(
-            load_robot("walker"),
+            judged_walker(),
             endpoints=endpoints,
             sections=sections,
             timeout_s=PATIENCE_S,
@@ -130,10 +130,11 @@ def test_no_robot_is_unreachable(surefoot: Surefoot, endpoints: Endpoints) -> No
 
 
 def test_a_broken_robot_exits_with_1_and_names_the_line(
-    surefoot: Surefoot, endpoints: Endpoints
+    surefoot: Surefoot, endpoints: Endpoints, tmp_path: Path
 ) -> None:
     with running(broken.broken_robot, endpoints, broken.in_g, CommandGate, 1):
         words = ["--connect", *endpoints.connect, "--wait", PATIENCE_S]
+        words += ["--robot", patient_robot_file(tmp_path, **JUDGED)]
         done = surefoot("check-robot", *words, "--only", "sensors")
     assert done.returncode == 1
     failed = [line for line in done.stdout.splitlines() if "FAILED" in line]
