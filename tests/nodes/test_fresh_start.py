@@ -31,11 +31,13 @@ from tests.nodes.processes import SEED, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_reconnect import FAR_RAD, PAUSE_S, is_commanded_again
 from tests.nodes.test_requests import looking
+from tests.patient_robot import HOLD_AFTER_S
 from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
 NEW_GAIN = 35.0
 STALL_TICK = 100
+ANSWERED_TICKS = round(1.2 * HOLD_AFTER_S / WALKER.period_s)
 HELD_FROM_S, RAMP_S, HELD_TO_S = 1.0, 3.0, 4.0
 RECOVERED_S = 2.4
 NEAR_M = 0.005
@@ -157,9 +159,14 @@ def test_a_restart_after_a_silence_starts_another_controller(
         observer(endpoints) as when,
     ):
         refused = when(lambda s: s.refused.get("first_command"), what="the refusal")
-        when(
+        active = when(
             lambda s: s.tick > refused.tick and s.mode is RobotMode.ACTIVE,
             what="command of the robot",
+        )
+        # It would hold by then if the other controller had not answered.
+        when(
+            lambda s: s.tick > active.tick + ANSWERED_TICKS and s.mode is active.mode,
+            what="answers of the other controller",
         )
         controller.signal(signal.SIGTERM)
         noted = controller.result()
