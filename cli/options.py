@@ -30,11 +30,11 @@ class _TerminalWords:
 
     def get_params(self, ctx: Any) -> list[Any]:
         """All parameters, those without a word for their value given one."""
-        params: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        params: list[Any] = super().get_params(ctx)  # type: ignore[misc]  # typer is untyped here
         for param in params:
             if isinstance(param, TyperArgument):
                 param.metavar = param.metavar or str(param.name).upper()
-                param.display_type_rich = _nothing  # type: ignore[method-assign]
+                param.display_type_rich = _nothing  # type: ignore[method-assign]  # one object's
             elif param.metavar is None and param.is_flag:
                 param.metavar = ""
             elif param.metavar is None:
@@ -44,7 +44,7 @@ class _TerminalWords:
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """The words after the command's name, without braces around what must be."""
-        words: list[str] = super().collect_usage_pieces(ctx)  # type: ignore[misc]
+        words: list[str] = super().collect_usage_pieces(ctx)  # type: ignore[misc]  # as above
         return [re.sub(r"[{}]", "", word) for word in words]
 
 
