@@ -7,6 +7,7 @@ import signal
 import sys
 from types import FrameType
 
+from surefoot.errors import ERROR_PREFIX
 from surefoot.exit_codes import ExitCode, exit_code_of
 
 # 34 x 34 algebra is slower with threads, and its tail far worse. Read when numpy
@@ -31,7 +32,10 @@ def main() -> None:
             code = ExitCode.INTERRUPTED
         if code is None:
             raise
-        if code is not ExitCode.INTERRUPTED:
+        if code is ExitCode.INTERRUPTED:
+            # Plainly: what prints in colours may be what was being loaded.
+            sys.stderr.write(f"{ERROR_PREFIX} interrupted{interruption.by}\n")
+        else:
             from surefoot.cli.console import print_error
 
             print_error(error)
@@ -43,16 +47,19 @@ class _Interruption:
 
     Attributes:
         has_come: whether one of them did.
+        by: which, for a message; empty when none did.
     """
 
     def __init__(self) -> None:
         """Begin to watch; a node that runs has handlers of its own meanwhile."""
         self.has_come = False
+        self.by = ""
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._come)
 
     def _come(self, signum: int, frame: FrameType | None) -> None:
         self.has_come = True
+        self.by = f" by {signal.Signals(signum).name}"
         raise KeyboardInterrupt(signal.Signals(signum).name)
 
 

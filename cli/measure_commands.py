@@ -152,7 +152,7 @@ def identify(
         scenario=None if scenario is None else load_scenario(scenario),
         timeout_s=wait_s,
     )
-    profile = write_profile(model, drives, target)
+    profile = write_profile(model, drives, target, overwrite=overwrite)
     if as_json:
         print_json(
             {

@@ -50,22 +50,12 @@ def run_table(result: RunResult) -> Table:
         f"{result.scenario}, {result.controller}, {result.robot}, seed {result.seed}, "
         f"{result.mode}"
     )
-    _add_standing(table, result, Judgement(result.outcome, result.outcome_detail))
-    _add_forces(table, result)
-    table.add_row("force error rms (left, right)", _row(result.force_error_rms_n, "N"))
-    table.add_section()
-    _add_timing(table, result)
-    table.add_row("controller tick", _times(result.tick_ms))
-    _add_gate(table, result)
-    if result.mode == "realtime":
-        table.add_row("ticks skipped, answered late", _late(result))
-    table.add_row("QP failures", str(result.qp_failures))
-    if result.lost_sensors:
-        lost = ", ".join(f"{x} {plain(why)}" for x, why in result.lost_sensors.items())
-        table.add_row("sensors lost", lost)
-    if result.degraded_ticks:
-        table.add_row("ticks without a sensor", str(result.degraded_ticks))
-    if result.end is not EndReason.RUN_OVER:
+    _add_outcome(table, Judgement(result.outcome, result.outcome_detail))
+    if result.ticks:
+        _add_figures(table, result)
+    if result.end is EndReason.NONE:
+        table.add_row("stabilizer", result.end_detail)
+    elif result.end is not EndReason.RUN_OVER:
         table.add_row("stabilizer", in_words(result.end, result.end_detail))
     if result.relay is not None:
         table.add_row(f"relay, {result.relay.plan}", _faults(result.relay))
@@ -75,14 +65,38 @@ def run_table(result: RunResult) -> Table:
     return table
 
 
+def _add_figures(table: Table, result: RunResult) -> None:
+    """What was measured, of a run that came as far as its first tick."""
+    _add_standing(table, result)
+    _add_forces(table, result)
+    _add_force_error(table, result)
+    table.add_section()
+    _add_timing(table, result)
+    is_known = result.end is not EndReason.NONE
+    if is_known:
+        table.add_row("controller tick", _times(result.tick_ms))
+    _add_gate(table, result)
+    if result.mode == "realtime":
+        table.add_row("ticks skipped, answered late", _late(result))
+    if is_known:
+        table.add_row("QP failures", str(result.qp_failures))
+    if result.lost_sensors:
+        lost = ", ".join(f"{x} {plain(why)}" for x, why in result.lost_sensors.items())
+        table.add_row("sensors lost", lost)
+    if result.degraded_ticks:
+        table.add_row("ticks without a sensor", str(result.degraded_ticks))
+
+
 def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Table:
     """The figures of the simulated robot alone."""
     table = _figures(title)
-    _add_standing(table, result, judgement)
-    _add_forces(table, result)
-    table.add_section()
-    _add_timing(table, result)
-    _add_gate(table, result)
+    _add_outcome(table, judgement)
+    if result.ticks:
+        _add_standing(table, result)
+        _add_forces(table, result)
+        table.add_section()
+        _add_timing(table, result)
+        _add_gate(table, result)
     return table
 
 
@@ -93,7 +107,7 @@ def controller_table(
     table = _figures(f"{name}: {in_words(result.end, result.end_detail)}")
     table.add_row("ticks", str(result.ticks))
     table.add_row("controller tick", _times(result.tick_ms))
-    table.add_row("force error rms (left, right)", _row(result.force_error_rms_n, "N"))
+    _add_force_error(table, result)
     table.add_row("QP failures", str(result.qp_failures))
     table.add_row("stale snapshots", str(result.stale_snapshots))
     if is_realtime:
@@ -149,13 +163,14 @@ def _figures(title: str) -> Table:
     return table
 
 
-def _add_standing(
-    table: Table, result: RunResult | PlantResult, judgement: Judgement
-) -> None:
+def _add_outcome(table: Table, judgement: Judgement) -> None:
     colour = "green" if judgement.outcome.is_up else "red"
     said = Text(judgement.sentence, f"bold {colour}")
     said.overflow, said.no_wrap = "fold", False
     table.add_row("outcome", said)
+
+
+def _add_standing(table: Table, result: RunResult | PlantResult) -> None:
     table.add_row("CoM error rms (x, y, z)", _row(result.com_error_rms_mm, "mm"))
     table.add_row("CoM error max (x, y, z)", _row(result.com_error_max_mm, "mm"))
     table.add_row("base tilt max", f"{result.base_tilt_max_deg:.1f} deg")
@@ -168,6 +183,12 @@ def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
         table.add_row(f"ground, {ground.file}", _recorded(ground))
     table.add_row("force peak (left, right)", peak)
     table.add_row("contact lost (left, right)", _row(result.contact_lost_s, "s"))
+
+
+def _add_force_error(table: Table, result: RunResult | ControllerResult) -> None:
+    if result.force_error_rms_n is not None:
+        error = _row(result.force_error_rms_n, "N")
+        table.add_row("force error rms (left, right)", error)
 
 
 def _recorded(ground: RecordedGround) -> str:

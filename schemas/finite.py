@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable
 from functools import cache
 from typing import Any, NamedTuple
@@ -18,33 +19,38 @@ class NonFinite(NamedTuple):
     value: float
 
 
-def find_non_finite(value: Any, path: str = "") -> NonFinite | None:
+def find_non_finite(
+    value: Any, path: str = "", *, largest: float = sys.float_info.max
+) -> NonFinite | None:
     """Find the first NaN or infinity at any depth.
 
     Args:
         value: a number, struct, list or dict; other types hold no numbers.
         path: where ``value`` itself stands, put before what is found.
+        largest: what is larger is taken for infinite; of structs only their default.
 
     Returns:
         The first one found, or None when every number is finite.
     """
     if isinstance(value, float):
-        return None if math.isfinite(value) else NonFinite(path, value)
-    if isinstance(value, list):
-        return _first((f"{path}[{index}]", item) for index, item in enumerate(value))
+        return None if abs(value) <= largest else NonFinite(path, value)
+    if isinstance(value, (list, tuple)):
+        places = ((f"{path}[{index}]", item) for index, item in enumerate(value))
+        return _first(places, largest)
     if isinstance(value, msgspec.Struct):
         if _surely_finite(value):
             return None
         value = {name: getattr(value, name) for name in value.__struct_fields__}
     if isinstance(value, dict):
         prefix = f"{path}." if path else ""
-        return _first((f"{prefix}{name}", item) for name, item in value.items())
+        places = ((f"{prefix}{name}", item) for name, item in value.items())
+        return _first(places, largest)
     return None
 
 
-def _first(places: Iterable[tuple[str, Any]]) -> NonFinite | None:
+def _first(places: Iterable[tuple[str, Any]], largest: float) -> NonFinite | None:
     for path, item in places:
-        found = find_non_finite(item, path)
+        found = find_non_finite(item, path, largest=largest)
         if found is not None:
             return found
     return None

@@ -62,6 +62,49 @@ def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
     return list(values)
 
 
+def required_keys(field: str, kind: type[msgspec.Struct]) -> list[str]:
+    """Return the keys that the table around a field must have, in their order.
+
+    None for a table that may be one of several kinds.
+    """
+    structs, _ = _structs_around(field, kind)
+    if len(structs) != 1:
+        return []
+    return [member.encode_name for member in structs[0].fields if member.required]
+
+
+def items_of(field: str, kind: type[msgspec.Struct]) -> str:
+    """Word what a list holds: ``texts``, ``numbers``; empty when that is unknown."""
+    structs, name = _structs_around(field, kind)
+    infos = [
+        member.type
+        for struct in structs
+        for member in struct.fields
+        if member.encode_name == name
+    ]
+    return next(filter(None, map(_items, infos)), "")
+
+
+def _items(info: msgspec.inspect.Type) -> str:
+    if isinstance(info, msgspec.inspect.UnionType):
+        return next(filter(None, map(_items, info.types)), "")
+    if isinstance(info, msgspec.inspect.TupleType):
+        return f"{len(info.item_types)} {_plural(info.item_types[0])}"
+    if isinstance(info, msgspec.inspect.ListType):
+        is_fixed = info.min_length is not None and info.min_length == info.max_length
+        count = f"{info.min_length} " if is_fixed else ""
+        return count + _plural(info.item_type)
+    return ""
+
+
+def _plural(info: msgspec.inspect.Type) -> str:
+    if isinstance(info, (msgspec.inspect.FloatType, msgspec.inspect.IntType)):
+        return "numbers"
+    if isinstance(info, msgspec.inspect.StrType):
+        return "texts"
+    return "tables" if _structs(info) else "entries"
+
+
 def _structs_around(
     field: str, kind: type[msgspec.Struct]
 ) -> tuple[list[msgspec.inspect.StructType], str]:

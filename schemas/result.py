@@ -163,8 +163,8 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
 
     ticks: int
     tick_ms: Distribution
-    force_error_rms_n: Pair
-    """Measured against desired normal force, left and right."""
+    force_error_rms_n: Pair | None
+    """Measured against desired normal force, left and right; null when nobody did."""
     qp_failures: int
     stale_snapshots: int
     degraded_ticks: int
@@ -235,8 +235,8 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """The same: largest."""
     base_tilt_max_deg: float
     """Farthest the base leaned from upright."""
-    force_error_rms_n: Pair
-    """Measured against desired normal force, left and right."""
+    force_error_rms_n: Pair | None
+    """Measured against desired normal force, left and right; null when nobody did."""
     force_deviation_rms_n: Pair | None
     """True vertical force against half the robot's weight, left and right."""
     force_peak_n: Pair | None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,6 +16,8 @@ from surefoot.schemas.key_names import suggest_key
 from surefoot.schemas.validation import explain
 
 _T = TypeVar("_T", bound=msgspec.Struct)
+LARGEST_NUMBER = 1e12
+"""Of any table; no quantity in SI units comes near it, and its square is finite."""
 
 
 class FileStruct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -56,20 +59,30 @@ def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
             range or not finite; the message holds its path and, for an unknown
             key, the nearest valid name.
     """
-    bad = find_non_finite(raw)
-    if bad is not None:
-        raise FileFormatError(
-            f"{source}: {bad.path}: got {bad.value}, expected a finite number",
-            field=bad.path,
-        )
+    _check_numbers(raw, source=source)
     try:
-        return msgspec.convert(raw, kind)
+        converted = msgspec.convert(raw, kind)
     except msgspec.ValidationError as error:
         field, text = explain(error, raw, kind)
         if "unknown field" in text:
             text = f"no such key{suggest_key(field, kind)}"
         place = f"{source}: {field}" if field else source
         raise FileFormatError(f"{place}: {text}", field=field) from error
+    # Whole numbers are floats by now, where the file format has floats.
+    _check_numbers(msgspec.to_builtins(converted), source=source)
+    return converted
+
+
+def _check_numbers(table: Any, *, source: str) -> None:
+    bad = find_non_finite(table, largest=LARGEST_NUMBER)
+    if bad is None:
+        return
+    expected = "a finite number"
+    if math.isfinite(bad.value):
+        expected = f"a number of at most {LARGEST_NUMBER:g}"
+    raise FileFormatError(
+        f"{source}: {bad.path}: got {bad.value}, expected {expected}", field=bad.path
+    )
 
 
 def load(path: Path, kind: type[_T]) -> _T:

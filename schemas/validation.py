@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from surefoot.schemas.key_names import valid_values
+from surefoot.schemas.key_names import items_of, required_keys, valid_values
 
 _PLACE = re.compile(r" - at `(?:key` in `)?\$\.?([^`]*)`$")
 _NAMED_FIELD = re.compile(r"field `([^`]+)`")
@@ -49,6 +49,8 @@ def explain(
     named = _NAMED_FIELD.search(text)
     if named:
         path = f"{path}.{named.group(1)}" if path else named.group(1)
+        if text.startswith("Object missing"):
+            return path, _missing(path, raw, kind)
         return path, text + _choices(valid_values(path, kind), None)
     return path, _reworded(text, path, raw, kind)
 
@@ -65,8 +67,23 @@ def _reworded(text: str, path: str, raw: Any, kind: type[msgspec.Struct]) -> str
     what = " or ".join(
         _WORDS.get(name.strip(), name.strip()) for name in expected[1].split("|")
     )
-    hint = f" of tables: write [[{path}]]" if _is_lone_table(expected[1], got) else ""
-    return f"got {_short(got)}, expected {what}{expected[2]}{hint}"
+    if _is_lone_table(expected[1], got):
+        what = f"a list of tables: write [[{path}]]"
+    elif expected[1].startswith("array") and items_of(path, kind):
+        what = f"a list of {items_of(path, kind)}"
+    else:
+        what += expected[2]
+    return f"got {_short(got)}, expected {what}"
+
+
+def _missing(path: str, raw: Any, kind: type[msgspec.Struct]) -> str:
+    """Say that a key is missing, and which others are."""
+    around, _, name = path.rpartition(".")
+    table, _ = _value_at(raw, around)
+    others = [key for key in required_keys(path, kind) if key not in {name, *table}]
+    also = f", and so {'are' if len(others) > 1 else 'is'} {', '.join(others)}"
+    choices = _choices(valid_values(path, kind), None)
+    return f"is missing{choices}{also if others else ''}"
 
 
 def _is_lone_table(expected: str, got: Any) -> bool:

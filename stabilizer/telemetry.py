@@ -196,14 +196,13 @@ class ControllerTelemetry:
             histogram: whether to add one of the ticks' times.
         """
         ticks = {"controller tick": self._durations} if histogram else {}
-        count = max(1, self._settled)
+        squares = (self._squares_left, self._squares_right)
         return ControllerResult(
             ticks=self._ticks,
             tick_ms=self._durations.distribution(),
-            force_error_rms_n=[
-                math.sqrt(self._squares_left / count),
-                math.sqrt(self._squares_right / count),
-            ],
+            force_error_rms_n=[math.sqrt(x / self._settled) for x in squares]
+            if self._settled
+            else None,
             qp_failures=self._qp_failures,
             stale_snapshots=self._stale,
             lost_sensors=self._lost,

@@ -13,8 +13,7 @@ import tomli_w
 
 from surefoot.errors import ChildFailedError, UsageError
 from surefoot.exit_codes import ExitCode
-from surefoot.out_folder import check_replaceable
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import check_replaceable, new_file
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import EXTENDS, Robot
@@ -181,10 +180,12 @@ def check_out(out: Path, *, overwrite: bool) -> None:
     """
     check_replaceable(out, signature=SIGNATURE, overwrite=overwrite)
     if not out.parent.is_dir():
-        raise UsageError(f"--out {out}: there is no folder {out.parent}")
+        raise UsageError(f"{out}: there is no folder {out.parent}")
 
 
-def write_profile(robot: Robot, drives: Sequence[Drive], out: Path) -> ServoProfile:
+def write_profile(
+    robot: Robot, drives: Sequence[Drive], out: Path, *, overwrite: bool = False
+) -> ServoProfile:
     """Write a robot file that extends the robot's by what was identified.
 
     A file that itself extends another one is written anew, with all it says.
@@ -193,8 +194,10 @@ def write_profile(robot: Robot, drives: Sequence[Drive], out: Path) -> ServoProf
         robot: whose drives they are.
         drives: at least one.
         out: the file.
+        overwrite: whether it may replace one.
 
     Raises:
+        UsageError: the file is there.
         OSError: it cannot be written.
     """
     profile = profile_of(drives)
@@ -212,7 +215,7 @@ def write_profile(robot: Robot, drives: Sequence[Drive], out: Path) -> ServoProf
         table["urdf"] = os.path.relpath(robot.urdf_path, start)
     lines = [f"# Drives of {robot.file.name}, {SIGNATURE}."]
     lines += [f"# {line}" for line in in_lines(drives)]
-    with atomic_file(out) as file:
+    with new_file(out, overwrite=overwrite) as file:
         file.write(("\n".join(lines) + "\n\n" + tomli_w.dumps(table)).encode())
     return profile
 

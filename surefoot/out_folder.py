@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Collection
-from contextlib import suppress
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Self
+from typing import IO, BinaryIO, Self
 
 from surefoot.errors import EnvironmentFailedError, UsageError
+from surefoot.robot_io.atomic_file import atomic_file
 
 try:
     import fcntl
@@ -35,7 +36,7 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
         EnvironmentFailedError: it cannot be made or written to.
     """
     if folder.is_symlink() and not folder.exists():
-        raise UsageError(f"--out {out}: is a link to nothing; name a folder")
+        raise UsageError(f"{out}: is a link to nothing; name a folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -43,11 +44,11 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
     except (FileExistsError, NotADirectoryError) as error:
         file = next((above for above in folder.parents if above.is_file()), folder)
         raise UsageError(
-            f"--out {out}: {file} is not a folder; name a folder, or a new one"
+            f"{out}: {file} is not a folder; name a folder, or a new one"
         ) from error
     except OSError as error:
         raise EnvironmentFailedError(
-            f"--out {out}: cannot write in {folder} ({error.strerror or error}); name "
+            f"{out}: cannot write in {folder} ({error.strerror or error}); name "
             "a folder that can be written to, on a disk with room"
         ) from error
 
@@ -67,7 +68,8 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
         return
     if not overwrite:
         raise UsageError(
-            f"--out {path}: is there already; name another place, or give --overwrite"
+            f"{path}: is there already; name another place, or overwrite it "
+            "(--overwrite)"
         )
     try:
         with path.open("rb") as file:
@@ -76,9 +78,30 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
         is_ours = False
     if not is_ours:
         raise UsageError(
-            f"--out {path}: is there, and its first line does not say {signature!r}; "
+            f"{path}: is there, and its first line does not say {signature!r}; "
             "it is left as it is, name another place"
         )
+
+
+@contextmanager
+def new_file(path: Path, *, overwrite: bool) -> Iterator[IO[bytes]]:
+    """Open a file that takes its name once it is complete.
+
+    Args:
+        path: its final name, found free or replaceable when the command began.
+        overwrite: whether it may replace a file.
+
+    Raises:
+        UsageError: another command took the name meanwhile.
+    """
+    try:
+        with atomic_file(path, overwrite=overwrite) as file:
+            yield file
+    except FileExistsError as error:
+        raise UsageError(
+            f"{path}: another command wrote it meanwhile, and it is left as it "
+            "is; name another place"
+        ) from error
 
 
 def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
@@ -97,7 +120,8 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
     """
     if path.exists() and not overwrite:
         raise UsageError(
-            f"--out {path}: is there already; name another file, or give --overwrite"
+            f"{path}: is there already; name another file, or overwrite it "
+            "(--overwrite)"
         )
     partial = path.with_name(path.name + ".partial")
     file = partial.open("ab")
@@ -106,13 +130,13 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if file.tell() and not overwrite:
             raise UsageError(
-                f"--out {path}: {partial} is what a command that was cut off left; "
-                "take it elsewhere, name another file, or give --overwrite"
+                f"{path}: {partial} is what a command that was cut off left; "
+                "take it elsewhere, name another file, or overwrite it (--overwrite)"
             )
     except BlockingIOError as error:
         file.close()
         raise UsageError(
-            f"--out {path}: another command is writing it now; name another file"
+            f"{path}: another command is writing it now; name another file"
         ) from error
     except UsageError:
         file.close()
@@ -209,7 +233,7 @@ class OutFolder:
         except BlockingIOError as error:
             self._release()
             raise UsageError(
-                f"--out {self.out}: another command is writing there now; name "
+                f"{self.out}: another command is writing there now; name "
                 "another folder, or wait for it"
             ) from error
         except OSError:  # a file system without locks
@@ -225,13 +249,13 @@ class OutFolder:
             return
         if not (self.path / self._marker).is_file():
             raise UsageError(
-                f"--out {self.out}: holds other files than {self._content} of "
+                f"{self.out}: holds other files than {self._content} of "
                 "surefoot; name an empty or new folder"
             )
         if not self._overwrite:
             raise UsageError(
-                f"--out {self.out}: holds {self._content} already; name another "
-                "folder, or give --overwrite to replace its files"
+                f"{self.out}: holds {self._content} already; name another "
+                "folder, or overwrite its files (--overwrite)"
             )
         self._remove_ours()
 

@@ -34,7 +34,7 @@ class Sides(NamedTuple):
 _NOTHING = ControllerResult(
     ticks=0,
     tick_ms=Distribution(median=0.0, p99=0.0, max=0.0),
-    force_error_rms_n=[0.0, 0.0],
+    force_error_rms_n=None,
     qp_failures=0,
     stale_snapshots=0,
     degraded_ticks=0,
@@ -42,7 +42,7 @@ _NOTHING = ControllerResult(
     balancing_ticks=0,
     balancing_failures=0,
     end=EndReason.NONE,
-    end_detail="its process left nothing",
+    end_detail="its process ended and left no figures",
 )
 """Figures of a stabilizer whose process died."""
 

@@ -17,8 +17,8 @@ from numpy.lib.format import write_array
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.installation import install_command
+from surefoot.out_folder import new_file
 from surefoot.recording.read import Record
-from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.schemas.arrays import Array
 from surefoot.signals import Signals
 
@@ -48,7 +48,7 @@ def export_npz(record: Record, path: Path, *, overwrite: bool = False) -> list[P
             column = [message.get(field) for message in messages]
             arrays[f"{safe[channel]}.{name}"] = _array(column)
     _check_place(path, arrays, overwrite=overwrite)
-    with atomic_file(path) as file:
+    with new_file(path, overwrite=overwrite) as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
     return [path]
 
@@ -110,7 +110,10 @@ def export_signals_npz(
         UsageError: there is a file, and it may not be replaced.
     """
     _check_place(path, signals, overwrite=overwrite)
-    with atomic_file(path) as file, ZipFile(file, "w", ZIP_DEFLATED) as archive:
+    with (
+        new_file(path, overwrite=overwrite) as file,
+        ZipFile(file, "w", ZIP_DEFLATED) as archive,
+    ):
         for name in signals:  # one in memory at a time
             with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 write_array(entry, signals.read(name, 0, signals.count))
@@ -130,7 +133,7 @@ def export_signals_csv(
     _make_folder(folder)
     path = folder / f"{SIGNALS_STEM}.csv"
     _check_place(path, _all_columns(signals), overwrite=overwrite)
-    with atomic_file(path) as file:
+    with new_file(path, overwrite=overwrite) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="")
         writer = csv.writer(text)
         for index, columns in enumerate(_parts(signals)):
@@ -174,7 +177,7 @@ def export_signals_parquet(
         ]
     )
     with (
-        atomic_file(path) as file,
+        new_file(path, overwrite=overwrite) as file,
         pyarrow.parquet.ParquetWriter(file, schema) as writer,
     ):
         for columns in _parts(signals):
@@ -222,11 +225,12 @@ def _check_place(path: Path, names: Iterable[str], *, overwrite: bool) -> None:
         return
     if not overwrite:
         raise UsageError(
-            f"--out {path}: is there already; name another place, or give --overwrite"
+            f"{path}: is there already; name another place, or overwrite it "
+            "(--overwrite)"
         )
     if path.is_symlink() or _names_in(path) != list(names):
         raise UsageError(
-            f"--out {path}: is there, and not what an export of this would be; it is "
+            f"{path}: is there, and not what an export of this would be; it is "
             "left as it is, name another place"
         )
 
@@ -249,7 +253,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise UsageError(f"--out {folder}: expected a folder or a new name") from error
+        raise UsageError(f"{folder}: expected a folder or a new name") from error
 
 
 def _export_tables(
@@ -272,7 +276,7 @@ def _export_tables(
             columns = _columns(record.messages(channel))
             _check_place(path, columns, overwrite=overwrite)
     for channel, path in paths.items():
-        with atomic_file(path) as file:
+        with new_file(path, overwrite=overwrite) as file:
             write(file, _columns(record.messages(channel)))
     return list(paths.values())
 

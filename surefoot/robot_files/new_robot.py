@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import check_replaceable
+from surefoot.out_folder import check_replaceable, new_file
 from surefoot.robot_files import clean_urdf
 from surefoot.robot_files.draft import Draft, Note
 from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
@@ -23,7 +23,6 @@ from surefoot.robot_files.meshes import (
     find_meshes,
 )
 from surefoot.robot_files.robot_text import robot_text
-from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.urdf_check import Urdf, bare_text
@@ -166,7 +165,7 @@ def new_robot(
     out.mkdir(parents=True, exist_ok=True)
     copy_meshes(copies)
     for path, content in reversed(contents.items()):
-        with atomic_file(path) as file:
+        with new_file(path, overwrite=overwrite) as file:
             file.write(content.encode())
     return NewRobot(load_robot(str(toml_path)), tuple(draft.notes))
 

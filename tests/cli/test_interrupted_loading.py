@@ -1,4 +1,4 @@
-"""A signal while libraries load ends with 130, whatever the library makes of it."""
+"""A signal while libraries load ends with 130 and says so, whatever they make of it."""
 
 from __future__ import annotations
 
@@ -44,4 +44,4 @@ def test_a_library_that_turns_it_into_its_own_error(name: str, error: str) -> No
         check=False,
     )
     assert done.returncode == INTERRUPTED, done.stderr
-    assert done.stderr == ""
+    assert done.stderr == f"surefoot: interrupted by {name}\n"

@@ -101,6 +101,25 @@ def test_name_and_duration_are_enough(scenario_file: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "name: is missing, and so is duration_s"),
+        (HEAD + "friction = 1e300", "friction: got 1e+300"),
+        (HEAD + "platform = 3", "platform: got 3, expected a list of tables"),
+        (
+            HEAD + "[[push]]\nbody = 'torso'\nforce_n = 'far'",
+            "push[0].force_n: got 'far', expected a list of 3 numbers",
+        ),
+        (HEAD + f"[sensors]\nforce_noise_n = {10**15}", "at most 1e+12"),
+    ],
+)
+def test_a_refusal_says_what_was_expected(
+    scenario_file: Path, text: str, words: str
+) -> None:
+    assert words in str(refused(scenario_file, text))
+
+
+@pytest.mark.parametrize(
     ("text", "field"),
     [
         ("duration_s = 1.0", "name"),

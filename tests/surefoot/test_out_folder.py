@@ -12,7 +12,7 @@ import msgspec
 import pytest
 
 import surefoot as sf
-from surefoot.out_folder import OutFolder, check_replaceable, claim_file
+from surefoot.out_folder import OutFolder, check_replaceable, claim_file, new_file
 from surefoot.run_folder import MARKER, RUN_FILES, run_folder
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
@@ -40,7 +40,7 @@ def test_a_former_run_is_replaced_only_on_request_and_nothing_else(
     (out / "notes.md").write_text("mine")
     (out / "report").mkdir()
     (out / "report" / "index.html").write_text("page")
-    with pytest.raises(sf.UsageError, match="give --overwrite"), run_folder(out):
+    with pytest.raises(sf.UsageError, match="--overwrite"), run_folder(out):
         pass
     assert (out / "result.json").read_text() == "former"
     with run_folder(out, overwrite=True) as folder:
@@ -232,6 +232,24 @@ def test_only_a_file_that_says_who_wrote_it_is_replaced(tmp_path: Path) -> None:
     path.write_text("# Mine.\n# by surefoot identify\n")
     with pytest.raises(sf.UsageError, match="is left as it is"):
         check_replaceable(path, signature="by surefoot identify", overwrite=True)
+
+
+def test_of_two_that_write_one_name_at_once_one_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    mine = tmp_path / "a.csv.partial"
+    mine.write_text("the user's own")
+    late = new_file(path, overwrite=False)
+    late.__enter__().write(b"second")
+    with new_file(path, overwrite=False) as first:
+        first.write(b"first")
+    with pytest.raises(sf.UsageError, match="another command wrote it meanwhile"):
+        late.__exit__(None, None, None)
+    assert path.read_text() == "first"
+    with new_file(path, overwrite=True) as file:
+        file.write(b"third")
+    assert path.read_text() == "third"
+    assert mine.read_text() == "the user's own"
+    assert sorted(tmp_path.iterdir()) == [path, mine]
 
 
 def test_a_record_is_never_replaced_without_asking(tmp_path: Path) -> None:

@@ -7,12 +7,15 @@ from typing import Any
 
 import msgspec
 import pytest
+from rich.console import Console
 
+from surefoot.cli.summary import run_table
 from surefoot.exit_codes import ExitCode, exit_code_for
 from surefoot.outcome import judge
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.run_plan import make_plan
+from surefoot.run_result import Sides, join_result
 from surefoot.runs import run_inline
 from surefoot.schemas.messages import Reference, RobotMode
 from surefoot.schemas.reasons import EndReason, FallCriterion, ModeCause, Outcome
@@ -200,6 +203,22 @@ def test_a_simulation_that_is_not_run_to_its_end_is_interrupted(
     for _ in range(3):
         sim.step(controller)
     assert sim.result().outcome is Outcome.INTERRUPTED
+
+
+@pytest.mark.parametrize("left", [CONTROLLER, None], ids=["figures", "none"])
+def test_a_run_without_a_tick_is_told_without_figures(
+    left: ControllerResult | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stopped = msgspec.structs.replace(
+        PLANT, ticks=0, duration_s=0.0, end=ModeCause.STOPPED, end_detail="SIGINT"
+    )
+    if left is not None:
+        left = msgspec.structs.replace(left, ticks=0, end=EndReason.STOPPED)
+    result = join_result(make_plan("standing"), Sides(stopped, left))
+    Console(width=100).print(run_table(result))
+    shown = capsys.readouterr().out
+    assert "interrupted at 0 s: SIGINT" in shown
+    assert not any(word in shown for word in ("tilt", "peak", "QP", "0.0,", "none"))
 
 
 @pytest.fixture
