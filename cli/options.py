@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shutil
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,6 +20,8 @@ from surefoot.cli.completion import (
 from surefoot.cli.logs import log_note, log_warning
 from surefoot.errors import UsageError
 
+NARROW = 72
+"""Columns below which names of options would be cut in a table."""
 _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
 
 
@@ -46,6 +49,12 @@ class _TerminalWords:
         """The words after the command's name, without braces around what must be."""
         words: list[str] = super().collect_usage_pieces(ctx)  # type: ignore[misc]  # as above
         return [re.sub(r"[{}]", "", word) for word in words]
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Write help, without boxes where they would leave no room for the names."""
+        if shutil.get_terminal_size().columns < NARROW:
+            self.rich_markup_mode = None
+        super().format_help(ctx, formatter)  # type: ignore[misc]  # as above
 
 
 class Command(_TerminalWords, TyperCommand):

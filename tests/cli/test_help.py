@@ -6,6 +6,7 @@ import sys
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
 from surefoot.cli.app import app
 from tests.command import Surefoot, environment
@@ -112,3 +113,18 @@ def test_help_speaks_of_values_as_a_terminal_does(
     done = surefoot(*words, "--help")
     assert done.returncode == 0
     assert not re.search(r"<[a-z]+[\[> ]|[{}]|int range", done.stdout)
+
+
+@pytest.mark.parametrize("columns", [50, 80])
+def test_no_name_of_an_option_is_cut(columns: int) -> None:
+    for words in commands():
+        done = CliRunner().invoke(
+            app,
+            [*words, "--help"],
+            env={"COLUMNS": str(columns)},
+            terminal_width=columns,
+        )
+        assert done.exit_code == 0
+        for line in done.output.splitlines():
+            assert len(line) <= columns, words
+            assert not re.match(r"\W*-\S*…", line), (words, line)
