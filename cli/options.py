@@ -31,6 +31,8 @@ class _TerminalWords:
     Stands before a class of Typer's, which a type checker cannot know.
     """
 
+    rich_markup_mode: Any
+
     def get_params(self, ctx: Any) -> list[Any]:
         """All parameters, those without a word for their value given one."""
         params: list[Any] = super().get_params(ctx)  # type: ignore[misc]  # typer is untyped here

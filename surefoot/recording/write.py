@@ -5,13 +5,16 @@ from __future__ import annotations
 import errno
 import json
 import shutil
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import msgspec
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
+from mcap.records import ChunkIndex
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
@@ -95,6 +98,9 @@ class McapFile:
             self._writer = Writer(
                 self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.LZ4
             )
+            self._index = _IndexOnDisk(path.parent)
+            # mcap has no other place for it.
+            vars(self._writer)["_Writer__chunk_indices"] = self._index
             self._writer.start(profile="", library=LIBRARY)
             self._ids = {name: self._declare(name, keys[name]) for name in self.counts}
             for entry in attachments:
@@ -131,6 +137,7 @@ class McapFile:
                 self._writer.finish()  # type: ignore[no-untyped-call]
                 self._file.flush()
             self._file.close()
+            self._index.close()
             if error is None:
                 self.partial.replace(self.path)
         except OSError as failure:
@@ -232,6 +239,37 @@ class McapFile:
             else ""
         )
         return OSError(f"cannot record to {self.path}: {reason}{left}")
+
+
+class _IndexOnDisk:
+    """Where each chunk is: what the MCAP writer keeps in a list until it finishes.
+
+    In memory it would grow by a hundred megabytes an hour.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        # Has no name, so that nothing is left of it whatever happens.
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115  # see close
+
+    def append(self, index: ChunkIndex) -> None:
+        """Take one more."""
+        builder = RecordBuilder()
+        index.write(builder)
+        # mcap gives this method no types.
+        self._file.write(builder.end())  # type: ignore[no-untyped-call]
+
+    def __iter__(self) -> Iterator[Self]:
+        """Give all of them, as one record."""
+        yield self
+
+    def write(self, builder: RecordBuilder) -> None:
+        """Write all of them."""
+        self._file.seek(0)
+        builder.write(self._file.read())
+
+    def close(self) -> None:
+        """Forget them."""
+        self._file.close()
 
 
 def _refuse_foreign(path: Path) -> None:

@@ -8,14 +8,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
+import msgspec
 import pytest
+from mcap.reader import make_reader
 
 import surefoot as sf
+from surefoot.recording.write import McapFile
+from surefoot.robot_io.client_side.observer import Sample
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.ticks.recorder import BLOCK_TICKS
 from surefoot.robot_io.ticks.write import BLOCKS_UNDERWAY
 from surefoot.run_plan import make_plan
 from surefoot.signals import TickSinks, file_sinks
+from tests.surefoot.recording.mcap_reading import messages
 
 pytestmark = pytest.mark.closed_loop
 
@@ -27,6 +32,8 @@ BYTES_PER_TICK = 4.0
 RECORDED_BYTES_PER_TICK = 80.0
 """What is on its way to the disk comes and goes, up to a megabyte."""
 BLOCKS_PER_TICK = 0.05
+CHUNKS, PER_CHUNK = 200, 4
+"""Of a record, and messages of 36 kB that fill one."""
 
 needs_glibc = pytest.mark.skipif(
     sys.platform != "linux", reason="mallinfo2 is glibc's; memory is the same elsewhere"
@@ -74,6 +81,32 @@ def test_recording_takes_the_same_memory_all_the_time(tmp_path: Path) -> None:
     grown, blocks = growth("hold", tmp_path, warm=underway * BLOCK_TICKS, ticks=20000)
     assert grown < RECORDED_BYTES_PER_TICK
     assert blocks < BLOCKS_PER_TICK
+
+
+def test_a_record_takes_the_same_memory_all_the_time(tmp_path: Path) -> None:
+    """What is where in the file is kept on the disk until its end."""
+    path = tmp_path / "run.mcap"
+    message = {"tick": 0, "stamp_ns": 0, "values": [0.25] * 4000}
+
+    def fill(chunks: int, *, first: int) -> None:
+        for tick in range(first, first + chunks * PER_CHUNK):
+            data = msgspec.msgpack.encode(message | {"tick": tick})
+            file.add([Sample("joints", data, 0)])
+
+    with McapFile(
+        path, channels=["joints"], keys={"joints": "j"}, attachments=[], raw=True
+    ) as file:
+        fill(20, first=0)
+        before = sys.getallocatedblocks()
+        fill(CHUNKS, first=20 * PER_CHUNK)
+        grown = sys.getallocatedblocks() - before
+    assert grown < 0.5 * CHUNKS
+    with path.open("rb") as whole:
+        summary = make_reader(whole).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert len(summary.chunk_indexes) == summary.statistics.chunk_count >= CHUNKS
+    assert len(list(messages(path))) == (CHUNKS + 20) * PER_CHUNK
 
 
 def growth(
