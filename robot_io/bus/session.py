@@ -49,9 +49,10 @@ BATCH_WAIT_MS = 0
 """How long a message that meets the sender at work may be held back for others to join
 it; Zenoh's own millisecond is a whole tick."""
 RUNTIME_VARIABLE = "ZENOH_RUNTIME"
-RUNTIME = "(rx:(worker_threads:1),acc:(handover:tx),app:(handover:tx))"
-"""Two threads of Zenoh's instead of six: a control loop has few links, and every thread
-that wakes for a message costs the loop its core and its caches."""
+RUNTIME = "(rx:(worker_threads:{}),acc:(handover:tx),app:(handover:tx))"
+"""Two threads of Zenoh's instead of six: every thread that wakes for a message costs
+the control loop its core and its caches. Who listens has more: one is stuck for each
+peer that stands still for longer than the lease, until that goes on or is gone."""
 RETRY_GROWTH = 2
 RETRY_MAX_FACTOR = 4
 
@@ -99,7 +100,7 @@ def open_session(
         RobotUnreachableError: nobody answers where it dials.
     """
     _check(endpoints, role)
-    os.environ.setdefault(RUNTIME_VARIABLE, RUNTIME)  # read once, at the first session
+    set_up_runtime(is_listening=listens(endpoints, role))
     config = session_config(
         endpoints,
         role,
@@ -116,6 +117,16 @@ def open_session(
         yield session
     finally:
         _close(session)
+
+
+def set_up_runtime(*, is_listening: bool) -> None:
+    """Choose how many threads Zenoh gets; what comes first in a process holds.
+
+    Args:
+        is_listening: whether this process will listen.
+    """
+    workers = MAX_SESSIONS + 1 if is_listening else 1
+    os.environ.setdefault(RUNTIME_VARIABLE, RUNTIME.format(workers))
 
 
 def listens(endpoints: Endpoints, role: Role) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.session import Role, unreachable
+from surefoot.robot_io.bus.session import Role, set_up_runtime, unreachable
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
@@ -99,6 +99,7 @@ class Relay:
             RobotMismatchError: the robot has another description, or there are two.
             RobotIoError: it cannot send any more.
         """
+        set_up_runtime(is_listening=True)  # it dials first
         place = listening or endpoints
         pause = threading.Event()  # never set: a signal may come in the midst of a wait
         dispatcher = Dispatcher()
