@@ -92,6 +92,8 @@ class SensorTrouble(StrEnum):
     """It repeats itself to the last bit while others move."""
     OVERLOADED = "overloaded"
     """A foot's force that would be an impact, if it did not last so long."""
+    OFFSET = "offset"
+    """A foot's force along the sole that no joint feels; it is taken off."""
 
 
 class StabilizerState(StrEnum):

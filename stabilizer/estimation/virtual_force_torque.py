@@ -20,6 +20,13 @@ PRIOR_N, PRIOR_NM = 1000.0, 100.0
 """Forces and moments at an ankle are of this order: what the joints hardly feel, as the
 load along a straight leg, is not blown up beyond it."""
 
+OFFSET_EVERY_S, OFFSET_CUTOFF_HZ = 0.02, 5.0
+"""A force along the sole is compared so often, and so slowly followed."""
+OFFSET_MEMORY_S, OFFSET_COUNT = 1.0, 10
+"""Over which it is averaged, and the fewest comparisons that tell."""
+OFFSET_SHARE = 0.2
+"""Of the weight: less may be friction in the joints, or the model's error [1]."""
+
 
 class VirtualWrenches:
     """A momentum observer over the legs, in a frame that moves with the IMU.
@@ -131,3 +138,65 @@ class VirtualWrenches:
             J = pin.getFrameJacobian(model, data, frame_id, pin.LOCAL)
             self._J[side] = J[:, rows]
         return momentum, drive
+
+
+class ForceOffsets:
+    """Takes off what ankle sensors report along their soles and no joint feels.
+
+    Two feet that push against each other move nothing, so neither accelerometer nor
+    attitude tells whether such a force is there. The legs' efforts do; less exactly
+    than a sensor, but for what fells a robot.
+
+    Attributes:
+        found: (2,) whether the left and the right sensor have had an offset.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        """Begin with sensors that are right."""
+        robot = model.robot
+        self._every = max(1, round(OFFSET_EVERY_S / robot.period_s))
+        period_s = self._every * robot.period_s
+        settings = VirtualForceTorque(cutoff_hz=OFFSET_CUTOFF_HZ)
+        self._virtual = VirtualWrenches(model, settings, period_s=period_s)
+        self._normals = robot.sole_normals
+        self._limit = OFFSET_SHARE * model.weight
+        self._least_gain = period_s / OFFSET_MEMORY_S
+        self._ticks = self._count = 0
+        self._gap: Array = np.zeros((2, 3))
+        self._offset: Array = np.zeros((2, 6))
+        self.found = [False, False]
+
+    def correct(self, snapshot: Snapshot) -> Snapshot:
+        """Take off what was found; the same object where nothing was.
+
+        Args:
+            snapshot: with efforts measured; to be called at every tick.
+        """
+        if self._ticks % self._every == 0:
+            self._compare(snapshot)
+        self._ticks += 1
+        if not any(self.found):
+            return snapshot
+        left, right = self._offset
+        return replace(
+            snapshot,
+            ft_left=snapshot.ft_left - left,
+            ft_right=snapshot.ft_right - right,
+        )
+
+    def _compare(self, snapshot: Snapshot) -> None:
+        virtual = self._virtual.infer(snapshot)
+        gap = np.stack((snapshot.ft_left[:3], snapshot.ft_right[:3]))
+        gap -= np.stack((virtual.ft_left[:3], virtual.ft_right[:3]))
+        if not np.isfinite(gap.sum()):
+            return
+        gap -= (gap * self._normals).sum(axis=1, keepdims=True) * self._normals
+        self._count += 1
+        self._gap += max(1.0 / self._count, self._least_gain) * (gap - self._gap)
+        if self._count < OFFSET_COUNT:
+            return
+        for side, along in enumerate(self._gap):
+            if math.sqrt(along @ along) > self._limit:
+                self.found[side] = True
+            if self.found[side]:
+                self._offset[side, :3] = along

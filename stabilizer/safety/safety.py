@@ -17,9 +17,13 @@ from surefoot.robot_io.snapshot import Ages, Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
+from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import Controller, ControllerOutput
-from surefoot.stabilizer.estimation.virtual_force_torque import VirtualWrenches
+from surefoot.stabilizer.estimation.virtual_force_torque import (
+    ForceOffsets,
+    VirtualWrenches,
+)
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.safety.health import (
     LEFT_FT,
@@ -76,9 +80,13 @@ class Safety:
         self._settings = settings
         self._health = SensorHealth(robot, settings)
         self._virtual: VirtualWrenches | None = None
-        if robot.file.virtual_ft is not None:
+        self._offsets: ForceOffsets | None = None
+        model = RobotModel(robot)
+        if robot.file.virtual_ft is None:
+            self._offsets = ForceOffsets(model)
+        else:
             self._virtual = VirtualWrenches(
-                RobotModel(robot), robot.file.virtual_ft, period_s=robot.period_s
+                model, robot.file.virtual_ft, period_s=robot.period_s
             )
         self._least_upright = math.cos(settings.tilt_limit_rad)
         self._unloaded_limit = round(settings.unloaded_after_s / robot.period_s)
@@ -133,6 +141,10 @@ class Safety:
         if self._virtual is not None:
             snapshot = self._virtual.infer(snapshot)
         believed = self._health.check(snapshot, ages, moves=self._moves)
+        if self._offsets is not None:
+            believed = self._offsets.correct(believed)
+            if any(self._offsets.found):
+                self._tell_offsets(self._offsets.found)
         if 1 in self._health.overload_ticks:
             self._remember()
         is_degraded = any(self._degraded) or self.state is StabilizerState.DEGRADED
@@ -179,6 +191,11 @@ class Safety:
     def _moves(self) -> bool:
         """Whether the last command differs from the one before it."""
         return not np.array_equal(self._command, self._before)
+
+    def _tell_offsets(self, found: list[bool]) -> None:
+        for index, is_off in zip((LEFT_FT, RIGHT_FT), found, strict=True):
+            if is_off:
+                self.losses.setdefault(SENSORS[index].name, SensorTrouble.OFFSET)
 
     def _react_to_losses(self) -> None:
         """What lost sensors lead to."""
