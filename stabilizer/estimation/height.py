@@ -54,7 +54,7 @@ ODD_FOR_S = 1.0
 BRAKING_M_S2 = 0.5
 """Ground that would have to be stopped harder than this within what is left of the
 stroke takes the level along [m/s^2]."""
-LASTING_S = 0.4
+LASTING_S = 0.1
 """Low-pass of the ground's speed: one that stops sooner, as of a drop, is borne."""
 LEAST_ROOM_M = 1e-3
 HARDEST_BRAKING_M_S2 = 4.0

@@ -144,8 +144,9 @@ class ForceOffsets:
     """Takes off what ankle sensors report along their soles and no joint feels.
 
     Two feet that push against each other move nothing, so neither accelerometer nor
-    attitude tells whether such a force is there. The legs' efforts do; less exactly
-    than a sensor, but for what fells a robot.
+    attitude tells whether such a force is there. The legs' efforts do, less exactly
+    than a sensor, but for what fells a robot: provided that they explain the load on
+    the feet, as efforts do that a driver reports in newton metres.
 
     Attributes:
         found: (2,) whether the left and the right sensor have had an offset.
@@ -190,12 +191,14 @@ class ForceOffsets:
         gap -= np.stack((virtual.ft_left[:3], virtual.ft_right[:3]))
         if not np.isfinite(gap.sum()):
             return
-        gap -= (gap * self._normals).sum(axis=1, keepdims=True) * self._normals
         self._count += 1
         self._gap += max(1.0 / self._count, self._least_gain) * (gap - self._gap)
-        if self._count < OFFSET_COUNT:
+        normals = (self._gap * self._normals).sum(axis=1)
+        # Efforts that do not explain the load explain nothing else either.
+        if self._count < OFFSET_COUNT or np.abs(normals).max() > self._limit:
             return
-        for side, along in enumerate(self._gap):
+        for side, normal in enumerate(normals.tolist()):
+            along = self._gap[side] - normal * self._normals[side]
             if math.sqrt(along @ along) > self._limit:
                 self.found[side] = True
             if self.found[side]:

@@ -14,13 +14,18 @@ from surefoot.robot_io.identity import describe
 from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.reasons import Outcome
+from surefoot.schemas.reasons import Outcome, SensorTrouble
 from surefoot.schemas.robot_file import VirtualForceTorque
 from surefoot.schemas.settings import SafetySettings
-from surefoot.stabilizer.estimation.virtual_force_torque import VirtualWrenches
+from surefoot.stabilizer.estimation.virtual_force_torque import (
+    ForceOffsets,
+    VirtualWrenches,
+)
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.safety.safety import Safety
 from tests.awkward_robot import Awkward
+from tests.stabilizer.closed_loop import NOISE
+from tests.stabilizer.watched_run import watched_run
 
 PERIOD_S = 1e-3
 QUICK = VirtualForceTorque(cutoff_hz=150.0)
@@ -166,6 +171,70 @@ def test_a_reading_that_is_no_number_costs_one_tick(walker: Robot) -> None:
         found = virtual.infer(snapshot)
         assert bool(np.isfinite(found.ft_left).all()) is (k != SETTLED)
     assert np.abs(found.ft_left - felt[:6]).max() < MOST_SHARE * felt.max()
+
+
+OFF = np.array([-220.0, 200.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def corrected(walker: Robot, *, off: Array, effort: float = 1.0) -> tuple[Array, bool]:
+    """Error of the left sensor in the end, and whether it was said to be off."""
+    model = RobotModel(walker)
+    course, offsets = Course(model, 0), ForceOffsets(model)
+    for k in range(600):
+        snapshot, felt = course.tick(k)
+        reading = replace(
+            snapshot,
+            effort=effort * snapshot.effort,
+            ft_left=felt[:6] + off,
+            ft_right=felt[6:],
+        )
+        seen = offsets.correct(reading)
+    assert np.array_equal(seen.ft_right, felt[6:])
+    return seen.ft_left - felt[:6], offsets.found[0]
+
+
+def test_a_force_along_the_sole_that_no_joint_feels_is_taken_off(walker: Robot) -> None:
+    error, is_off = corrected(walker, off=OFF)
+    assert is_off
+    assert np.linalg.norm(error) < 0.2 * np.linalg.norm(OFF)
+
+
+@pytest.mark.parametrize(
+    ("off", "effort"), [(0.0, 1.0), (0.3, 1.0), (1.0, 0.0), (1.0, -1.0), (0.0, 2.0)]
+)
+def test_what_is_small_or_told_by_efforts_that_explain_nothing_stays(
+    walker: Robot, off: float, effort: float
+) -> None:
+    error, is_off = corrected(walker, off=off * OFF, effort=effort)
+    assert not is_off
+    np.testing.assert_allclose(error, off * OFF, atol=1e-9)
+
+
+@pytest.mark.closed_loop
+def test_two_feet_do_not_fight_what_a_sensor_invents(walker: Robot) -> None:
+    run = watched_run(
+        walker,
+        duration_s=5.0,
+        platform=[
+            {
+                "foot": "both",
+                "motion": [
+                    {
+                        "axis": "roll",
+                        "kind": "sine",
+                        "amplitude_deg": 8.0,
+                        "frequency_hz": 0.35,
+                        "start_s": 1.0,
+                    }
+                ],
+            }
+        ],
+        sensors={**NOISE, "force_bias_n": {"left": [300.0, 0.0, 0.0]}},
+    )
+    assert run.losses == {"left_ankle_ft": SensorTrouble.OFFSET}
+    assert not run.fell
+    assert run.com_error_max_mm is not None
+    assert max(run.com_error_max_mm[:2]) < 20.0
 
 
 def without_sensors(robot: Robot, **settings: float) -> Robot:
