@@ -7,30 +7,21 @@ from typing import Annotated
 import typer
 
 from surefoot.cli.bench_command import bench
-from surefoot.cli.bus.echo_command import echo
-from surefoot.cli.bus.hz_command import hz
-from surefoot.cli.bus.topics_command import topics
-from surefoot.cli.certs_command import certs
-from surefoot.cli.check_robot_command import check_robot
-from surefoot.cli.check_robot_file_command import check_robot_file
+from surefoot.cli.bus_commands import echo, hz, topics
 from surefoot.cli.doctor_command import doctor
+from surefoot.cli.gain_commands import margins, tune
+from surefoot.cli.live_robot_commands import check_robot, identify, tare
 from surefoot.cli.log_command import log
-from surefoot.cli.margins_command import margins
-from surefoot.cli.measure_commands import identify, tare
-from surefoot.cli.new_robot_command import new_robot
+from surefoot.cli.network_commands import certs, relay, router
 from surefoot.cli.options import Command, Group
 from surefoot.cli.record_command import record
-from surefoot.cli.relay_command import relay
 from surefoot.cli.replay_command import replay
 from surefoot.cli.report_command import report
-from surefoot.cli.reproduce_command import reproduce
 from surefoot.cli.robot_command import robot
-from surefoot.cli.router_command import router
-from surefoot.cli.run_command import run
-from surefoot.cli.scenarios_command import scenarios
+from surefoot.cli.robot_file_commands import check_robot_file, new_robot
+from surefoot.cli.run_command import run, scenarios
 from surefoot.cli.stabilizer_command import stabilizer
-from surefoot.cli.sweep_command import sweep
-from surefoot.cli.tune_command import tune
+from surefoot.cli.study_commands import reproduce, sweep
 from surefoot.cli.view_command import view
 from surefoot.cli.walk_command import walk
 

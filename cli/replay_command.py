@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.cli.completion import complete_controller
+from surefoot.cli.options import complete_controller
 from surefoot.errors import UsageError
 from surefoot.exit_codes import ExitCode
 

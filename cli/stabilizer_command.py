@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.cli.completion import complete_scenario
+from surefoot.cli.options import complete_scenario
 from surefoot.exit_codes import ExitCode
 from surefoot.schemas.reasons import EndReason, in_words
 

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.cli.doctor.examine import Severity
-from surefoot.cli.doctor.packages import PINS, read_pins, required_packages
-from surefoot.cli.doctor.surroundings import check_port
+from surefoot.cli.doctor_machine import check_port
+from surefoot.cli.doctor_report import PINS, Severity, read_pins, required_packages
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR
 from tests.command import Surefoot, run_surefoot
 

@@ -13,9 +13,8 @@ import msgpack
 import pytest
 from mcap.reader import make_reader
 
-from surefoot.cli.bus.echo import Echo
-from surefoot.cli.bus.timing import TimingMeter
-from surefoot.cli.bus.topics import list_topics
+from surefoot.cli.bus_messages import Echo, TimingMeter
+from surefoot.cli.bus_topics import list_topics
 from surefoot.playback.timeline import read_timeline
 from surefoot.recording.counts import LARGEST_GAP
 from surefoot.recording.log_times import LogTimes

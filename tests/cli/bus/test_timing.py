@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from surefoot.cli.bus.timing import ChannelTiming, TimingMeter, distribution
+from surefoot.cli.bus_messages import ChannelTiming, TimingMeter, distribution
 
 MS = 1_000_000
 TOLERANCE = 1e-9

@@ -1,4 +1,4 @@
-"""``surefoot relay``: faults of the bus, between a robot and its stabilizer."""
+"""``surefoot router``, ``relay`` and ``certs``: between robot and stabilizer."""
 
 from __future__ import annotations
 
@@ -12,6 +12,37 @@ from surefoot.exit_codes import ExitCode
 
 if TYPE_CHECKING:
     from surefoot.schemas.endpoints import Endpoints
+
+
+def router(
+    robot: options.RobotOption = "walker",
+    endpoints: options.EndpointsOption = None,
+    listen: options.ListenOption = None,
+    insecure: options.InsecureOption = False,
+    child: options.ChildOption = False,
+) -> None:
+    """Run a router; robot, stabilizer and others dial it.
+
+    With TLS it checks who may say what, as the robot does without a router.
+    """
+    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.processes.child import begin_as_child
+    from surefoot.robot_io.bus.router import run_router
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.robot import load_robot
+
+    set_up_logging("router")
+    if child:
+        begin_as_child()
+    model = load_robot(robot)
+    meeting = choose_endpoints(
+        endpoints, listen=listen or [], connect=[], insecure=insecure
+    )
+    log_note(f"router for {model.file.name} listens on {', '.join(meeting.listen)}")
+    run_router(model, endpoints=meeting, stop=StopRequest())
+    raise typer.Exit(ExitCode.INTERRUPTED)
+
 
 LISTEN = "tcp/127.0.0.1:7448"
 """Beside the robot's own default, which is where the relay dials."""
@@ -143,3 +174,46 @@ def _both_sides(
             "--connect"
         )
     return dialing, listening
+
+
+def certs(
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="DIR", help="Folder for certificates and keys."),
+    ],
+    hosts: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--host",
+            metavar="NAME",
+            help="Name or address under which robot or router are dialed, besides "
+            "loopback. May be repeated.",
+        ),
+    ] = None,
+    days: Annotated[
+        int, typer.Option(min=1, max=3000, help="How long certificates are valid.")
+    ] = 365,
+    renew: Annotated[
+        bool,
+        typer.Option(
+            "--renew", help="New certificates by the authority that is there already."
+        ),
+    ] = False,
+) -> None:
+    """Make certificates for robot, router, stabilizer, operator, planner and observer.
+
+    Give each process its own pair and ca.pem. Keep ca.key.pem off the robot: whoever
+    has it can make certificates that command the robot.
+    """
+    from surefoot.cli.console import print_note
+    from surefoot.robot_io.security.certificates import (
+        make_certificates,
+        renew_certificates,
+    )
+
+    make = renew_certificates if renew else make_certificates
+    written = make(out, hosts=hosts or [], days=days)
+    print_note(
+        f"{out}: {len(written)} files, valid for {days} days. Keep ca.key.pem away "
+        "from robot and stabilizer; it is needed for --renew alone."
+    )

@@ -1,15 +1,122 @@
-"""Python, and our packages against the versions they were tested with."""
+"""What ``surefoot doctor`` tells: packages and what is missing, line by line."""
 
 from __future__ import annotations
 
 import platform
 import re
 import sys
+from collections.abc import Callable, Iterator
+from enum import StrEnum
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
-from surefoot.cli.doctor.examine import Diagnosis, Severity, finding
+import msgspec
+
 from surefoot.installation import install_command
+
+
+class Severity(StrEnum):
+    """How much a finding matters."""
+
+    OK = "ok"
+    WARN = "warn"
+    """Something works less well, or an option is not there."""
+    FAIL = "FAIL"
+    """A run would stop here."""
+
+
+class Diagnosis(msgspec.Struct, frozen=True, kw_only=True):
+    """What was looked at, what was found, and what to do about it."""
+
+    name: str
+    verdict: Severity
+    got: str
+    advice: str = ""
+    """What to do; empty when there is nothing to do."""
+
+
+def finding(name: str, got: str, *, bad: Severity | None, advice: str) -> Diagnosis:
+    """Make a finding that has advice only if something is bad.
+
+    Args:
+        name: what was looked at.
+        got: what was found.
+        bad: how bad it is; None when it is not.
+        advice: what to do in that case.
+    """
+    if bad is None:
+        return Diagnosis(name=name, verdict=Severity.OK, got=got)
+    return Diagnosis(name=name, verdict=bad, got=got, advice=advice)
+
+
+def examine() -> Iterator[Diagnosis]:
+    """Look at everything; a check that cannot be done is a finding of its own."""
+    yield from _try("packages", _packages)
+    # What follows needs packages; without one of them it says so.
+    for name, check in (
+        ("linear algebra", _computing),
+        ("bus, disk, pictures", _surroundings),
+        ("margins", _robots),
+    ):
+        yield from _try(name, check)
+
+
+def _packages() -> Iterator[Diagnosis]:
+    yield check_python()
+    yield from check_packages()
+    yield from check_extras()
+
+
+def _computing() -> Iterator[Diagnosis]:
+    from surefoot.cli import doctor_machine as machine
+
+    yield machine.check_msgpack()
+    yield machine.check_processors()
+    yield machine.check_clock()
+    yield machine.check_priority()
+    yield machine.check_blas()
+
+
+def _surroundings() -> Iterator[Diagnosis]:
+    from surefoot.cli import doctor_machine as machine
+
+    yield machine.check_bus()
+    yield machine.check_port()
+    yield from machine.check_disk()
+    yield machine.check_pictures()
+    yield machine.check_browser()
+
+
+def _robots() -> Iterator[Diagnosis]:
+    """Check the margins of every shipped robot with every servo profile."""
+    from surefoot.loop_margins import compute_margins
+    from surefoot.robot_io.robot import list_robots, load_robot
+
+    for name in list_robots():
+        for profile in load_robot(name).file.servo.profiles:
+            found = compute_margins(name, servo_profile=profile)
+            yield finding(
+                f"margins of {name}, {profile}",
+                "; ".join(found.in_words()),
+                bad=None if found.is_enough else Severity.WARN,
+                advice="as it was made, and no fault of this machine; surefoot "
+                "margins tells more",
+            )
+
+
+def _try(name: str, check: Callable[[], Iterator[Diagnosis]]) -> Iterator[Diagnosis]:
+    from surefoot.cli.console import import_advice
+
+    try:
+        yield from check()
+    except ImportError as error:
+        yield Diagnosis(
+            name=name,
+            verdict=Severity.FAIL,
+            got=str(error),
+            advice=import_advice(error),
+        )
+
 
 LEAST_PYTHON = (3, 11)
 PINS = Path(__file__).resolve().parents[2] / "constraints.txt"

@@ -1,4 +1,4 @@
-"""What is on a robot's bus: channels of the topic table, and other keys."""
+"""Who publishes, subscribes and answers on a bus, as a table."""
 
 from __future__ import annotations
 

@@ -1,1 +1,0 @@
-"""Tools that listen to a robot's bus: ``topics``, ``echo``, ``hz``."""

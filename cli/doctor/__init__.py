@@ -1,1 +1,0 @@
-"""Checks of this machine: whether a run can work here, and how well."""
