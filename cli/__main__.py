@@ -7,8 +7,7 @@ import signal
 import sys
 from types import FrameType
 
-from surefoot.errors import ERROR_PREFIX
-from surefoot.exit_codes import ExitCode, exit_code_of
+from surefoot.errors import ERROR_PREFIX, ExitCode, exit_code_of
 
 # 34 x 34 algebra is slower with threads, and its tail far worse. Read when numpy
 # and its libraries load, so it must stand before any of them.

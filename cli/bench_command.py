@@ -13,7 +13,7 @@ from surefoot.cli import options
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from surefoot.bench.text_table import TextTable
+    from surefoot.bench.bench_files import TextTable
 
 bench = typer.Typer(
     name="bench",

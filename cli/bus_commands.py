@@ -8,7 +8,7 @@ import typer
 
 from surefoot.cli import options
 from surefoot.cli.options import complete_channel
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -12,8 +12,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from surefoot.errors import UsageError
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode, UsageError
 from surefoot.robot_io.client_side.bus_graph import BusGraph, processes_of
 from surefoot.robot_io.client_side.listener import RawMessage
 from surefoot.robot_io.robot import Robot

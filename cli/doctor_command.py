@@ -5,7 +5,7 @@ from __future__ import annotations
 import typer
 
 from surefoot.cli import options
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 
 def doctor(as_json: options.JsonOption = False) -> None:

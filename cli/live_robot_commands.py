@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -109,8 +109,8 @@ def tare(
     from surefoot.cli.console import print_json, print_text
     from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
+    from surefoot.measure import measure_tare
     from surefoot.robot_io.robot import load_robot
-    from surefoot.tare import measure_tare
 
     if foot not in ("left", "right", "both"):
         raise UsageError(f"--foot {foot}: expected left, right or both")
@@ -194,7 +194,7 @@ def identify(
     from surefoot.cli.console import print_json, print_table, print_text
     from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
-    from surefoot.identify import check_out, identify_drives, write_profile
+    from surefoot.measure import check_out, identify_drives, write_profile
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
     from surefoot.sim_robot.catalogue import load_scenario

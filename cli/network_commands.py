@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 if TYPE_CHECKING:
     from surefoot.schemas.endpoints import Endpoints

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 if TYPE_CHECKING:
     from surefoot.recording.write import McapFile
@@ -75,9 +75,8 @@ def record(
     from surefoot.errors import UsageError
     from surefoot.processes.child import begin_as_child, report_ready
     from surefoot.recording.attachments import attachments
-    from surefoot.recording.log_times import LogTimes
     from surefoot.recording.record_bus import RING_DEPTH, record_bus
-    from surefoot.recording.write import McapFile
+    from surefoot.recording.write import LogTimes, McapFile
     from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
     from surefoot.robot_io.robot import load_robot

@@ -9,8 +9,7 @@ import typer
 
 from surefoot.cli import options
 from surefoot.cli.options import complete_controller
-from surefoot.errors import UsageError
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from surefoot.playback.timeline import Timeline

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from surefoot.cli import options
-from surefoot.exit_codes import ExitCode, exit_code_for
+from surefoot.errors import ExitCode, exit_code_for
 
 if TYPE_CHECKING:
     from surefoot.outcome import Judgement

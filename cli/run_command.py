@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.errors import ChildFailedError, RunInterrupted, UsageError
-from surefoot.exit_codes import exit_code_for
+from surefoot.errors import ChildFailedError, RunInterrupted, UsageError, exit_code_for
 
 if TYPE_CHECKING:
     from surefoot.run_plan import Mode

@@ -10,7 +10,7 @@ import typer
 
 from surefoot.cli import options
 from surefoot.cli.options import complete_scenario
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 from surefoot.schemas.reasons import EndReason, in_words
 
 _IN_ORDER = (EndReason.SENSOR_LOST, EndReason.LEASE_LOST, EndReason.ROBOT_FAULT)

@@ -121,8 +121,14 @@ def reproduce(
     from surefoot.robot_io.atomic_file import atomic_file
     from surefoot.studies.execute import execute
     from surefoot.studies.paper import cells_of, extent
-    from surefoot.studies.paper_figures import COMPARED, SHOWN, draw, record
-    from surefoot.studies.paper_page import FIGURES, write_report
+    from surefoot.studies.paper_page import (
+        COMPARED,
+        FIGURES,
+        SHOWN,
+        draw,
+        record,
+        write_report,
+    )
     from surefoot.studies.store import StudyStore
     from surefoot.studies.summary import summarise
 

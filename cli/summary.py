@@ -25,7 +25,7 @@ from surefoot.schemas.result import (
 
 if TYPE_CHECKING:
     from surefoot.playback.recompute import Difference, ReplayOutcome
-    from surefoot.recording.counts import ChannelCount
+    from surefoot.recording.read import ChannelCount
     from surefoot.studies.tables import Summaries
 
 _PASSAGE = ("arrived", "left")

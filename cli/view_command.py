@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from surefoot.cli import options
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 
 def view(

@@ -99,8 +99,8 @@ if TYPE_CHECKING:
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
     from surefoot.loop_margins import compute_margins as compute_margins
-    from surefoot.playback.replay import ReplayOutcome as ReplayOutcome
-    from surefoot.playback.replay import replay as replay
+    from surefoot.playback.play import ReplayOutcome as ReplayOutcome
+    from surefoot.playback.play import replay as replay
     from surefoot.recording.read import Record as Record
     from surefoot.recording.read import read_record as read_record
     from surefoot.robot_io.errors import RobotFileError as RobotFileError

@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 
+from surefoot.outcome import Sides
 from surefoot.robot_io.relay.delayed_sensors import INSTANT_S, DelayedSensors
 from surefoot.robot_io.relay.dispatcher import Schedule
 from surefoot.robot_io.relay.forwarder import COMMAND
@@ -19,7 +20,6 @@ from surefoot.robot_io.relay.lane import Lane, PlanClock
 from surefoot.robot_io.robot_side.mode_machine import Refusal
 from surefoot.robot_io.snapshot import sensor_messages
 from surefoot.run_plan import RunPlan
-from surefoot.run_result import Sides
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.errors import MessageError, SchemaVersionError
 from surefoot.schemas.messages import (

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from surefoot.errors import ChildFailedError, RunInterrupted, UsageError
 from surefoot.out_folder import OutFolder
+from surefoot.outcome import join_result
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import (
@@ -20,7 +21,6 @@ from surefoot.run_folder import (
     write_result,
 )
 from surefoot.run_plan import Mode, RunPlan, Settings, make_plan
-from surefoot.run_result import join_result
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario

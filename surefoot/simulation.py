@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from surefoot.errors import UsageError
+from surefoot.outcome import Sides, join_result
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.robot import Robot
@@ -20,7 +21,6 @@ from surefoot.robot_io.snapshot import Delivery, Snapshot
 from surefoot.robot_io.ticks.table import MemoryTicks
 from surefoot.run_folder import QP_FAILURE
 from surefoot.run_plan import RunPlan, Settings, make_plan
-from surefoot.run_result import Sides, join_result
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, Reference
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import (

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from surefoot.exit_codes import exit_code_of
+from surefoot.errors import exit_code_of
 
 try:
     import rclpy

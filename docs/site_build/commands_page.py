@@ -9,7 +9,7 @@ from typer.cli import get_docs_for_click
 from typer.main import get_command
 
 from surefoot.cli.app import app
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 _NAME = "surefoot"
 _CODES = {

@@ -1,21 +1,259 @@
-"""Runs of a benchmark: in parallel, kept, each done once."""
+"""Whom a bench measures, and the runs it takes: made, kept and found again."""
 
 from __future__ import annotations
 
 import json
+import math
+import re
 import tempfile
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, Protocol, TypeVar
 
-from surefoot.bench.bench_cell import BenchCell, Under
+from surefoot.errors import UsageError
 from surefoot.progress import CountBar
-from surefoot.studies.cell import Row, find_variant
+from surefoot.run_plan import RunPlan
+from surefoot.schemas.key_names import nearest
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.sensing import Sensors
+from surefoot.simulation import Simulation
+from surefoot.studies.cell import Row, figures_of, find_variant, plan_in
 from surefoot.studies.execute import execute
-from surefoot.studies.fingerprint import code_fingerprint
-from surefoot.studies.store import StudyStore
+from surefoot.studies.store import StudyStore, code_fingerprint
+
+Name = TypeVar("Name", bound=str)
+
+
+def known_names(
+    names: Sequence[str], valid: Sequence[Name], *, what: str
+) -> list[Name]:
+    """Return the names asked for, all of them valid.
+
+    Args:
+        names: asked for.
+        valid: all there are.
+        what: they are, in a word.
+
+    Raises:
+        UsageError: one is not; the message lists all.
+    """
+    known = {str(name): name for name in valid}
+    for name in names:
+        if name not in known:
+            raise UsageError(
+                f"{what}: got {name!r}{nearest(name, valid)}; expected one of "
+                f"{', '.join(valid)}"
+            )
+    return [known[name] for name in names]
+
+
+def plain(words: str) -> str:
+    """Return words as the name of a file."""
+    return re.sub(r"[^a-z0-9.]+", "_", words.lower()).strip("_")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A robot, or a person, that stands.
+
+    Attributes:
+        mass_kg: of all of it [kg].
+        com_height_m: centre of mass over the soles [m].
+        base_depth_m: from below the centre of mass to the nearer edge ahead or behind,
+            over which it tips [m].
+        base_width_m: the same to the side [m].
+    """
+
+    mass_kg: float
+    com_height_m: float
+    base_depth_m: float
+    base_width_m: float
+
+    def base_m(self, direction_deg: float) -> float:
+        """Distance to the edge of tipping, the nearer one, for a push [m].
+
+        Args:
+            direction_deg: 0 and 180 ahead and back, 90 and 270 to the sides.
+        """
+        angle = math.radians(direction_deg)
+        depth, width = abs(math.cos(angle)), abs(math.sin(angle))
+        least = 1e-9
+        return min(
+            self.base_depth_m / max(depth, least), self.base_width_m / max(width, least)
+        )
+
+
+def subject_of(robot: str, *, servo_profile: str | None = None) -> Subject:
+    """Measure a robot in its nominal stance.
+
+    Args:
+        robot: shipped name or path of a robot file.
+        servo_profile: any; the measures are the same.
+
+    Raises:
+        RobotFileError: no such robot, or its files contradict each other.
+    """
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.sim_robot.plant import Plant
+
+    model = load_robot(robot, servo_profile=servo_profile)
+    plant = Plant(model, Scenario(name="stance", duration_s=1.0), seed=0)
+    x, y, height = plant.com_reference.tolist()
+    soles = plant.view.sole_left, plant.view.sole_right
+    feet = list(zip(soles, (model.left, model.right), strict=True))
+    middle = 0.5 * (soles[0] + soles[1])
+    front = max(p[0] + foot.half_length_m for p, foot in feet) - middle[0]
+    back = min(p[0] - foot.half_length_m for p, foot in feet) - middle[0]
+    left = max(p[1] + foot.half_width_m for p, foot in feet) - middle[1]
+    right = min(p[1] - foot.half_width_m for p, foot in feet) - middle[1]
+    return Subject(
+        mass_kg=plant.world.weight / -plant.world.model.opt.gravity.item(2),
+        com_height_m=height,
+        base_depth_m=float(min(front - x, x - back)),
+        base_width_m=float(min(left - y, y - right)),
+    )
+
+
+PERSON = Subject(
+    mass_kg=81.4, com_height_m=1.003, base_depth_m=0.111, base_width_m=0.1665
+)
+"""The person of medium size that DYSTURBANCE puts robots in proportion to; mass and
+centre of mass from the body parts in its published program."""
+
+
+@dataclass(frozen=True)
+class Proportion:
+    """A robot's measures over a person's, in the combinations that pushes scale with.
+
+    Attributes:
+        force: of what a body bears before it tips: weight times base over height.
+        energy: of lifting the centre of mass over the edge of the base.
+        way: of the centre of mass' height.
+    """
+
+    force: float
+    energy: float
+    way: float
+
+
+def proportion(subject: Subject, *, direction_deg: float) -> Proportion:
+    """Return a robot's measures over those of :data:`PERSON`.
+
+    Implements the normalisation of DYSTURBANCE (10.3389/frobt.2022.817870): a figure
+    divided by its factor is what it would be for a person, so that robots compare.
+
+    Args:
+        subject: the robot.
+        direction_deg: of the push.
+    """
+    ours, theirs = (_tipping(who, direction_deg) for who in (subject, PERSON))
+    return Proportion(
+        force=ours[0] / theirs[0],
+        energy=ours[1] / theirs[1],
+        way=subject.com_height_m / PERSON.com_height_m,
+    )
+
+
+def _tipping(who: Subject, direction_deg: float) -> tuple[float, float]:
+    """Force and energy of tipping, both over gravity [kg, kg m]."""
+    base, height = who.base_m(direction_deg), who.com_height_m
+    force = who.mass_kg * base / height
+    return force, who.mass_kg * (math.hypot(base, height) - height)
+
+
+NOISE = Sensors(
+    force_noise_n=2.0,
+    moment_noise_nm=0.1,
+    gyro_noise_rad_s=0.002,
+    accel_noise_m_s2=0.05,
+)
+"""Of the shipped scenarios, for a benchmark's too."""
+
+
+class Under(NamedTuple):
+    """Who is measured."""
+
+    variant: str
+    servo_profile: str
+
+    @property
+    def label(self) -> str:
+        """As in tables and plots."""
+        return f"{self.variant}, {self.servo_profile}"
+
+
+class Probe(Protocol):
+    """Looks at a run while it goes."""
+
+    def look(self, sim: Simulation) -> None:
+        """Take in the present tick."""
+
+    def figures(self) -> dict[str, Any]:
+        """What it saw, as built-in types."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchCell(ABC):
+    """A run of a benchmark.
+
+    Attributes:
+        case: what is done to the robot; unique among the cases of a study.
+        scenario: the same as a scenario.
+        under: controller and servo profile.
+        seed: of the sensor noise.
+    """
+
+    case: str
+    scenario: Scenario
+    under: Under
+    seed: int = 0
+
+    @property
+    def group(self) -> tuple[str, Under]:
+        """The same for runs that differ by their seed only."""
+        return self.case, self.under
+
+    @property
+    def key(self) -> str:
+        """Unique in a study, and readable."""
+        return "|".join((self.case, *self.under, str(self.seed)))
+
+    @abstractmethod
+    def probe(self) -> Probe:
+        """A fresh probe for a run."""
+
+    def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
+        """Return the run's plan."""
+        return plan_in(
+            self.scenario,
+            None,
+            variant=self.under.variant,
+            servo_profile=self.under.servo_profile,
+            seed=self.seed,
+            robot=robot,
+            overrides=overrides,
+        )
+
+    def run(self, plan: RunPlan) -> Row:
+        """Run its plan; what was run, the figures, and what the probe saw."""
+        from surefoot.stabilizer.factory import make_controller
+
+        sim = Simulation.of_plan(plan)
+        probe = self.probe()
+        controller = make_controller(plan.controller, plan.robot, plan.settings)
+        sim.run(controller, on_tick=lambda tick: probe.look(sim))
+        return {
+            "case": self.case,
+            "variant": self.under.variant,
+            "servo_profile": self.under.servo_profile,
+            "seed": self.seed,
+            **figures_of(sim.result()),
+            "seen": probe.figures(),
+        }
+
 
 CONTROLLERS = ("whole-body", "zmp-tuned", "zmp-stock")
 QUICK_CONTROLLERS = CONTROLLERS[:2]

@@ -1,4 +1,4 @@
-"""COMTEST: how a robot stands on ground that moves, next to people.
+"""``surefoot bench comtest``: the three protocols of COMTEST, their files and page.
 
 The protocols of arXiv 2104.11935 and 2110.14395, ``standing on a moving surface`` of
 EUROBENCH.
@@ -6,7 +6,7 @@ EUROBENCH.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
@@ -14,10 +14,15 @@ from typing import Any
 
 import msgspec
 
-from surefoot.bench.bench_page import can_draw
-from surefoot.bench.bench_runs import bench_runs, everyone
-from surefoot.bench.names import known_names
-from surefoot.bench.subject import Subject, subject_of
+from surefoot.bench.bench_files import can_draw, write_scalar, write_vector
+from surefoot.bench.bench_runs import (
+    Subject,
+    bench_runs,
+    everyone,
+    known_names,
+    plain,
+    subject_of,
+)
 from surefoot.bench.sway_cells import (
     AXES,
     PROTOCOLS,
@@ -26,11 +31,62 @@ from surefoot.bench.sway_cells import (
     SwayAxis,
     sway_cell,
 )
+from surefoot.bench.sway_response import FrequencyResponse, numbers
 from surefoot.bench.sway_results import SwayResult, sway_result, sway_tables
-from surefoot.bench.sway_yaml import write_sway_yaml
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
 from surefoot.robot_io.atomic_file import atomic_file
+
+_STEP = {
+    "sway_peak": "largest sway over the step of the ground [deg/deg]",
+    "sway_peak_s": "peak time [s]",
+    "sway_final": "sway that stays over the step of the ground [deg/deg]",
+    "settling_s": "settling time to 2 % [s]",
+    "delay_s": "delay time, to half of the answer [s]",
+    "rise_s": "rise time, to 90 % of the answer [s]",
+    "overshoot": "overshoot of the answer [1]",
+}
+_SINE = {
+    "gain": "gain [deg/deg]",
+    "phase_deg": "phase [deg]",
+    "power_ratio": "share of the power at the frequency of the stimulus [1]",
+}
+
+
+def write_sway_yaml(folder: Path, results: Iterable[SwayResult]) -> None:
+    """Write a folder for each controller and run, one file a figure.
+
+    Args:
+        folder: made if need be; files of the same runs are replaced.
+        results: of the runs.
+    """
+    for result in results:
+        place = folder / plain(result.under.label) / plain(result.stimulus.case)
+        write_scalar(place / "fall.yaml", float(not result.is_up), label="fell [1]")
+        if result.response is not None:
+            _write_response(place, result.response, result.score)
+        names = _STEP if result.stimulus.protocol == "transient" else _SINE
+        for name, label in names.items():
+            if result.stimulus.protocol != "prts" and result.seen:
+                write_scalar(place / f"{name}.yaml", result.seen[name], label=label)
+
+
+def _write_response(
+    place: Path, response: FrequencyResponse, score: float | None
+) -> None:
+    labels = [f"{f:g} Hz" for f in response.frequencies_hz]
+    columns: dict[str, Any] = {
+        "gain": response.gain,
+        "phase_deg": response.phase_deg,
+        "coherence": response.coherence,
+        "frf_real": response.response.real,
+        "frf_imaginary": response.response.imag,
+    }
+    for name, values in columns.items():
+        write_vector(place / f"{name}.yaml", numbers(values), labels=labels)
+    if score is not None:
+        write_scalar(place / "score.yaml", score, label="D, distance from people [1]")
+
 
 SIZES_DEG = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 QUICK_SIZES_DEG = (8.0,)
@@ -180,6 +236,6 @@ def _write(found: Comtest, folder: Path) -> None:
             file.write(data)
     write_sway_yaml(folder / "eurobench", found.results)
     if can_draw():
-        from surefoot.bench.sway_page import write_sway_page
+        from surefoot.bench.sway_results import write_sway_page
 
         write_sway_page(folder, found.results, robot=found.robot, subject=found.subject)

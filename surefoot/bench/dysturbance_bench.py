@@ -14,14 +14,21 @@ from typing import Any
 
 import msgspec
 
-from surefoot.bench.bench_page import can_draw
-from surefoot.bench.bench_runs import BenchRuns, bench_runs, everyone
-from surefoot.bench.margin_search import MarginSearch
-from surefoot.bench.names import known_names, plain
+from surefoot.bench.bench_files import can_draw, write_scalar, write_vector
+from surefoot.bench.bench_runs import (
+    BenchRuns,
+    Subject,
+    bench_runs,
+    everyone,
+    known_names,
+    plain,
+    subject_of,
+)
 from surefoot.bench.push_cells import (
     KINDS,
     SINES,
     Disturbance,
+    MarginSearch,
     PushCell,
     first_guess,
     push_cell,
@@ -32,8 +39,6 @@ from surefoot.bench.push_results import (
     push_result,
     push_tables,
 )
-from surefoot.bench.subject import Subject, subject_of
-from surefoot.bench.yaml_files import write_scalar, write_vector
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
 from surefoot.robot_io.atomic_file import atomic_file
@@ -195,7 +200,7 @@ def _write(found: Dysturbance, folder: Path) -> None:
             file.write(data)
     _write_yaml(folder / "eurobench", found.results)
     if can_draw():
-        from surefoot.bench.push_page import write_push_page
+        from surefoot.bench.push_results import write_push_page
 
         write_push_page(folder, found.results, robot=found.robot, subject=found.subject)
 

@@ -1,20 +1,135 @@
-"""Runs of DYSTURBANCE: a rod strikes, swings or slowly leads the base of a robot."""
+"""DYSTURBANCE's pushes: what each is, and the search for the largest that is borne."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from surefoot.bench.bench_cell import NOISE, BenchCell, Under
-from surefoot.bench.impedance import phasor
-from surefoot.bench.subject import Subject
+from surefoot.bench.bench_runs import NOISE, BenchCell, Subject, Under
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.rods import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.rods import RodState
 from surefoot.simulation import Simulation
+
+
+class Impedance(NamedTuple):
+    """What a mass, a damper and a spring would have that answer alike.
+
+    Attributes:
+        inertia_kg: [kg].
+        damping_n_s_m: [N s/m].
+        stiffness_n_m: [N/m].
+    """
+
+    inertia_kg: float
+    damping_n_s_m: float
+    stiffness_n_m: float
+
+
+def phasor(values: Array, *, period_s: float, frequency_hz: float) -> complex:
+    """Return the complex amplitude of a sine within values.
+
+    Args:
+        values: (n,) evenly spaced, over whole periods of the sine.
+        period_s: from one value to the next [s].
+        frequency_hz: of the sine [Hz].
+    """
+    turns = np.exp(-2j * np.pi * frequency_hz * period_s * np.arange(len(values)))
+    return complex(2.0 * np.mean(values * turns))
+
+
+def fit_impedance(
+    frequencies_hz: Sequence[float], force_over_way: Sequence[complex]
+) -> Impedance | None:
+    """Fit force over way by least squares.
+
+    A sine at one frequency cannot tell a spring from a mass: both answer in phase. So
+    several are fitted at once: F/X = K - I w^2 + j w D. Each counts by its relative
+    error, or the highest frequency would decide alone.
+
+    Args:
+        frequencies_hz: of the sines [Hz].
+        force_over_way: complex amplitudes of the force over those of the way [N/m].
+
+    Returns:
+        None for fewer than two frequencies.
+    """
+    if len(set(frequencies_hz)) < 2:
+        return None
+    omega = 2.0 * np.pi * np.array(frequencies_hz)
+    z = np.array(force_over_way)
+    weight = 1.0 / np.abs(z)
+    in_phase = np.column_stack([-(omega**2), np.ones_like(omega)]) * weight[:, None]
+    (inertia, stiffness), *_ = np.linalg.lstsq(in_phase, z.real * weight, rcond=None)
+    quarter = omega * weight
+    damping = float(quarter @ (z.imag * weight) / (quarter @ quarter))
+    return Impedance(float(inertia), damping, float(stiffness))
+
+
+WITHIN = 1.02
+"""The search ends when what fell is at most so many times what stood."""
+STEP = 2.0
+"""From the first guess on, until one stood and one fell."""
+MOST_STEPS = 6
+DIGITS = 4
+
+
+@dataclass
+class MarginSearch:
+    """A search that is told, push by push, whether the robot stood.
+
+    It takes for granted that whoever stands a push stands every smaller one.
+
+    Attributes:
+        size: to be tried next.
+        stood: largest that was stood; 0 when none was.
+        fell: smallest that was not; None when all were stood.
+        tried: how many so far.
+    """
+
+    size: float
+    stood: float = 0.0
+    fell: float | None = None
+    tried: int = field(default=0)
+
+    def __post_init__(self) -> None:
+        """Name sizes by a few digits, so that a run is found again by its name."""
+        self.size = _rounded(self.size)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the margin is known to within 2 %, or lies beyond what is tried."""
+        if self.stood and self.fell is not None:
+            # Sizes of a few digits leave no room between some neighbours.
+            return self.fell <= WITHIN * self.stood or self.size in (
+                self.stood,
+                self.fell,
+            )
+        return self.tried > MOST_STEPS
+
+    def tell(self, *, stood: bool) -> None:
+        """Take in how it went with ``size``, and choose the next."""
+        self.tried += 1
+        if stood:
+            self.stood = max(self.stood, self.size)
+        else:
+            self.fell = self.size if self.fell is None else min(self.fell, self.size)
+        if self.fell is None:
+            self.size = _rounded(self.size * STEP)
+        elif not self.stood:
+            self.size = _rounded(self.size / STEP)
+        else:
+            self.size = _rounded(math.sqrt(self.stood * self.fell))
+
+
+def _rounded(size: float) -> float:
+    return float(f"{size:.{DIGITS}g}")
+
 
 PushKind = Literal[
     "impulse", "sine-displacement", "sine-force", "slow-displacement", "slow-force"

@@ -14,9 +14,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from surefoot.bench.bench_cell import NOISE, BenchCell, Under
-from surefoot.bench.frequency_response import cycle_spectra, sine_response
-from surefoot.bench.step_response import step_figures
+from surefoot.bench.bench_runs import NOISE, BenchCell, Under
+from surefoot.bench.sway_response import cycle_spectra, sine_response, step_figures
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.motions import Motion, PrtsMotion, RampMotion, SineMotion
 from surefoot.schemas.scenario import Platform, Scenario

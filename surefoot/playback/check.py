@@ -12,9 +12,15 @@ from typing import Any, TypeVar
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.playback.recompute import Inputs, ReplayOutcome, SessionOutcome, recompute
+from surefoot.playback.recompute import (
+    Inputs,
+    ReplayOutcome,
+    Session,
+    SessionOutcome,
+    find_sessions,
+    recompute,
+)
 from surefoot.playback.sensors import RecordedSensors, to_wire
-from surefoot.playback.sessions import Session, find_sessions
 from surefoot.playback.timeline import Entry, Timeline
 from surefoot.recording.attachments import VERSIONS, Versions, versions
 from surefoot.recording.read import decode_json

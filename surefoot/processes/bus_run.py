@@ -13,10 +13,9 @@ from typing import NamedTuple
 from msgspec.structs import replace
 
 from surefoot.endpoints import ENDPOINTS, loopback_endpoints, write_endpoints
-from surefoot.errors import ChildFailedError
-from surefoot.exit_codes import ExitCode
-from surefoot.processes.child import Child, Event, Exit, Ready, Said
-from surefoot.processes.supervise import failure, supervise
+from surefoot.errors import ChildFailedError, ExitCode
+from surefoot.outcome import Sides
+from surefoot.processes.child import Child, Event, Exit, Ready, Said, failure, supervise
 from surefoot.run_folder import (
     CONTROLLER_TICKS,
     MARKER,
@@ -27,7 +26,6 @@ from surefoot.run_folder import (
     read_struct,
 )
 from surefoot.run_plan import RunPlan
-from surefoot.run_result import Sides
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult, RelayResult

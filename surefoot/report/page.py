@@ -13,17 +13,21 @@ import msgspec
 from surefoot.loop_margins import compute_margins
 from surefoot.out_folder import OutFolder
 from surefoot.progress import CountBar, no_bar
-from surefoot.report.curves import BUCKETS, curves
-from surefoot.report.footsteps import footsteps, steps_of
-from surefoot.report.panels import RUN_COLOURS, marks_of, panel_groups
+from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of
+from surefoot.report.panels import (
+    RUN_COLOURS,
+    frame_rows,
+    marks_of,
+    panel_groups,
+    scene_page,
+)
 from surefoot.report.run_data import RunData
-from surefoot.report.scene_page import frame_rows, scene_page
 from surefoot.report.tables import figure_rows, sentence, setting_rows
 from surefoot.report.video import draw_animation, draw_video
 from surefoot.schemas.settings import setting_names
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP
-from surefoot.view.walk_scene import DCM
+from surefoot.view.walk import DCM
 
 HERE = Path(__file__).parent
 REPORT_MARKER = "report.json"

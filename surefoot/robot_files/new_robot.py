@@ -13,16 +13,16 @@ import numpy as np
 from surefoot.errors import UsageError
 from surefoot.out_folder import check_replaceable, new_file
 from surefoot.robot_files import clean_urdf
-from surefoot.robot_files.draft import Draft, Note
-from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
-from surefoot.robot_files.joint_lines import joint_lines
-from surefoot.robot_files.meshes import (
+from surefoot.robot_files.draft import (
+    Draft,
+    Note,
     carry_meshes,
     check_copies,
     copy_meshes,
     find_meshes,
 )
-from surefoot.robot_files.robot_text import robot_text
+from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
+from surefoot.robot_files.robot_text import joint_lines, robot_text
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.urdf_check import Urdf, bare_text

@@ -292,7 +292,7 @@ class Task(NamedTuple):
         Raises:
             UsageError: the inputs found here are others.
         """
-        from surefoot.studies.fingerprint import inputs_fingerprint
+        from surefoot.studies.store import inputs_fingerprint
 
         plan = self.cell.plan(robot=self.robot, overrides=self.overrides)
         here = inputs_fingerprint(plan)

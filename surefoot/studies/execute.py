@@ -1,16 +1,160 @@
-"""Runs what is missing in a study, in parallel processes."""
+"""Runs the cells of a study: in processes of this machine, or on a cluster.
+
+Names and settings travel, code and files do not: each worker says what it would
+compute with, and is refused by name unless that is what is installed here.
+"""
 
 from __future__ import annotations
 
 import os
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
 
+from surefoot.errors import EnvironmentFailedError, SurefootError, UsageError
+from surefoot.installation import install_command
 from surefoot.progress import CountBar, no_bar
 from surefoot.studies.cell import Row, Task, Work
-from surefoot.studies.fingerprint import inputs_fingerprint
-from surefoot.studies.store import StudyStore
+from surefoot.studies.store import (
+    StudyStore,
+    about_code,
+    code_fingerprint,
+    inputs_fingerprint,
+)
+
+_CONNECT_S = 10.0
+"""Time for the scheduler, and then for its first worker, to answer [s]."""
+
+
+def run_on_cluster(tasks: Sequence[Task], scheduler: str) -> Iterator[Row]:
+    """Run tasks on all workers, also on those that come later.
+
+    A worker that is lost costs the run it was at, which another worker begins anew.
+
+    Args:
+        tasks: what to run.
+        scheduler: its address, such as ``tcp://head:8786``.
+
+    Yields:
+        The row of each, in the order in which they are done.
+
+    Raises:
+        EnvironmentFailedError: no scheduler or no worker answers, or the scheduler
+            is lost.
+        UsageError: a worker has other code, packages or files.
+        SurefootError: a run ended every worker that it was tried on.
+    """
+    from distributed import as_completed
+    from distributed.client import FutureCancelledError
+    from distributed.scheduler import KilledWorker
+
+    with _client(scheduler) as client:
+        kinds = sorted({type(task.cell).__module__ for task in tasks})
+        about = about_work(kinds)
+        check_workers(client, kinds, about)
+        futures = client.map(run_checked, tasks, about=about, pure=False, key="run")
+        try:
+            for future in as_completed(futures, loop=client.loop):
+                yield future.result()
+        except KilledWorker as error:
+            raise SurefootError(
+                f"--scheduler {scheduler}: a run ended each worker that it was tried "
+                "on; look into the log of the worker named last, "
+                f"{error.last_worker.address}, and at its memory"
+            ) from error
+        except FutureCancelledError as error:
+            raise EnvironmentFailedError(
+                f"--scheduler {scheduler}: the scheduler was lost; what was finished "
+                "is kept. Start it again, then this command"
+            ) from error
+        finally:
+            client.cancel(futures)
+
+
+def about_work(kinds: Sequence[str]) -> dict[str, str]:
+    """Return what runs are made with here: code and packages, by name.
+
+    Args:
+        kinds: the modules that say how each kind of run is done.
+    """
+    return {**about_code(), **{kind: code_fingerprint(kind) for kind in kinds}}
+
+
+def check_workers(client: Any, kinds: Sequence[str], about: Mapping[str, str]) -> None:
+    """Refuse workers that would compute with something else, before anything is run.
+
+    Raises:
+        EnvironmentFailedError: there is no worker.
+        UsageError: one has other code or packages, or lacks surefoot.
+    """
+    try:
+        client.wait_for_workers(1, timeout=_CONNECT_S)
+    except TimeoutError as error:
+        raise EnvironmentFailedError(
+            f"--scheduler {client.scheduler.address}: has no workers; start some: "
+            f"dask worker {client.scheduler.address} --nthreads 1"
+        ) from error
+    answers: dict[str, Any] = client.run(about_work, kinds, on_error="return")
+    for address, answer in answers.items():
+        if isinstance(answer, BaseException):
+            raise UsageError(
+                f"worker {address}: cannot load surefoot ({answer}); install it there"
+            )
+        _compare(answer, about, address)
+
+
+def run_checked(task: Task, *, about: Mapping[str, str]) -> Row:
+    """Run a task where it was sent, unless something else would be computed there.
+
+    Raises:
+        UsageError: code or packages are others, or files.
+    """
+    from distributed import get_worker
+
+    here = about_work([type(task.cell).__module__])
+    _compare(here, {name: about[name] for name in here}, get_worker().address)
+    return task.run()
+
+
+def _compare(there: Mapping[str, str], here: Mapping[str, str], address: str) -> None:
+    differing = [
+        f"{name} {_short(there.get(name, 'missing'))} instead of {_short(value)}"
+        for name, value in here.items()
+        if there.get(name) != value
+    ]
+    if differing:
+        raise UsageError(
+            f"worker {address}: has {', '.join(differing)}; its runs would not be "
+            "those of this machine. Install the same there, and start it anew"
+        )
+
+
+def _short(value: str) -> str:
+    """A digest's beginning is enough to tell two apart."""
+    return value[:12]
+
+
+@contextmanager
+def _client(scheduler: str) -> Iterator[Any]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise EnvironmentFailedError(
+            f"--scheduler needs Dask: {install_command('cluster')}"
+        ) from error
+    try:
+        client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise EnvironmentFailedError(
+            f"--scheduler {scheduler}: no Dask scheduler answers there; start one "
+            "with `dask scheduler`, and give the address that it says, such as "
+            "tcp://head:8786"
+        ) from error
+    with client:
+        yield client
+
 
 IDLE_S = 10
 """Idle time after which a worker ends [s]."""
@@ -102,8 +246,6 @@ def run_tasks(
     from joblib import Parallel, delayed, parallel_config
 
     if scheduler is not None:
-        from surefoot.studies.cluster import run_on_cluster
-
         yield from run_on_cluster(tasks, scheduler)
         return
     workers = parallel_config(

@@ -1,10 +1,14 @@
-"""What the evaluation runs: scenarios, controllers, servo profiles."""
+"""The paper's evaluation: its cases, and its claims beside what was found."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
+from surefoot.studies import paper as d
 from surefoot.studies.cell import Cell, Group
+from surefoot.studies.summary import GroupSummary
+from surefoot.studies.tables import Summaries, curves_over
 
 WHOLE_BODY, PAPER, TUNED, STOCK = "whole-body", "paper", "zmp-tuned", "zmp-stock"
 IDEAL, SLOW = "ideal", "harmonic"
@@ -89,3 +93,258 @@ def cells_of(size: Extent) -> list[Cell]:
                 Group(ROBUSTNESS_ON, values, variant, IDEAL) for values in ROBUSTNESS
             ]
     return [Cell(group, seed) for seed in range(size.seeds) for group in groups]
+
+
+HOLDS, FAILS, OPEN = "holds", "does not hold", "not measured"
+LOWER_BY = 0.4
+HEIGHT_LIMIT_MM = 10.0
+REGAIN_S = 0.3
+RATE_GOAL_DEG_S = 180.0
+HALF = 0.5
+ROBUST_SHARE, DROP_80_SHARE = 0.95, 0.9
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A statement, and what was measured of it.
+
+    Attributes:
+        statement: what is claimed or aimed at.
+        measured: in words and numbers.
+        verdict: HOLDS, FAILS or OPEN.
+    """
+
+    statement: str
+    measured: str
+    verdict: str
+
+
+class Evidence:
+    """Looks up what was measured."""
+
+    def __init__(self, summaries: Summaries) -> None:
+        """Take all of a study."""
+        self.summaries = summaries
+
+    def of(
+        self, scenario: str, variant: str, profile: str = d.IDEAL, **values: float
+    ) -> GroupSummary | None:
+        """Return a group's summary; None when it was not run."""
+        return self.summaries.get(
+            Group(scenario, tuple(values.items()), variant, profile)
+        )
+
+    def where(self, wanted: Callable[[Group], bool]) -> list[GroupSummary]:
+        """Return all summaries whose group fits."""
+        return [s for group, s in self.summaries.items() if wanted(group)]
+
+
+def claims(evidence: Evidence) -> list[Claim]:
+    """Return what the paper claims; ZMP is the tuned baseline unless said."""
+    slow, fast = "moving-platform-slow", "moving-platform-fast"
+    pair_slow, pair_fast = "two-platforms-slow", "two-platforms-fast"
+    return [
+        _both_and_better(evidence, slow, "One platform, slow"),
+        _only_whole_body(evidence, fast, "One platform, fast"),
+        _both_and_better(evidence, pair_slow, "A platform per foot, slow"),
+        _only_whole_body(evidence, pair_fast, "A platform per foot, fast"),
+        _only_whole_body(evidence, "falling-platform-50", "Ground falls by 50 mm"),
+        _only_whole_body(evidence, "falling-platform-80", "Ground falls by 80 mm"),
+        _limit_of(
+            evidence,
+            d.PAPER,
+            "Its own law balances up to about 60 deg/s",
+            at=d.PAPER_LIMIT_DEG_S,
+        ),
+    ]
+
+
+def goals(evidence: Evidence) -> list[Claim]:
+    """Return what this project set itself, default settings."""
+    one = evidence.of("moving-platform-slow", d.WHOLE_BODY)
+    height = None if one is None or one.com_rms_mm is None else one.com_rms_mm[2]
+    worst = (
+        None if one is None or one.com_rms_worst_mm is None else one.com_rms_worst_mm[2]
+    )
+    return [
+        _lower_everywhere(evidence),
+        *(
+            _share(evidence, name, 1.0, f"{name} at 60 deg/s: all stay up")
+            for name in d.RAMPS
+        ),
+        _limit_of(
+            evidence,
+            d.WHOLE_BODY,
+            f"Half stay up at {RATE_GOAL_DEG_S:g} deg/s or more",
+            at=RATE_GOAL_DEG_S,
+        ),
+        _share(evidence, "tilt-sine-roll", 1.0, "Roll sine, 120 deg/s peak: all up"),
+        _share(evidence, "tilt-sine-pitch", 1.0, "Pitch sine, 120 deg/s peak: all up"),
+        _share(evidence, "two-platforms-fast", 1.0, "Two platforms, fast: all up"),
+        _drop(evidence),
+        _share(evidence, "falling-platform-80", DROP_80_SHARE, "80 mm drop: 90 % up"),
+        _many(
+            evidence.where(
+                lambda g: g.scenario in d.PUSHED and g.variant == d.WHOLE_BODY
+            ),
+            1.0,
+            "20 N s from eight directions, still and slowly moving ground: all up",
+        ),
+        _many(
+            evidence.where(
+                lambda g: (
+                    g.scenario == d.ROBUSTNESS_ON
+                    and g.values in d.ROBUSTNESS
+                    and g.variant == d.WHOLE_BODY
+                )
+            ),
+            ROBUST_SHARE,
+            "Noise, delay, servo stiffness, mass and friction: 95 % up",
+        ),
+        Claim(
+            f"CoM height on the slow platform: at most {HEIGHT_LIMIT_MM:g} mm rms",
+            "-" if height is None else f"mean {height:.1f}, worst seed {worst:.1f} mm",
+            _verdict(None if worst is None else worst <= HEIGHT_LIMIT_MM),
+        ),
+    ]
+
+
+def _verdict(true: bool | None) -> str:
+    return OPEN if true is None else HOLDS if true else FAILS
+
+
+def _ups(name: str, summary: GroupSummary | None) -> str:
+    if summary is None:
+        return f"{name}: not run"
+    return f"{name}: {summary.up} of {summary.runs} up"
+
+
+def _better(ours: GroupSummary, theirs: GroupSummary) -> str:
+    return (
+        f"CoM rms {ours.horizontal_mm:.1f} against {theirs.horizontal_mm:.1f} mm, "
+        f"force deviation {ours.force_deviation_n:.0f} against "
+        f"{theirs.force_deviation_n:.0f} N"
+    )
+
+
+def _both_and_better(evidence: Evidence, scenario: str, title: str) -> Claim:
+    ours, theirs = (evidence.of(scenario, v) for v in (d.WHOLE_BODY, d.TUNED))
+    statement = f"{title}: both stay up, whole-body with less CoM motion and force"
+    words = "; ".join((_ups(d.WHOLE_BODY, ours), _ups(d.TUNED, theirs)))
+    if ours is None or theirs is None:
+        return Claim(statement, words, OPEN)
+    if not ours.up or not theirs.up:
+        return Claim(statement, words, FAILS)
+    true = (
+        ours.up == ours.runs
+        and theirs.up == theirs.runs
+        and _ratio(ours.horizontal_mm, theirs.horizontal_mm) < 1.0
+        and _ratio(ours.force_deviation_n, theirs.force_deviation_n) < 1.0
+    )
+    return Claim(statement, f"{words}; {_better(ours, theirs)}", _verdict(true))
+
+
+def _only_whole_body(evidence: Evidence, scenario: str, title: str) -> Claim:
+    ours = evidence.of(scenario, d.WHOLE_BODY)
+    theirs = evidence.of(scenario, d.TUNED)
+    stock = evidence.of(scenario, d.STOCK)
+    statement = f"{title}: whole-body stays up, ZMP falls"
+    parts = [_ups(d.WHOLE_BODY, ours), _ups(d.TUNED, theirs)]
+    if stock is not None:
+        parts.append(_ups(d.STOCK, stock))
+    if ours is None or theirs is None:
+        return Claim(statement, "; ".join(parts), OPEN)
+    if ours.up and theirs.up:
+        parts.append(_better(ours, theirs))
+    true = ours.up == ours.runs and theirs.up == 0
+    return Claim(statement, "; ".join(parts), _verdict(true))
+
+
+def _limit_of(evidence: Evidence, variant: str, statement: str, *, at: float) -> Claim:
+    """Judge the smallest 50 % limit with the ideal servo; report the slow one."""
+    found = [_limits(evidence, variant, profile) for profile in d.PROFILES]
+    ideal = found[d.PROFILES.index(d.IDEAL)]
+    if not ideal:
+        return Claim(statement, f"{variant}: not run", OPEN)
+    told = []
+    for profile, limits in zip(d.PROFILES, found, strict=True):
+        each = ", ".join(f"{axis} {words}" for axis, (_, words) in limits.items())
+        told.append(f"{profile} {each} deg/s" if each else f"{profile} not run")
+    true = min(rate for rate, _ in ideal.values()) >= at
+    return Claim(statement, f"half fall at: {'; '.join(told)}", _verdict(true))
+
+
+def _limits(
+    evidence: Evidence, variant: str, profile: str
+) -> dict[str, tuple[float, str]]:
+    """Return where half the runs fall [deg/s], by axis, as numbers and texts."""
+    limits = {}
+    for name in d.RAMPS:
+        for curve in curves_over(evidence.summaries, scenario=name, name=d.TILT_RATE):
+            if curve.label != f"{variant}, {profile}":
+                continue
+            axis = name.rsplit("-", 1)[1]
+            lowest, highest = curve.levels[0], curve.levels[-1]
+            if curve.limit is None:
+                limits[axis] = (highest, f"over {highest:g}")
+            elif curve.rates[0] < HALF:
+                limits[axis] = (0.0, f"under {lowest:g}")
+            else:
+                limits[axis] = (curve.limit, f"{curve.limit:.0f}")
+    return limits
+
+
+def _share(evidence: Evidence, scenario: str, share: float, statement: str) -> Claim:
+    found = evidence.of(scenario, d.WHOLE_BODY)
+    return _many([] if found is None else [found], share, statement)
+
+
+def _many(found: Iterable[GroupSummary], share: float, statement: str) -> Claim:
+    found = list(found)
+    up, runs = sum(s.up for s in found), sum(s.runs for s in found)
+    if not runs:
+        return Claim(statement, "-", OPEN)
+    return Claim(statement, f"{up} of {runs} up", _verdict(up >= share * runs))
+
+
+def _drop(evidence: Evidence) -> Claim:
+    found = evidence.of("falling-platform-50", d.WHOLE_BODY)
+    statement = f"50 mm drop: all up, contact regained in under {REGAIN_S:g} s"
+    if found is None or found.contact_gap_s is None:
+        return Claim(statement, "-", _verdict(None if found is None else False))
+    true = found.up == found.runs and found.contact_gap_s < REGAIN_S
+    words = f"{found.up} of {found.runs} up, at most {found.contact_gap_s:.3f} s"
+    return Claim(statement, words, _verdict(true))
+
+
+def _lower_everywhere(evidence: Evidence) -> Claim:
+    statement = (
+        f"Where both survive: horizontal CoM rms and force deviation {LOWER_BY:.0%} "
+        f"lower than {d.TUNED} (both servo profiles)"
+    )
+    compared, short = 0, []
+    for group, ours in evidence.summaries.items():
+        theirs = evidence.summaries.get(group._replace(variant=d.TUNED))
+        if group.variant != d.WHOLE_BODY or theirs is None:
+            continue
+        if ours.up < ours.runs or theirs.up < theirs.runs:
+            continue
+        compared += 1
+        com = 1.0 - _ratio(ours.horizontal_mm, theirs.horizontal_mm)
+        force = 1.0 - _ratio(ours.force_deviation_n, theirs.force_deviation_n)
+        if min(com, force) < LOWER_BY:
+            short.append(
+                f"{group.case}, {group.servo_profile}: CoM {com:.0%}, force {force:.0%}"
+            )
+    if not compared:
+        return Claim(statement, "-", OPEN)
+    words = f"{compared - len(short)} of {compared} cases"
+    if short:
+        words += "; less in " + "; ".join(short)
+    return Claim(statement, words, _verdict(not short))
+
+
+def _ratio(ours: float | None, theirs: float | None) -> float:
+    if not ours or not theirs:
+        return 1.0
+    return ours / theirs

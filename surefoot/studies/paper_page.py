@@ -1,18 +1,24 @@
-"""The page about the evaluation: one static file that opens offline."""
+"""The page of the paper's evaluation, and its figures."""
 
 from __future__ import annotations
 
+import base64
+import platform
+from datetime import UTC, datetime
+from importlib.metadata import version
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.run_plan import settings_text
+from surefoot.schemas.arrays import Array
 from surefoot.studies import paper as d
-from surefoot.studies.cell import VARIANTS
-from surefoot.studies.page import inline_svg, render
-from surefoot.studies.paper_findings import Claim, Evidence, claims, goals
+from surefoot.studies.cell import VARIANTS, Cell, Group
+from surefoot.studies.paper import Claim, Evidence, claims, goals
 from surefoot.studies.tables import (
     COLUMNS,
     Summaries,
@@ -22,6 +28,117 @@ from surefoot.studies.tables import (
     markdown_table,
     write_csv,
 )
+
+STYLE = Path(__file__).parent / "page.css"
+PACKAGES = ("surefoot", "mujoco", "pin", "piqp", "numpy", "scipy")
+
+
+def render(template: Path, **values: Any) -> str:
+    """Fill a template.
+
+    Args:
+        template: a Jinja file; it gets ``style``, ``made``, ``versions`` and ``python``
+            besides.
+        values: what it shows.
+    """
+    import jinja2
+    from markupsafe import Markup
+
+    environment = jinja2.Environment(
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.from_string(template.read_text(encoding="utf-8")).render(
+        style=Markup(STYLE.read_text(encoding="utf-8")),
+        made=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        versions={name: version(name) for name in PACKAGES},
+        python=platform.python_version(),
+        **values,
+    )
+
+
+def inline_svg(svg: bytes) -> str:
+    """Return a drawing as an address; its names clash with no other drawing's."""
+    return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
+
+
+SHOWN = {
+    "moving-platform-slow": "One platform, slow",
+    "moving-platform-fast": "One platform, fast",
+    "two-platforms-fast": "A platform per foot, fast",
+    "falling-platform-80": "The left platform falls by 80 mm",
+}
+COMPARED = (d.WHOLE_BODY, d.TUNED)
+EVERY_TICKS = 10
+
+
+def record(scenario: str, variant: str) -> dict[str, Array]:
+    """Signals of every tick of one run with seed 0 and the ideal servo."""
+    from surefoot.signals import memory_sinks
+    from surefoot.simulation import Simulation
+    from surefoot.stabilizer.factory import make_controller
+
+    cell = Cell(Group(scenario, (), variant, d.IDEAL), seed=0)
+    plan = cell.plan(robot="walker", overrides=())
+    sim = Simulation.of_plan(plan, sinks=memory_sinks())
+    sim.run(make_controller(plan.controller, plan.robot, plan.settings))
+    return dict(sim.signals)
+
+
+def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
+    """Draw base position and rotation, force and moment of the left sole.
+
+    Args:
+        title: of the scenario.
+        runs: arrays by controller.
+
+    Returns:
+        SVG.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.0, 7.2), layout="constrained")
+    figure.suptitle(title)
+    grid: Any = figure.subplots(4, len(runs), sharex=True, sharey="row", squeeze=False)
+    for column, (variant, arrays) in enumerate(runs.items()):
+        time_s = arrays["time_s"][::EVERY_TICKS]
+        base = arrays["true_base_pose"]
+        panels = (
+            (1e3 * (base[:, :3] - base[0, :3]), "xyz"),
+            (np.degrees(_roll_pitch_yaw(base[:, 3:])), "rpy"),
+            (arrays["true_F"][:, :3], "xyz"),
+            (arrays["true_F"][:, 3:6], "xyz"),
+        )
+        for row, (values, names) in enumerate(panels):
+            axes = grid[row, column]
+            for index, name in enumerate(names):
+                label = {"r": "roll", "p": "pitch"}.get(name, name)
+                label = "yaw" if names == "rpy" and index == 2 else label
+                axes.plot(time_s, values[::EVERY_TICKS, index], lw=0.9, label=label)
+            axes.grid(alpha=0.3)
+            if column == len(runs) - 1:  # beside the last one: inside it hides curves
+                axes.legend(
+                    fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5)
+                )
+        grid[0, column].set_title(variant)
+        grid[-1, column].set_xlabel("time [s]")
+    labels = ("base position [mm]", "base rotation [deg]", "force [N]", "moment [N m]")
+    for row, label in enumerate(labels):
+        grid[row, 0].set_ylabel(label)
+    buffer = BytesIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def _roll_pitch_yaw(quat_xyzw: Array) -> Array:
+    """Return (n, 3) angles about x, y, z in turn [rad]."""
+    from scipy.spatial.transform import Rotation
+
+    angles: Array = Rotation.from_quat(quat_xyzw).as_euler("xyz")
+    return angles
+
 
 TEMPLATE = Path(__file__).parent / "paper.html.j2"
 FIGURES = "figures"

@@ -1,8 +1,20 @@
-"""Keeps the runs of a study in a folder, so that it can go on after any end."""
+"""Finished runs of a study on the disk, and what makes them those of this code.
+
+A finished run may stand for a new one as long as all three are the same. Code is what
+one simulated run imports, however deep: plant, controller, settings and the figures.
+The command line, pages, recorders and the bus are not among it, so a change of theirs
+throws no study away; nor does a comment or a docstring.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import ast
+import hashlib
+import inspect
+import platform
+from collections.abc import Iterable, Iterator
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, Self
@@ -12,8 +24,120 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.out_folder import make_out_folder
 from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.run_plan import RunPlan
+from surefoot.schemas.scenario import with_recordings
+from surefoot.stabilizer.factory import CONTROLLERS, find_target
 from surefoot.studies.cell import Row, Task
-from surefoot.studies.fingerprint import about_code
+
+ROOT = "surefoot.simulation"
+"""The module that runs one plan."""
+_ELSEWHERE = tuple(
+    f"surefoot.{name}"
+    for name in (
+        *("robot_io.bus", "robot_io.client_side", "robot_io.security"),
+        *("robot_io.relay", "robot_io.ticks", "signals", "out_folder", "run_folder"),
+    )
+)
+"""Imported on the way, but never asked for a figure: bus, files and records."""
+PACKAGES = ("mujoco", "pin", "piqp", "numpy")
+"""What else computes."""
+_FOLDER = Path(__file__).resolve().parents[2]
+
+
+def about_code() -> dict[str, str]:
+    """Return digest of the code and versions of what it computes with, by name."""
+    packages = {name: version(name) for name in PACKAGES}
+    python = ".".join(platform.python_version_tuple()[:2])
+    return {"code": code_fingerprint(), "python": python, **packages}
+
+
+@cache
+def code_fingerprint(root: str = ROOT) -> str:
+    """Return the SHA-256 of the code that a run, or a module, depends on."""
+    digest = hashlib.sha256()
+    for name, tree in sorted(code_of_a_run(root).items()):
+        digest.update(f"{name}\n{ast.dump(_without_docstrings(tree))}\n".encode())
+    return digest.hexdigest()
+
+
+def code_of_a_run(root: str = ROOT) -> dict[str, ast.Module]:
+    """Return the modules that a run imports, from whatever depth, by name."""
+    found: dict[str, ast.Module] = {}
+    waiting = [root]
+    while waiting:
+        name = waiting.pop()
+        path = None if name in found or _is_elsewhere(name) else _file_of(name)
+        if path is not None:
+            found[name] = ast.parse(path.read_bytes())
+            waiting += _imports(found[name])
+    return found
+
+
+def _is_elsewhere(name: str) -> bool:
+    ours = name.startswith("surefoot.")
+    return not ours or any(f"{name}.".startswith(f"{room}.") for room in _ELSEWHERE)
+
+
+def _file_of(name: str) -> Path | None:
+    """Find the source of a module; None for a name inside one."""
+    path = _FOLDER.joinpath(*name.split("."))
+    for file in (path.with_suffix(".py"), path / "__init__.py"):
+        if file.is_file():
+            return file
+    return None
+
+
+def _imports(tree: ast.Module) -> Iterator[str]:
+    """Names that may be modules; those for the type checker alone are left out."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        if isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        waiting += ast.iter_child_nodes(node)
+
+
+def _without_docstrings(tree: ast.Module) -> ast.Module:
+    for node in ast.walk(tree):
+        body = getattr(node, "body", None)
+        if isinstance(body, list):
+            node.body = [part for part in body if not _is_text(part)]  # type: ignore[attr-defined]
+    return tree
+
+
+def _is_text(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
+
+
+def inputs_fingerprint(plan: RunPlan) -> str:
+    """Return the SHA-256 of what a plan puts into a run, besides the seed.
+
+    It is that of contents, wherever the files lie: scenario and recorded motions, robot
+    file and URDF, settings, and the source of a controller from outside.
+    """
+    digest = hashlib.sha256()
+    scenario = with_recordings(
+        plan.scenario,
+        lambda motion: hashlib.sha256(Path(motion.file).read_bytes()).hexdigest(),
+    )
+    for part in (scenario, plan.settings, plan.robot.file):
+        digest.update(msgspec.json.encode(part))
+    digest.update(plan.robot.urdf_path.read_bytes())
+    digest.update(plan.controller.rpartition(":")[2].encode())
+    if plan.controller not in CONTROLLERS:
+        source = inspect.getsourcefile(find_target(plan.controller))
+        digest.update(b"" if source is None else Path(source).read_bytes())
+    return digest.hexdigest()
+
 
 STUDY, RUNS = "study.json", "runs.jsonl"
 

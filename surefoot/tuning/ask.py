@@ -17,9 +17,9 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import find_scenario
 from surefoot.studies.cell import Cell, Group, find_variant
 from surefoot.studies.execute import tasks_of
-from surefoot.studies.fingerprint import about_code
+from surefoot.studies.store import about_code
+from surefoot.tuning.objectives import SCORE, SENSITIVITY, TuneCell, stimulus_of
 from surefoot.tuning.parameters import Parameter, parse_parameter
-from surefoot.tuning.runs import SCORE, SENSITIVITY, TuneCell, stimulus_of
 from surefoot.tuning.spec import Sampler, Spec
 
 Params = Mapping[str, Any] | Sequence[str]

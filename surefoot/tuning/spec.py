@@ -12,10 +12,9 @@ from surefoot.errors import UsageError
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.cell import Group, Task
-from surefoot.studies.fingerprint import inputs_fingerprint
-from surefoot.tuning.objectives import Objective, find_objectives
+from surefoot.studies.store import inputs_fingerprint
+from surefoot.tuning.objectives import Objective, TuneCell, find_objectives
 from surefoot.tuning.parameters import Parameter, Value, overrides_of
-from surefoot.tuning.runs import TuneCell
 
 Sampler = Literal["tpe", "nsga2"]
 _STARTUP = 10

@@ -12,8 +12,7 @@ from tempfile import TemporaryDirectory
 from surefoot.errors import EnvironmentFailedError, TuneInterrupted, UsageError
 from surefoot.installation import install_command
 from surefoot.out_folder import make_out_folder
-from surefoot.processes.child import Child, Event, Exit, Progress
-from surefoot.processes.supervise import failure
+from surefoot.processes.child import Child, Event, Exit, Progress, failure
 from surefoot.progress import CountBar, no_bar
 from surefoot.run_plan import Settings
 from surefoot.studies.cell import Row
@@ -21,10 +20,10 @@ from surefoot.studies.execute import run_tasks
 
 try:
     from surefoot.tuning.ask import Params, held_out_cells, make_spec
+    from surefoot.tuning.objectives import TuneCell
     from surefoot.tuning.outcome import Candidate, Tuned, choose, compare
     from surefoot.tuning.page import OUTCOME, write_outcome
     from surefoot.tuning.parameters import rounded
-    from surefoot.tuning.runs import TuneCell
     from surefoot.tuning.spec import Sampler
     from surefoot.tuning.trials import MOST_LOSSES, PLACE, Trials
     from surefoot.tuning.worker import ROWS, STOPPED

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from surefoot.errors import ERROR_PREFIX
-from surefoot.exit_codes import exit_code_of
+from surefoot.errors import ERROR_PREFIX, exit_code_of
 from surefoot.processes.child import begin_as_child
 from surefoot.schemas.errors import FileFormatError
 from surefoot.studies.cell import Row, Task

@@ -27,13 +27,18 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import StabilizerState, plain
 from surefoot.schemas.walk_plan import WalkStatus
-from surefoot.view.controls import Asker, GainSliders, add_controls, add_push
-from surefoot.view.plots import PLOTS, RollingPlot
+from surefoot.view.controls import (
+    PLOTS,
+    Asker,
+    GainSliders,
+    RollingPlot,
+    add_controls,
+    add_push,
+)
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP, Scene
 from surefoot.view.scene_state import SceneState, state_of
-from surefoot.view.walk_controls import WalkControls
-from surefoot.view.walk_scene import DCM
+from surefoot.view.walk import DCM, WalkControls
 
 _LOG = logging.getLogger(__name__)
 FRAME_S = 1.0 / 30.0

@@ -22,7 +22,7 @@ from surefoot.view.scene_state import (
     support_polygon,
     zero_moment_point,
 )
-from surefoot.view.walk_scene import AWAY, WalkScene
+from surefoot.view.walk import AWAY, WalkScene
 
 METRES_PER_NEWTON = 1e-3
 MEASURED_BESIDE_M = 0.09

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 from surefoot.schemas.endpoints import Endpoints
 from tests.command import Surefoot
 from tests.robot_io.meeting_places import meeting_place

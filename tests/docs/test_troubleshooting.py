@@ -6,7 +6,7 @@ import ast
 import re
 from pathlib import Path
 
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/troubleshooting.md").read_text(encoding="utf-8")

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.cli.app import app
-from surefoot.exit_codes import ExitCode
+from surefoot.errors import ExitCode
 from surefoot.sim_robot.catalogue import find_scenario
 from tests.command import environment
 from tests.support import PATIENCE_S

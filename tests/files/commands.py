@@ -11,7 +11,7 @@ import typer
 
 from surefoot.cli import console
 from surefoot.cli.app import app
-from surefoot.exit_codes import exit_code_of
+from surefoot.errors import exit_code_of
 
 
 class Outcome(NamedTuple):

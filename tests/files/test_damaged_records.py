@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 
-from surefoot.exit_codes import ExitCode, exit_code_of
+from surefoot.errors import ExitCode, exit_code_of
 from surefoot.playback.timeline import read_timeline
 from surefoot.recording.mcap_records import MAGIC
 from surefoot.recording.read import RecordError, read_record

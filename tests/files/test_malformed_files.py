@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 import surefoot as sf
-from surefoot.exit_codes import ExitCode, exit_code_of
+from surefoot.errors import ExitCode, exit_code_of
 from surefoot.robot_io.bus import session
 from surefoot.robot_io.bus.session import Role, session_config
 from surefoot.robot_io.errors import LocatorError, RobotFileError

@@ -16,10 +16,8 @@ from mcap.reader import make_reader
 from surefoot.cli.bus_messages import Echo, TimingMeter
 from surefoot.cli.bus_topics import list_topics
 from surefoot.playback.timeline import read_timeline
-from surefoot.recording.counts import LARGEST_GAP
-from surefoot.recording.log_times import LogTimes
-from surefoot.recording.read import read_record, record_info
-from surefoot.recording.write import McapFile
+from surefoot.recording.read import LARGEST_GAP, read_record, record_info
+from surefoot.recording.write import LogTimes, McapFile
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.listener import Listener, RawMessage

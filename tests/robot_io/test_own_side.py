@@ -11,7 +11,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from surefoot.exit_codes import ExitCode, exit_code_of
+from surefoot.errors import ExitCode, exit_code_of
 from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.errors import (

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
-from surefoot.identify import identify_drives
+from surefoot.measure import identify_drives
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario, scenario_from_table

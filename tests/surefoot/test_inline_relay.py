@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from surefoot.outcome import Sides
 from surefoot.relayed_simulation import RelayedSimulation
 from surefoot.robot_io.relay.catalogue import find_plan
 from surefoot.run_plan import RunPlan, make_plan
-from surefoot.run_result import Sides
 from surefoot.runs import run_inline
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause, SensorTrouble

@@ -10,12 +10,11 @@ import pytest
 from rich.console import Console
 
 from surefoot.cli.summary import run_table
-from surefoot.exit_codes import ExitCode, exit_code_for
-from surefoot.outcome import judge
+from surefoot.errors import ExitCode, exit_code_for
+from surefoot.outcome import Sides, join_result, judge
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.run_plan import make_plan
-from surefoot.run_result import Sides, join_result
 from surefoot.runs import run_inline
 from surefoot.schemas.messages import Reference, RobotMode
 from surefoot.schemas.reasons import EndReason, FallCriterion, ModeCause, Outcome

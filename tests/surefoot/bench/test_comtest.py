@@ -13,8 +13,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from surefoot.bench import comtest
-from surefoot.bench.bench_cell import Under
-from surefoot.bench.human_sway import human_sway
+from surefoot.bench.bench_runs import Under
 from surefoot.bench.sway_cells import (
     START_S,
     Stimulus,
@@ -22,6 +21,7 @@ from surefoot.bench.sway_cells import (
     SwayProbe,
     sway_cell,
 )
+from surefoot.bench.sway_response import human_sway
 from surefoot.bench.sway_results import sway_result
 from surefoot.errors import UsageError
 from surefoot.sim_robot.motion import motion_law

@@ -10,7 +10,7 @@ import yaml
 
 from surefoot.bench import dysturbance
 from surefoot.bench.dysturbance_bench import Dysturbance
-from surefoot.bench.margin_search import WITHIN
+from surefoot.bench.push_cells import WITHIN
 from surefoot.errors import UsageError
 from surefoot.studies.store import RUNS
 

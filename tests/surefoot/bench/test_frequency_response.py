@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.bench.frequency_response import (
+from surefoot.bench.sway_response import (
     GROUPS,
     HARMONICS,
     cycle_spectra,

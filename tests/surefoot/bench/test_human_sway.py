@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.bench.frequency_response import GROUPS
-from surefoot.bench.human_sway import human_sway
 from surefoot.bench.sway_cells import CYCLE_S
+from surefoot.bench.sway_response import GROUPS, human_sway
 
 CHECK_TOLERANCE = 1e-5
 UPRIGHT_IN_SPACE, RIGID_WITH_PLATFORM = 4.061311, 2.884273

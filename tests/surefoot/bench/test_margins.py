@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.bench.impedance import fit_impedance, phasor
-from surefoot.bench.margin_search import MOST_STEPS, WITHIN, MarginSearch
-from surefoot.bench.push_cells import KINDS, Disturbance, first_guess
-from surefoot.bench.subject import PERSON, Subject, proportion
+from surefoot.bench.bench_runs import PERSON, Subject, proportion
+from surefoot.bench.push_cells import (
+    KINDS,
+    MOST_STEPS,
+    WITHIN,
+    Disturbance,
+    MarginSearch,
+    first_guess,
+    fit_impedance,
+    phasor,
+)
 
 EXACT = 1e-9
 ROUNDED = 1e-3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.bench.step_response import step_figures
+from surefoot.bench.sway_response import step_figures
 from surefoot.schemas.arrays import Array
 
 START_S, LAG_S, SIZE = 1.0, 0.5, -4.0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from surefoot.bench.yaml_files import write_scalar, write_vector
+from surefoot.bench.bench_files import write_scalar, write_vector
 
 AWKWARD = [1e-7, 0.25, -3.0, 2e22, 0.1 + 0.2]
 

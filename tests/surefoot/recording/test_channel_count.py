@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from surefoot.recording.counts import ChannelCount
+from surefoot.recording.read import ChannelCount
 
 
 def test_every_number_left_out_between_first_and_last_is_counted() -> None:

@@ -17,9 +17,8 @@ pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view
 from surefoot.errors import UsageError
 from surefoot.report.curves import com_error, curves
 from surefoot.report.page import write_report
-from surefoot.report.panels import panel_groups
+from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
-from surefoot.report.scene_page import frame_rows, state_at
 from surefoot.report.tables import figure_rows, setting_rows
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.metrics import COM_FROM_S

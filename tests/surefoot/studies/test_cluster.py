@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.errors import EnvironmentFailedError, UsageError
-from surefoot.studies import cluster
+from surefoot.studies import execute
 from surefoot.studies.cell import Cell, Group, Row
 from surefoot.studies.execute import run_tasks, tasks_of
 from tests.command import environment
@@ -79,8 +79,8 @@ def test_rows_are_the_local_ones_and_a_killed_worker_costs_nothing(
             if len(rows) == 3:
                 first.send_signal(signal.SIGKILL)
                 first.wait()
-        changed = cluster.about_code() | {"code": "0" * 64, "mujoco": "3.0"}
-        monkeypatch.setattr(cluster, "about_code", lambda: changed)
+        changed = execute.about_code() | {"code": "0" * 64, "mujoco": "3.0"}
+        monkeypatch.setattr(execute, "about_code", lambda: changed)
         with pytest.raises(UsageError) as refused:
             list(run_tasks(tasks, scheduler=scheduler))
     assert sorted(rows, key=lambda row: row["seed"]) == list(run_tasks(tasks, jobs=1))
@@ -93,7 +93,7 @@ def test_rows_are_the_local_ones_and_a_killed_worker_costs_nothing(
 def test_scheduler_without_workers_and_no_scheduler_say_so(
     tmp_path: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "_CONNECT_S", 1.0)
+    monkeypatch.setattr(execute, "_CONNECT_S", 1.0)
     tasks = tasks_of(cells(tmp_path, 1), robot="walker", overrides=())
     with pytest.raises(EnvironmentFailedError, match="dask worker"):
         list(run_tasks(tasks, scheduler=scheduler))

@@ -10,11 +10,10 @@ from pathlib import Path
 import pytest
 
 from surefoot.errors import UsageError
-from surefoot.studies import fingerprint
+from surefoot.studies import store
 from surefoot.studies.cell import Cell, Group, Task
 from surefoot.studies.execute import execute
-from surefoot.studies.fingerprint import code_of_a_run, inputs_fingerprint
-from surefoot.studies.store import StudyStore
+from surefoot.studies.store import StudyStore, code_of_a_run, inputs_fingerprint
 
 SHORT = """
 name = "short"
@@ -89,7 +88,7 @@ def test_every_module_of_plant_and_controller_that_a_run_loads_is_in_it() -> Non
 
 def test_comment_and_docstring_are_not_code_but_a_number_is() -> None:
     def dumped(text: str) -> str:
-        return ast.dump(fingerprint._without_docstrings(ast.parse(text)))
+        return ast.dump(store._without_docstrings(ast.parse(text)))
 
     plain = dumped("def f(x):\n    return 2 * x\n")
     told = dumped('def f(x):\n    """Double."""\n    # twice\n    return 2 * x\n')

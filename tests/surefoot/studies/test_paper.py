@@ -11,7 +11,7 @@ import pytest
 
 from surefoot.studies import paper as d
 from surefoot.studies.cell import Cell
-from surefoot.studies.paper_findings import FAILS, HOLDS, OPEN, Evidence, claims, goals
+from surefoot.studies.paper import FAILS, HOLDS, OPEN, Evidence, claims, goals
 from surefoot.studies.paper_page import write_report
 from surefoot.studies.summary import summarise
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import surefoot as sf
-from surefoot.bench.bench_cell import Under
+from surefoot.bench.bench_runs import Under
 from surefoot.bench.sway_cells import Stimulus, sway_cell
 from surefoot.bench.sway_results import sway_result
 from surefoot.errors import UsageError
@@ -17,8 +17,17 @@ from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from surefoot.studies.cell import Group, Task
 from surefoot.tuning.ask import make_spec
-from surefoot.tuning.objectives import BEYOND, find_objectives, is_beaten, mean_figures
-from surefoot.tuning.runs import SCORE, SENSITIVITY, TuneCell, _sensitivity, stimulus_of
+from surefoot.tuning.objectives import (
+    BEYOND,
+    SCORE,
+    SENSITIVITY,
+    TuneCell,
+    _sensitivity,
+    find_objectives,
+    is_beaten,
+    mean_figures,
+    stimulus_of,
+)
 from surefoot.tuning.spec import Spec
 from tests.surefoot.tuning.searches import still
 

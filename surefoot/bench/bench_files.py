@@ -1,19 +1,93 @@
-"""The page of a benchmark, and how all their figures look."""
+"""Files and pages that all benches write: EUROBENCH's YAML, tables, page frames."""
 
 from __future__ import annotations
 
+import json
 import logging
+import math
 from collections.abc import Sequence
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from surefoot.bench.bench_cell import Under
-from surefoot.bench.subject import Subject
-from surefoot.bench.text_table import TextTable
+from surefoot.bench.bench_runs import Subject, Under
 from surefoot.robot_io.atomic_file import atomic_file
-from surefoot.studies.page import inline_svg, render
+from surefoot.studies.paper_page import inline_svg, render
+
+Number = float | int | None
+
+
+def write_scalar(path: Path, value: Number, *, label: str) -> None:
+    """Write one figure.
+
+    Args:
+        path: of the file.
+        value: None for what could not be told.
+        label: what it is, with its unit.
+    """
+    _write(path, "scalar", json.dumps(label), _number(value))
+
+
+def write_vector(
+    path: Path, values: Sequence[Number], *, labels: Sequence[str]
+) -> None:
+    """Write figures that belong together.
+
+    Args:
+        path: of the file.
+        values: None for what could not be told.
+        labels: of each, with its unit.
+    """
+    numbers = ", ".join(map(_number, values))
+    _write(path, "vector", json.dumps(list(labels)), f"[{numbers}]")
+
+
+def _number(value: Number) -> str:
+    if value is None or not math.isfinite(value):
+        return ".nan"
+    # YAML 1.1 takes 1e-05 for a text: a number needs a point before the exponent.
+    text = repr(float(value))
+    mantissa, e, exponent = text.partition("e")
+    return text if not e or "." in mantissa else f"{mantissa}.0e{exponent}"
+
+
+def _write(path: Path, kind: str, label: str, value: str) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_file(path) as file:
+        file.write(f"type: {kind}\nlabel: {label}\nvalue: {value}\n".encode())
+
+
+NONE = "-"
+
+
+class TextTable(NamedTuple):
+    """A table of texts.
+
+    Attributes:
+        title: what it shows.
+        columns: headings.
+        rows: a text for each heading.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+
+    def markdown(self) -> str:
+        """Return it as a Markdown table under its title."""
+        lines = [
+            "| " + " | ".join(self.columns) + " |",
+            "|" + "---|" * len(self.columns),
+            *("| " + " | ".join(row) + " |" for row in self.rows),
+        ]
+        return f"### {self.title}\n\n" + "\n".join(lines) + "\n"
+
+
+def text(value: float | None, form: str) -> str:
+    """Return a number as text; a dash for none."""
+    return NONE if value is None else format(value, form)
+
 
 _LOG = logging.getLogger("surefoot")
 

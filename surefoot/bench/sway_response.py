@@ -1,4 +1,4 @@
-"""Frequency response of sway to a periodic motion of the ground, with its bands.
+"""How somebody sways with the ground: responses to frequencies and steps.
 
 Spectra cycle by cycle, cross and auto spectra averaged over cycles and over groups of
 odd harmonics, as in arXiv 2104.11935 and 2110.14395.
@@ -7,8 +7,11 @@ odd harmonics, as in arXiv 2104.11935 and 2110.14395.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -189,4 +192,139 @@ def sine_response(
         gain=float(np.abs(ratio)),
         phase_deg=float(np.degrees(np.angle(ratio))),
         power_ratio=min(float(0.5 * np.abs(y_line) ** 2 / power), 1.0),
+    )
+
+
+SETTLED = 0.02
+"""Of the step: what is this close to its final value has settled."""
+RISEN, HALF = 0.9, 0.5
+FINAL_S = 1.0
+"""The final value is the mean over this long at the end [s]."""
+
+
+@dataclass(frozen=True)
+class StepFigures:
+    """Figures of a step of the ground; times count from its beginning.
+
+    Two curves are looked at. The sway is the lean of the centre of mass in space: it
+    should come back to where it was, so that its size, the time of its peak and the
+    time until it has settled tell how it went. The answer is what the robot did to get
+    there, the body's way against the ground: a step itself, with a delay, a rise and
+    an overshoot. Shares are of the step of the ground.
+
+    Attributes:
+        sway_peak: largest sway, signed [deg/deg].
+        sway_peak_s: when that was [s].
+        sway_final: sway that stays [deg/deg].
+        settling_s: until the sway stays within 2 % of the step of what it ends with;
+            None when it had not settled before its last second [s].
+        delay_s: until half of the answer; None when there was none [s].
+        rise_s: until 90 % of the answer [s].
+        overshoot: of the answer, over its final value.
+    """
+
+    sway_peak: float
+    sway_peak_s: float
+    sway_final: float
+    settling_s: float | None
+    delay_s: float | None
+    rise_s: float | None
+    overshoot: float | None
+
+
+def step_figures(
+    time_s: Array, stimulus: Array, sway: Array, answer: Array, *, start_s: float
+) -> StepFigures:
+    """Measure a step.
+
+    Args:
+        time_s: (n,) rising [s].
+        stimulus: (n,) motion of the ground, in the unit of the sway.
+        sway: (n,) lean of the centre of mass in space.
+        answer: (n,) of the body against the ground; ends at the step when the robot
+            stands as before.
+        start_s: when the ground begins to move [s].
+    """
+    before, after = time_s < start_s, time_s >= start_s
+    since = time_s[after] - start_s
+    size = _final(time_s, stimulus) - stimulus[before].mean()
+    sway_end = (_final(time_s, sway) - sway[before].mean()) / size
+    course = (sway[after] - sway[before].mean()) / size
+    peak = int(np.argmax(np.abs(course)))
+    away = np.abs(course - sway_end) > SETTLED
+    last = len(away) - int(np.argmax(away[::-1])) if away.any() else 0
+    settled = last < len(since) and since[last] <= since[-1] - FINAL_S
+    went = (answer[after] - answer[before].mean()) / size
+    end = float((_final(time_s, answer) - answer[before].mean()) / size)
+    is_answer = abs(end) > SETTLED
+    return StepFigures(
+        sway_peak=float(course[peak]),
+        sway_peak_s=float(since[peak]),
+        sway_final=float(sway_end),
+        settling_s=float(since[last]) if settled else None,
+        delay_s=_reaches(since, went, HALF * end) if is_answer else None,
+        rise_s=_reaches(since, went, RISEN * end) if is_answer else None,
+        overshoot=max(0.0, float(np.max(went / end)) - 1.0) if is_answer else None,
+    )
+
+
+def _final(time_s: Array, values: Array) -> float:
+    return float(values[time_s > time_s[-1] - FINAL_S].mean())
+
+
+def _reaches(since: Array, values: Array, level: float) -> float:
+    """First time at a level."""
+    return float(since[int(np.argmax(values * np.sign(level) >= abs(level)))])
+
+
+DATA = Path(__file__).parent / "human_sway.json"
+
+
+@dataclass(frozen=True)
+class HumanSway:
+    """Statistics over people; the data file names where they come from.
+
+    Attributes:
+        frequencies_hz: (11,) of the response at the platform's ordinary pace [Hz].
+        gain_percentiles: (11,) each, by percentile: lean over tilt [deg/deg].
+        mean: (22,) mean response: real parts, then imaginary parts.
+        weight: (22, 22) symmetric, of the squared distance from the mean.
+        score_percentiles: score of the people themselves, by percentile.
+        sources: where all this comes from.
+    """
+
+    frequencies_hz: Array
+    gain_percentiles: dict[int, Array]
+    mean: Array
+    weight: Array
+    score_percentiles: dict[int, float]
+    sources: tuple[str, ...]
+
+    def score(self, response: Complex) -> float:
+        """Return D, the distance of a response from people's.
+
+        Implements the score of arXiv 2110.14395: D^2 = d' W inv(C) W d, d the distance
+        from the mean. Half of all people are below 1.6.
+
+        Args:
+            response: (11,) complex, lean over tilt at the eleven frequencies.
+        """
+        d = np.concatenate([response.real, response.imag]) - self.mean
+        return float(np.sqrt(d @ self.weight @ d))
+
+
+@cache
+def human_sway() -> HumanSway:
+    """Return the statistics that come with this package."""
+    table: dict[str, Any] = msgspec.json.decode(DATA.read_bytes())
+    weights = np.tile(np.array(table["score_weights"]), 2)
+    return HumanSway(
+        frequencies_hz=np.array(table["frequencies_hz"]),
+        gain_percentiles={
+            int(p): np.array(gains) for p, gains in table["gain_percentiles"].items()
+        },
+        mean=np.array(table["mean_real"] + table["mean_imag"]),
+        weight=weights[:, None] * np.linalg.inv(table["covariance"]) * weights,
+        score_percentiles={int(p): v for p, v in table["score_percentiles"].items()},
+        sources=tuple(table["sources"]),
     )
