@@ -24,14 +24,12 @@ import numpy as np
 
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
-from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.realtime import TimingLog, quiet_interpreter
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.robot_io.robot_side.command_inbox import NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import CommandResult
-from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.robot_io.robot_side.server import NoAnswer, RobotServer
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout, sensor_messages
-from surefoot.robot_io.timing import TimingLog
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand

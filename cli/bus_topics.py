@@ -13,8 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from surefoot.errors import ExitCode, UsageError
-from surefoot.robot_io.client_side.bus_graph import BusGraph, processes_of
-from surefoot.robot_io.client_side.listener import RawMessage
+from surefoot.robot_io.client_side.listener import BusGraph, RawMessage, processes_of
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError

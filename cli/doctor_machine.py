@@ -31,7 +31,7 @@ _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
 
 def check_bus() -> Diagnosis:
     """Check that Zenoh works on loopback, and how quickly."""
-    from surefoot.robot_io.bus.loopback import measure_loopback
+    from surefoot.robot_io.bus.bus import measure_loopback
 
     name = "Zenoh on loopback"
     try:

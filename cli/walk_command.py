@@ -61,7 +61,7 @@ def walk(
     from surefoot.endpoints import choose_endpoints
     from surefoot.planner import VelocityPlanner, walk_on_bus
     from surefoot.robot_io.bus.stop_request import StopRequest
-    from surefoot.robot_io.client_side.planner_client import PlannerClient
+    from surefoot.robot_io.client_side.requests import PlannerClient
     from surefoot.robot_io.robot import load_robot
     from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 

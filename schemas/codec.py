@@ -13,9 +13,8 @@ import msgpack
 import msgspec
 
 from surefoot.schemas.errors import MessageError, SchemaVersionError
-from surefoot.schemas.finite import find_non_finite
 from surefoot.schemas.messages import SCHEMA_VERSION, Count
-from surefoot.schemas.validation import explain
+from surefoot.schemas.validation import explain, find_non_finite
 
 MAX_MESSAGE_BYTES = 65536
 _T = TypeVar("_T", bound=msgspec.Struct)

@@ -11,9 +11,7 @@ import msgspec
 import tomli_w
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.finite import find_non_finite
-from surefoot.schemas.key_names import suggest_key
-from surefoot.schemas.validation import explain
+from surefoot.schemas.validation import explain, find_non_finite, suggest_key
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 LARGEST_NUMBER = 1e12

@@ -7,8 +7,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from surefoot.schemas import scenario as scenario_file
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.errors import ScenarioError
 
 SCENARIOS_DIR = Path(__file__).parent / "scenarios"

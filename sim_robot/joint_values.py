@@ -8,7 +8,7 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.key_names import nearest
+from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.errors import ScenarioError
 
 

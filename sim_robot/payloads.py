@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.key_names import nearest
-from surefoot.schemas.true_robot import Payload
+from surefoot.schemas.scenario_robot import Payload
+from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.ticks import SIM_STEP_S
 

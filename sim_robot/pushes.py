@@ -12,8 +12,8 @@ import numpy as np
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import PushRequest
-from surefoot.schemas.rods import Rod
 from surefoot.schemas.scenario import Push
+from surefoot.schemas.scenario_robot import Rod
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.rods import Rods
 from surefoot.sim_robot.ticks import SIM_STEP_S

@@ -6,12 +6,10 @@ import time
 from collections.abc import Callable
 
 from surefoot.robot_io.bus.stop_request import StopRequest
-from surefoot.robot_io.realtime import Pace, Pacer
-from surefoot.robot_io.robot_side.command_inbox import NoAnswer
+from surefoot.robot_io.realtime import CommandLatency, Pace, Pacer, TimingLog
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import CommandResult
-from surefoot.robot_io.robot_side.server import RobotServer
-from surefoot.robot_io.timing import CommandLatency, TimingLog
+from surefoot.robot_io.robot_side.server import NoAnswer, RobotServer
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.result import Histogram
 from surefoot.sim_robot.ground_blocks import ground_blocks

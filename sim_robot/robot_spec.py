@@ -17,8 +17,8 @@ from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.messages import ForceTorque, ImuState
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.scenario_robot import PerJoint
 from surefoot.schemas.sensors import of_kind
-from surefoot.schemas.true_robot import PerJoint
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.joint_values import per_joint
 

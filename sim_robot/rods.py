@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from surefoot.schemas.motions import RampMotion, SineMotion
-from surefoot.schemas.rods import DisplacementRod, ForceRod, Rod, StrikeRod
+from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.motion_law import MotionLaw

@@ -10,7 +10,7 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.schemas.true_robot import Start
+from surefoot.schemas.scenario_robot import Start
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.joint_values import per_joint
 

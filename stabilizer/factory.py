@@ -15,8 +15,8 @@ from typing import Any
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller
 from surefoot.stabilizer.control.foreign import ForeignController
 from surefoot.stabilizer.errors import ControllerError

@@ -6,7 +6,7 @@ import logging
 import time
 
 from surefoot.robot_io.client_side.client import RobotClient
-from surefoot.robot_io.client_side.stabilizer_services import Asked
+from surefoot.robot_io.client_side.requests import Asked
 from surefoot.robot_io.errors import RequestRefusedError
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.errors import FileFormatError

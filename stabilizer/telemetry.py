@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from surefoot.robot_io.timing import RecentTimes, TimingLog
+from surefoot.robot_io.realtime import RecentTimes, TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState

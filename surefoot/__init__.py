@@ -127,20 +127,20 @@ if TYPE_CHECKING:
     from surefoot.schemas.motions import SineMotion as SineMotion
     from surefoot.schemas.motions import SpectrumMotion as SpectrumMotion
     from surefoot.schemas.result import RunResult as RunResult
-    from surefoot.schemas.rods import DisplacementRod as DisplacementRod
-    from surefoot.schemas.rods import ForceRod as ForceRod
-    from surefoot.schemas.rods import StrikeRod as StrikeRod
     from surefoot.schemas.scenario import Platform as Platform
     from surefoot.schemas.scenario import Push as Push
     from surefoot.schemas.scenario import Scenario as Scenario
     from surefoot.schemas.scenario import SensorFault as SensorFault
     from surefoot.schemas.scenario import Tile as Tile
+    from surefoot.schemas.scenario_robot import DisplacementRod as DisplacementRod
+    from surefoot.schemas.scenario_robot import ForceRod as ForceRod
+    from surefoot.schemas.scenario_robot import ModelError as ModelError
+    from surefoot.schemas.scenario_robot import Payload as Payload
+    from surefoot.schemas.scenario_robot import Start as Start
+    from surefoot.schemas.scenario_robot import StrikeRod as StrikeRod
     from surefoot.schemas.sensing import Delay as Delay
     from surefoot.schemas.sensing import Sensors as Sensors
     from surefoot.schemas.settings import ControllerSettings as ControllerSettings
-    from surefoot.schemas.true_robot import ModelError as ModelError
-    from surefoot.schemas.true_robot import Payload as Payload
-    from surefoot.schemas.true_robot import Start as Start
     from surefoot.signals import Signals as Signals
     from surefoot.signals import read_signals as read_signals
     from surefoot.sim_robot.catalogue import list_scenarios as list_scenarios

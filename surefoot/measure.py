@@ -18,17 +18,16 @@ from surefoot.out_folder import check_replaceable, new_file
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.realtime import Pace
-from surefoot.robot_io.robot import EXTENDS, Robot
+from surefoot.robot_io.robot import EXTENDS, Robot, Tare, load_tare, save_tare
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
-from surefoot.robot_io.tare import Tare, load_tare, save_tare
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.reasons import EndReason, in_words
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.toml_file import read_toml
+from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.estimation.wrench_compensation import foot_offsets
 from surefoot.stabilizer.identification import Drive, IdentifyController

@@ -6,7 +6,7 @@ import itertools
 import time
 
 from surefoot.robot_io.bus.stop_request import StopRequest
-from surefoot.robot_io.client_side.planner_client import PlannerClient
+from surefoot.robot_io.client_side.requests import PlannerClient
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 from surefoot.stabilizer.walking.footsteps import (

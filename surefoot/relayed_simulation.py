@@ -14,8 +14,7 @@ import msgspec
 
 from surefoot.outcome import Sides
 from surefoot.robot_io.relay.delayed_sensors import INSTANT_S, DelayedSensors
-from surefoot.robot_io.relay.dispatcher import Schedule
-from surefoot.robot_io.relay.forwarder import COMMAND
+from surefoot.robot_io.relay.forwarder import COMMAND, Schedule
 from surefoot.robot_io.relay.lane import Lane, PlanClock
 from surefoot.robot_io.robot_side.mode_machine import Refusal
 from surefoot.robot_io.snapshot import sensor_messages

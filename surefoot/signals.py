@@ -23,10 +23,12 @@ from surefoot.robot_io.ticks.read import TickFileTable, is_tick_file
 from surefoot.robot_io.ticks.recorder import (
     BLOCK_TICKS,
     BlockFormat,
+    MemoryTicks,
     SignalArray,
     TickSink,
+    TickTable,
+    missing_rows,
 )
-from surefoot.robot_io.ticks.table import MemoryTicks, TickTable, missing_rows
 from surefoot.robot_io.ticks.write import TickFile
 from surefoot.run_folder import CONTROLLER_TICKS, TICKS
 from surefoot.schemas.arrays import Array

@@ -18,7 +18,7 @@ from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.snapshot import Delivery, Snapshot
-from surefoot.robot_io.ticks.table import MemoryTicks
+from surefoot.robot_io.ticks.recorder import MemoryTicks
 from surefoot.run_folder import QP_FAILURE
 from surefoot.run_plan import RunPlan, Settings, make_plan
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, Reference

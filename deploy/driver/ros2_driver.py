@@ -21,10 +21,10 @@ from ros2_node import RELIABILITY, complain, ros2_node
 from ros2_settings import Ros2Settings, load_settings
 
 from surefoot.robot_io.errors import RobotFileError, RobotUnreachableError
+from surefoot.robot_io.realtime import TimingLog
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import run_driver
 from surefoot.robot_io.snapshot import Snapshot
-from surefoot.robot_io.timing import TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import load_endpoints
 from surefoot.schemas.topics import TICK_SENSORS

@@ -39,9 +39,8 @@ from surefoot.robot_io.client_side.observer import (
     LatestMessages,
     Observer,
 )
-from surefoot.robot_io.realtime import Pacer
+from surefoot.robot_io.realtime import Pacer, TimingLog
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.robot_io.timing import TimingLog
 from surefoot.robot_io.urdf_check import read_urdf_element
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.endpoints import load_endpoints

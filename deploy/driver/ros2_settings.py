@@ -9,8 +9,8 @@ import msgspec
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.toml_file import FileStruct, load
+from surefoot.schemas.validation import nearest
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 TopicName = Annotated[str, msgspec.Meta(pattern=r"^/?[A-Za-z_][A-Za-z0-9_/]*$")]

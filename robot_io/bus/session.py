@@ -1,9 +1,12 @@
-"""Opens the Zenoh session of a process.
+"""Opens the Zenoh session of a process, or runs a router.
 
 The robot is a peer that listens; everyone else is its client and dials. So the robot
 passes on what its clients say to each other, a planner's reference or the
 stabilizer's status, which it would not do between peers; and no two sides ever dial
 each other, by which a session can split for good.
+
+It is Zenoh's own, run from its library; ``zenohd`` with the configurations in deploy/
+does the same.
 """
 
 from __future__ import annotations
@@ -11,23 +14,28 @@ from __future__ import annotations
 import json
 import logging
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
 
 import zenoh
 
+from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
-from surefoot.robot_io.security.access import access_control
+from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.security.locators import (
     SECURED,
+    access_control,
     check_encryption,
     check_exposure,
     check_locators,
     check_socket_files,
 )
-from surefoot.robot_io.security.own_certificates import check_own_certificates
-from surefoot.robot_io.security.peer_certificate import peer_fault
+from surefoot.robot_io.security.own_certificates import (
+    check_own_certificates,
+    peer_fault,
+)
 from surefoot.schemas.arrays import JsonObject
 from surefoot.schemas.codec import MAX_MESSAGE_BYTES
 from surefoot.schemas.endpoints import Endpoints
@@ -330,3 +338,32 @@ def unreachable(
     if endpoints.tls is not None:
         hint += "; does it trust the authority of our certificate"
     return f"{told}; {hint}?"
+
+
+POLL_S = 0.1
+
+
+def run_router(robot: Robot, *, endpoints: Endpoints, stop: StopRequest) -> None:
+    """Route until asked to stop.
+
+    Args:
+        robot: its keys and namespace are what access control is about.
+        endpoints: where to listen.
+        stop: ends it, besides signals.
+
+    Raises:
+        EndpointError: cannot listen there.
+    """
+    asked = threading.Event()
+    stop.waking(asked.set)
+    with (
+        stop.on_signals(),
+        open_session(
+            endpoints,
+            Role.ROUTER,
+            namespace=robot.file.namespace,
+            keys=robot.keys,
+        ),
+    ):
+        while not asked.wait(POLL_S):  # a signal's handler runs between two waits
+            pass

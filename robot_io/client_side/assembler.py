@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from typing import Any, Generic, NamedTuple
 
-from surefoot.robot_io.bus.inbox import NEVER, Inbox, M
+from surefoot.robot_io.bus.channel import NEVER, Inbox, M
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
 from surefoot.schemas.messages import Message
 

@@ -12,7 +12,7 @@ from typing import Any, Self
 import numpy as np
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.inbox import Inbox, Latest
+from surefoot.robot_io.bus.channel import Inbox, Latest
 from surefoot.robot_io.bus.session import Role, unreachable
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.assembler import (
@@ -20,9 +20,12 @@ from surefoot.robot_io.client_side.assembler import (
     SnapshotAssembler,
     SnapshotReading,
 )
-from surefoot.robot_io.client_side.requests import ServiceCaller
+from surefoot.robot_io.client_side.requests import (
+    Asked,
+    ServiceCaller,
+    StabilizerServices,
+)
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
-from surefoot.robot_io.client_side.stabilizer_services import Asked, StabilizerServices
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from surefoot.robot_io.bus.bus import DIAL_S, Bus
-from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotUnreachableError

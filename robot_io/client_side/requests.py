@@ -1,18 +1,25 @@
-"""Requests to robot and stabilizer from outside the control loop."""
+"""Requests to a robot and its stabilizer: who makes them, and who answers."""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
-from typing import TypeVar
+from contextlib import ExitStack
+from typing import NamedTuple, TypeVar
 
 import msgspec
 import zenoh
 
+from surefoot.robot_io.bus.bus import Bus, dialed_bus
+from surefoot.robot_io.bus.channel import Latest
+from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     ControlRequest,
@@ -22,6 +29,9 @@ from surefoot.schemas.messages import (
     SettingsRequest,
     StabilizerReply,
 )
+from surefoot.schemas.reasons import RequestRefusal
+from surefoot.schemas.topics import ALIVE_STABILIZER
+from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 
 RETRY_PAUSE_S = 0.01
 R = TypeVar("R", ServiceReply, StabilizerReply)
@@ -197,3 +207,147 @@ class Requests:
 
     def _ask(self, name: str, request: msgspec.Struct, kind: type[R]) -> R:
         return self._caller.ask_for(self._robot.keys[name], request, kind)
+
+
+REQUESTS_KEPT = 64
+"""Requests that may wait; beyond it the oldest are dropped, unanswered."""
+
+Request = SettingsRequest | ControlRequest
+
+
+class Asked(NamedTuple):
+    """A request that waits for its answer.
+
+    Attributes:
+        request: what is asked.
+        query: to be answered through :meth:`reply`.
+    """
+
+    request: Request
+    query: zenoh.Query
+
+    def reply(
+        self,
+        *,
+        tick: int,
+        settings: dict[str, list[float]],
+        refusal: RequestRefusal = RequestRefusal.NONE,
+        detail: str = "",
+    ) -> None:
+        """Send the answer, once.
+
+        Args:
+            tick: from which on it counts.
+            settings: what may change during a run, with values.
+            refusal: why not; ``none`` when it was done.
+            detail: the same in words.
+        """
+        _reply(self.query, refusal=refusal, detail=detail, tick=tick, settings=settings)
+
+
+class StabilizerServices:
+    """Queues what comes in on Zenoh's threads; the stabilizer's loop answers it.
+
+    So the controller is only ever touched by one thread, between two ticks.
+    """
+
+    def __init__(self, bus: Bus, robot: Robot) -> None:
+        """Declare the services.
+
+        Args:
+            bus: the stabilizer's.
+            robot: names the keys.
+        """
+        self._queue: deque[tuple[type[Request], zenoh.Query]]
+        self._queue = deque(maxlen=REQUESTS_KEPT)
+        bus.queryable(
+            robot.keys["settings"], lambda q: self._queue.append((SettingsRequest, q))
+        )
+        bus.queryable(
+            robot.keys["control"], lambda q: self._queue.append((ControlRequest, q))
+        )
+
+    def next(self) -> Asked | None:
+        """Return the next request; None when there is none, which costs nothing."""
+        while self._queue:
+            kind, query = self._queue.popleft()
+            payload = query.payload
+            try:
+                data = b"" if payload is None else payload.to_bytes()
+                return Asked(decode(data, kind), query)
+            except MessageError as error:
+                refusal = RequestRefusal.MALFORMED
+                _reply(query, refusal=refusal, detail=str(error), tick=0, settings={})
+        return None
+
+
+def _reply(
+    query: zenoh.Query,
+    *,
+    refusal: RequestRefusal,
+    detail: str,
+    tick: int,
+    settings: dict[str, list[float]],
+) -> None:
+    reply = StabilizerReply(
+        schema=SCHEMA_VERSION,
+        accepted=refusal is RequestRefusal.NONE,
+        refusal=refusal,
+        detail=detail,
+        tick=tick,
+        settings=settings,
+    )
+    with query:
+        query.reply(query.key_expr, encode(reply))
+
+
+class PlannerClient(ReadOnlyClient):
+    """Sends plans to whatever stabilizer commands the robot.
+
+    A context manager, used by one thread. It commands nothing: the stabilizer decides
+    what of a plan it takes, and tells in the walk's status.
+    """
+
+    def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
+        """Prepare; :meth:`connect` dials.
+
+        Args:
+            robot: whose keys are used.
+            endpoints: where to dial.
+        """
+        super().__init__(robot, endpoints=endpoints)
+        self._keys = robot.keys
+        self._status: Latest[WalkStatus] | None = None
+        self._plan: zenoh.Publisher | None = None
+        self._stabilizers: set[str] = set()
+
+    @property
+    def has_stabilizer(self) -> bool:
+        """Whether there is anybody to take plans."""
+        return bool(self._stabilizers)
+
+    def status(self) -> WalkStatus | None:
+        """Return the newest word of the walk; None before the first."""
+        return None if self._status is None else self._status.poll()
+
+    def send(self, plan: WalkPlan) -> None:
+        """Send a plan. One may be lost: what counts is said again."""
+        if self._plan is not None:
+            self._plan.put(encode(plan))
+
+    def _open(self, stack: ExitStack, timeout_s: float) -> None:
+        bus = stack.enter_context(
+            dialed_bus(self._endpoints, namespace=self._namespace, timeout_s=timeout_s)
+        )
+        status = bus.channel(self._keys["walk_status"], depth=1)
+        self._status = Latest(status, WalkStatus)
+        self._plan = bus.publisher(self._keys["walk"], urgent=False)
+        bus.announce(self._token())
+        self._follow_robot(bus, self._keys["status"])
+        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
+
+    def _on_stabilizer(self, key: str, is_there: bool) -> None:
+        if is_there:
+            self._stabilizers.add(key)
+        else:
+            self._stabilizers.discard(key)

@@ -1,14 +1,15 @@
-"""Do messages come as they should: form, rate, jitter, order, life."""
+"""Checks of what a robot says: rates, stamps and ticks, and whether values can be."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from surefoot.robot_io.conformance.check_result import Findings
 from surefoot.robot_io.conformance.probe import Recording
+from surefoot.robot_io.conformance.skeleton import GRAVITY_M_S2, Findings, Skeleton
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array
-from surefoot.schemas.sensors import SENSORS, Sensor
+from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.messages import ImuState
+from surefoot.schemas.sensors import SENSORS, Sensor, ankle_sensor, of_kind
 
 RATE_TOLERANCE = 0.1
 LOST_SHARE = 0.05
@@ -104,4 +105,146 @@ def _check_jitter(robot: Robot, recording: Recording, findings: Findings) -> Non
         got=f"median {median * MS_PER_S:.3f} ms, 99 % {p99 * MS_PER_S:.3f} ms",
         expected=f"below {JITTER_PERIODS * period_s * MS_PER_S:g} and "
         f"{limit_s * MS_PER_S:g} ms, the watchdog's patience",
+    )
+
+
+ACCELERATION_TOLERANCE_M_S2 = 0.5
+TILT_TOLERANCE_RAD = 0.2
+GYRO_TOLERANCE_RAD_S = 0.2
+WEIGHT_TOLERANCE = 0.15
+LEAST_SHARE = 0.1
+"""Of the weight, that each foot carries when the robot stands."""
+SERVO_ERROR_RAD = 0.1
+QUATERNION_TOLERANCE = 0.01
+
+
+def check_values(
+    robot: Robot, recording: Recording, q_held: Array, findings: Findings
+) -> None:
+    """Check a recording of a robot that stands still on both feet, upright.
+
+    Args:
+        robot: what the files say.
+        recording: of a second or so.
+        q_held: (n_a,) what its servos follow [rad].
+        findings: takes the result.
+    """
+    _check_joints(robot, recording, q_held, findings)
+    for unit in of_kind(ImuState):
+        _check_imu(unit.name, recording, findings)
+    if robot.file.virtual_ft is None:
+        _check_feet(robot, recording, findings)
+    else:
+        _check_efforts(recording, findings)
+
+
+def _check_joints(
+    robot: Robot, recording: Recording, q_held: Array, findings: Findings
+) -> None:
+    q = recording.mean("joints", "q")
+    names = robot.joint_names
+    beyond = np.maximum(robot.lower - q, q - robot.upper)
+    worst = int(beyond.argmax())
+    findings.add(
+        "joints.range",
+        beyond[worst] <= 0.0,
+        got=f"{names[worst]} at {q[worst]:.4f}",
+        expected=f"within {robot.lower[worst]:.4f} to {robot.upper[worst]:.4f} rad",
+    )
+    error = np.abs(q - q_held)
+    worst = int(error.argmax())
+    ratio = q[worst] / q_held[worst] if q_held[worst] else 0.0
+    hint = "; degrees?" if 40.0 < ratio < 75.0 else "; sign?" if ratio < 0.0 else ""
+    findings.add(
+        "joints.position",
+        error[worst] < SERVO_ERROR_RAD,
+        got=f"{names[worst]} at {q[worst]:.4f}{hint}",
+        expected=f"within {SERVO_ERROR_RAD:g} rad of the held {q_held[worst]:.4f}",
+    )
+    effort = np.abs(recording.mean("joints", "effort")) / robot.torque_limit
+    worst = int(effort.argmax())
+    findings.add(
+        "joints.effort",
+        effort[worst] <= 1.0,
+        got=f"{names[worst]} at {effort[worst]:.0%} of its limit",
+        expected="torques in N m, within the limits",
+    )
+
+
+def _check_imu(name: str, recording: Recording, findings: Findings) -> None:
+    quaternions = recording.column(name, "quat_xyzw")
+    norms = np.linalg.norm(quaternions, axis=1)
+    findings.add(
+        f"{name}.quaternion",
+        bool(np.abs(norms - 1.0).max() < QUATERNION_TOLERANCE),
+        got=f"norm {norms.min():.4f} to {norms.max():.4f}",
+        expected="a unit quaternion",
+    )
+    acceleration = recording.mean(name, "linear_acceleration")
+    size = float(np.linalg.norm(acceleration))
+    hint = "; in g?" if abs(size - 1.0) < 0.1 else ""
+    findings.add(
+        f"{name}.gravity",
+        abs(size - GRAVITY_M_S2) < ACCELERATION_TOLERANCE_M_S2,
+        got=f"{size:.3f} m/s^2{hint}",
+        expected=f"{GRAVITY_M_S2} m/s^2 at rest",
+    )
+    up = _turned(quaternions.mean(axis=0), acceleration) / max(size, 1e-9)
+    tilt = float(np.arccos(np.clip(up[2], -1.0, 1.0)))
+    findings.add(
+        f"{name}.attitude",
+        tilt < TILT_TOLERANCE_RAD,
+        got=f"quaternion and accelerometer differ by {np.degrees(tilt):.1f} deg",
+        expected=f"below {np.degrees(TILT_TOLERANCE_RAD):.1f} deg (order x y z w; "
+        "specific force points up)",
+    )
+    rate = float(np.linalg.norm(recording.mean(name, "angular_velocity")))
+    findings.add(
+        f"{name}.gyroscope",
+        rate < GYRO_TOLERANCE_RAD_S,
+        got=f"{rate:.4f} rad/s",
+        expected=f"below {GYRO_TOLERANCE_RAD_S} rad/s at rest",
+    )
+
+
+def _turned(quat_xyzw: Array, v: Vec3) -> Vec3:
+    """Return a vector turned by a quaternion of about unit norm."""
+    xyz, w = quat_xyzw[:3], quat_xyzw[3]
+    turned: Vec3 = v + 2.0 * np.cross(xyz, np.cross(xyz, v) + w * v)
+    return turned
+
+
+def _check_efforts(recording: Recording, findings: Findings) -> None:
+    """Without ankle sensors the efforts of a standing robot must tell its weight."""
+    largest = float(np.abs(recording.mean("joints", "effort")).max())
+    findings.add(
+        "feet.efforts",
+        largest > 0.0,
+        got=f"{largest:.1f} N m at most, of any joint",
+        expected="measured: the ankles' wrenches are inferred from them ([virtual_ft])",
+    )
+
+
+def _check_feet(robot: Robot, recording: Recording, findings: Findings) -> None:
+    skeleton = Skeleton(robot)
+    below_kg = sum(map(skeleton.mass_below_sensor_kg, robot.file.foot))
+    weight_n = (skeleton.mass_kg - below_kg) * GRAVITY_M_S2
+    ankles = [ankle_sensor(foot.side).name for foot in robot.file.foot]
+    loads = [
+        float(normal @ recording.mean(ankle, "force"))
+        for ankle, normal in zip(ankles, robot.sole_normals, strict=True)
+    ]
+    for ankle, load_n in zip(ankles, loads, strict=True):
+        findings.add(
+            f"{ankle}.sign",
+            load_n > LEAST_SHARE * weight_n,
+            got=f"{load_n:.1f} N along the sole's normal",
+            expected="positive: the ground pushes the ankle up, by a share of "
+            f"{weight_n:.0f} N",
+        )
+    findings.add(
+        "feet.weight",
+        abs(sum(loads) / weight_n - 1.0) < WEIGHT_TOLERANCE,
+        got=f"{sum(loads):.1f} N in all",
+        expected=f"{weight_n:.1f} N, the weight above the sensors",
     )

@@ -5,27 +5,27 @@ from __future__ import annotations
 import os
 from collections.abc import Collection
 
-from surefoot.robot_io.conformance.check_result import (
-    ConformanceReport,
-    Findings,
-    RunBrokenOffError,
-)
 from surefoot.robot_io.conformance.lease_checks import (
     check_enabling,
     check_lease,
     check_left,
+    check_refusals,
     check_status,
 )
-from surefoot.robot_io.conformance.message_checks import check_messages
+from surefoot.robot_io.conformance.message_checks import check_messages, check_values
 from surefoot.robot_io.conformance.motion_checks import (
+    check_estop,
     check_foot_order,
     check_joint_order,
     check_motion,
+    check_watchdog,
 )
 from surefoot.robot_io.conformance.probe import Probe, probing
-from surefoot.robot_io.conformance.reaction_checks import check_estop, check_watchdog
-from surefoot.robot_io.conformance.refusal_checks import check_refusals
-from surefoot.robot_io.conformance.value_checks import check_values
+from surefoot.robot_io.conformance.skeleton import (
+    ConformanceReport,
+    Findings,
+    RunBrokenOffError,
+)
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from typing import Any, Generic
 
-from surefoot.robot_io.bus.inbox import NEVER, M
+from surefoot.robot_io.bus.channel import NEVER, M
 from surefoot.robot_io.client_side.assembler import SnapshotReading
 from surefoot.robot_io.client_side.client import PATIENCE_S
-from surefoot.robot_io.relay.dispatcher import Schedule
-from surefoot.robot_io.relay.faults import Parcel
+from surefoot.robot_io.relay.forwarder import Schedule
+from surefoot.robot_io.relay.lane import Parcel
 from surefoot.robot_io.snapshot import SnapshotLayout, ages_of
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError

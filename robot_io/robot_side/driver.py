@@ -10,13 +10,16 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from surefoot.robot_io.bus.stop_request import StopRequest
-from surefoot.robot_io.realtime import Pacer, quiet_interpreter
-from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.realtime import (
+    CommandLatency,
+    Pacer,
+    TimingLog,
+    quiet_interpreter,
+)
+from surefoot.robot_io.robot import Robot, load_tare
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.robot_io.snapshot import Snapshot
-from surefoot.robot_io.tare import load_tare
-from surefoot.robot_io.timing import CommandLatency, TimingLog
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.reasons import ModeCause

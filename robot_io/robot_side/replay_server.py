@@ -16,7 +16,7 @@ from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.robot_side.place import take_place
+from surefoot.robot_io.robot_side.services import take_place
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError

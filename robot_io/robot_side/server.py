@@ -1,30 +1,132 @@
-"""The robot's side of the bus."""
+"""The robot's side of the bus: sensors out, commands in."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from enum import Enum
 from types import TracebackType
 from typing import Self
 
 from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.channel import NEVER, Channel
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.identity import RobotIdentity, new_identity
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.robot_side.command_inbox import CommandInbox, NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
-from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult
-from surefoot.robot_io.robot_side.place import take_place
-from surefoot.robot_io.robot_side.services import RobotServices
+from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult, Refusal
+from surefoot.robot_io.robot_side.services import RobotServices, take_place
 from surefoot.robot_io.snapshot import Snapshot, sensor_messages
-from surefoot.schemas.codec import encode
+from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.messages import PushRequest, RobotMode, Truth
+from surefoot.schemas.errors import MessageError, SchemaVersionError
+from surefoot.schemas.messages import JointCommand, PushRequest, RobotMode, Truth
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import TICK_SENSORS
+
+
+class NoAnswer(Enum):
+    """Why a wait for an answer brought none."""
+
+    YET = "yet"
+    """Its time is up, or it was broken off: something else wants to be looked at."""
+    OVERTAKEN = "overtaken"
+    """It is lost: the answer to a later tick has come."""
+
+
+class CommandInbox:
+    """Reads joint commands and has the gate check each of them.
+
+    Attributes:
+        newest_tick: the tick answered by the command read last; -1 before any.
+    """
+
+    def __init__(
+        self, channel: Channel, gate: CommandGate, *, joint_count: int
+    ) -> None:
+        """Read from a channel.
+
+        Args:
+            channel: where the bytes come from.
+            gate: judges, and counts what cannot be read.
+            joint_count: n_a.
+        """
+        self.newest_tick = NEVER
+        self._channel = channel
+        self._gate = gate
+        self._joint_count = joint_count
+        self._early: JointCommand | None = None
+
+    def newest(self, tick: int, *, now_s: float) -> CommandResult | None:
+        """Judge all that has come; real time.
+
+        Args:
+            tick: the newest tick that can have been answered.
+            now_s: the robot's time [s].
+
+        Returns:
+            The last one accepted, None when none was.
+        """
+        accepted = None
+        while (data := self._channel.poll()) is not None:
+            command = self._read(data)
+            if command is None:
+                continue
+            result = self._gate.accept(command, tick=tick, now_s=now_s)
+            if result.accepted:
+                accepted = result
+        return accepted
+
+    def answer(
+        self, tick: int, *, newest_tick: int, now_s: float, deadline: float
+    ) -> CommandResult | NoAnswer:
+        """Wait for the commander's answer to a tick; lockstep.
+
+        Args:
+            tick: the tick whose answer is wanted.
+            newest_tick: the newest tick that can have been answered.
+            now_s: the robot's time [s].
+            deadline: until when, on ``time.monotonic`` [s].
+
+        Returns:
+            The answer, accepted or not, or why there is none.
+        """
+        while (command := self._next(deadline)) is not None:
+            is_commander = self._gate.modes.holds_lease(command.commander)
+            if is_commander and tick < command.tick <= newest_tick:
+                self._early = command
+                return NoAnswer.OVERTAKEN
+            result = self._gate.accept(command, tick=tick, now_s=now_s)
+            is_replay = result.refusal is Refusal.SEQUENCE
+            if is_commander and command.tick == tick and not is_replay:
+                return result
+        return NoAnswer.YET
+
+    def _next(self, deadline: float) -> JointCommand | None:
+        if self._early is not None:
+            early, self._early = self._early, None
+            return early
+        while (data := self._channel.wait(deadline)) is not None:
+            command = self._read(data)
+            if command is not None:
+                return command
+        return None
+
+    def _read(self, data: bytes) -> JointCommand | None:
+        try:
+            command = decode(data, JointCommand, joint_count=self._joint_count)
+        except SchemaVersionError as error:
+            self._gate.refuse(Refusal.SCHEMA, str(error))
+        except MessageError as error:
+            self._gate.refuse(Refusal.MALFORMED, str(error))
+        else:
+            self.newest_tick = command.tick
+            return command
+        return None
+
 
 COMMANDS_KEPT = 256
 STATUS_PERIOD_S = 0.02

@@ -20,8 +20,7 @@ from mcap.records import Channel, Chunk, Header, Message, Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from surefoot.robot_io.errors import TickFileError
-from surefoot.robot_io.ticks.recorder import SignalArray
-from surefoot.robot_io.ticks.table import TickTable
+from surefoot.robot_io.ticks.recorder import SignalArray, TickTable
 from surefoot.robot_io.ticks.write import COUNTS, FIRST_TICK, LOST, PROFILE
 from surefoot.schemas.errors import SchemaError
 from surefoot.schemas.signals import SignalLayout, layout_from_metadata

@@ -18,7 +18,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold
 from surefoot.stabilizer.walking.step_queue import Move
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 
 TOUCH_TICKS_S = 0.003

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar
 from surefoot.run_plan import RunPlan
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.sensing import Sensors
+from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
 from surefoot.studies.cell import Row, figures_of, find_variant, plan_in
 from surefoot.studies.execute import execute

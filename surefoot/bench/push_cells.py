@@ -11,8 +11,8 @@ import numpy as np
 
 from surefoot.bench.bench_runs import NOISE, BenchCell, Subject, Under
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.rods import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.rods import RodState
 from surefoot.simulation import Simulation
 

@@ -12,8 +12,8 @@ import msgspec
 
 from surefoot.errors import UsageError
 from surefoot.run_plan import resolve_settings
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.factory import controller_names, find_controller
 
 if TYPE_CHECKING:

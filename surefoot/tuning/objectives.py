@@ -14,11 +14,11 @@ from surefoot.bench.sway_results import sway_result
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.run_plan import RunPlan
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.motions import PrtsMotion
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.validation import nearest
 from surefoot.signals import memory_sinks
 from surefoot.simulation import Simulation
 from surefoot.studies.cell import Cell, Row

@@ -13,8 +13,8 @@ from msgspec import inspect
 
 from surefoot.errors import UsageError
 from surefoot.schemas.json_schema import field_docs
-from surefoot.schemas.key_names import nearest
 from surefoot.schemas.settings import ControllerSettings, setting_names
+from surefoot.schemas.validation import nearest
 
 if TYPE_CHECKING:
     import optuna

@@ -18,7 +18,7 @@ import pytest
 
 from surefoot.endpoints import loopback_endpoints, write_endpoints
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause

@@ -11,8 +11,8 @@ import zenoh
 
 from deploy.zenoh.write import FILES, text
 from surefoot.robot_io.robot import load_robot
-from surefoot.robot_io.security.access import access_control
 from surefoot.robot_io.security.locators import (
+    access_control,
     check_encryption,
     check_exposure,
     check_locators,

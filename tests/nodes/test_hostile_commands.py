@@ -8,7 +8,7 @@ from itertools import cycle
 import numpy as np
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot

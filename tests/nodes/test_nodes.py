@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import pytest
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.inbox import Latest
+from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import Pace

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.inbox import Inbox
+from surefoot.robot_io.bus.channel import Inbox
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.client_side.assembler import (
     SensorReader,

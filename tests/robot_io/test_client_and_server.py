@@ -15,10 +15,9 @@ from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.requests import ServiceCaller
 from surefoot.robot_io.errors import RequestRefusedError
-from surefoot.robot_io.robot_side.command_inbox import NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import CommandResult
-from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.robot_io.robot_side.server import NoAnswer, RobotServer
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (

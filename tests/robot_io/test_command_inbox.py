@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from surefoot.robot_io.robot_side.command_inbox import CommandInbox, NoAnswer
 from surefoot.robot_io.robot_side.mode_machine import CommandResult, Refusal
+from surefoot.robot_io.robot_side.server import CommandInbox, NoAnswer
 from surefoot.schemas.codec import encode
 from tests.robot_io.gate_at_work import PERIOD_S, WALKER, active_gate, command, offset
 

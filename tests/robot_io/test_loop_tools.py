@@ -16,11 +16,13 @@ from hypothesis import strategies as st
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import (
     MAX_LAG_PERIODS,
+    MS_PER_NS,
     SWITCH_INTERVAL_S,
     Pacer,
+    RecentTimes,
+    TimingLog,
     quiet_interpreter,
 )
-from surefoot.robot_io.timing import MS_PER_NS, RecentTimes, TimingLog
 from tests.support import wait_until
 
 PERIOD_S = 0.001

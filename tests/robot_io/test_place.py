@@ -11,8 +11,8 @@ from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import SecondRobotError
 from surefoot.robot_io.identity import RobotIdentity, describe
 from surefoot.robot_io.robot_side.gate import CommandGate
-from surefoot.robot_io.robot_side.place import take_place
 from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.robot_io.robot_side.services import take_place
 from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.meeting_places import meeting_place
 from tests.robot_io.strange_robots import WALKER

@@ -11,9 +11,8 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import RobotUnreachableError
-from surefoot.robot_io.robot_side.command_inbox import NoAnswer
 from surefoot.robot_io.robot_side.gate import CommandGate
-from surefoot.robot_io.robot_side.server import RobotServer
+from surefoot.robot_io.robot_side.server import NoAnswer, RobotServer
 from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.client_at_work import (
     WALKER,

@@ -20,10 +20,10 @@ from surefoot.robot_io.ticks.recorder import (
     BLOCK_TICKS,
     Block,
     BlockFormat,
+    MemoryTicks,
     TickRecorder,
     TickSink,
 )
-from surefoot.robot_io.ticks.table import MemoryTicks
 from surefoot.robot_io.ticks.write import BLOCKS_UNDERWAY, FIRST_TICK, TickFile
 from surefoot.schemas.signals import SignalLayout, lay_out, layout_from_metadata
 from tests.support import wait_until

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from surefoot.robot_io.timing import (
+from surefoot.robot_io.realtime import (
     EDGES_MS,
     RESOLUTION,
     CommandLatency,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.ticks.table import MemoryTicks
+from surefoot.robot_io.ticks.recorder import MemoryTicks
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.errors import RenderError
 from surefoot.sim_robot.plant import Plant

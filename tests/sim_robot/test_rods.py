@@ -9,8 +9,8 @@ import pytest
 
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.rods import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.rods import RodAtWork

@@ -8,7 +8,7 @@ import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
-from surefoot.robot_io.ticks.table import MemoryTicks
+from surefoot.robot_io.ticks.recorder import MemoryTicks
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.result import Distribution, PlantResult
 from surefoot.schemas.scenario import Scenario

@@ -52,8 +52,8 @@ def test_all_packages_and_a_run_load_each_module_once() -> None:
 
 
 def test_a_second_name_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    import surefoot.schemas.finite as found
+    import surefoot.schemas.validation as found
 
     monkeypatch.setitem(sys.modules, "schemas.finite", found)
     (names,) = modules_with_two_names().values()
-    assert names == ["schemas.finite", "surefoot.schemas.finite"]
+    assert names == ["schemas.finite", "surefoot.schemas.validation"]

@@ -22,8 +22,7 @@ from surefoot.recording.export import (
     export_signals_npz,
     export_signals_parquet,
 )
-from surefoot.robot_io.ticks.recorder import TickRecorder
-from surefoot.robot_io.ticks.table import MemoryTicks
+from surefoot.robot_io.ticks.recorder import MemoryTicks, TickRecorder
 from surefoot.run_folder import CONTROLLER_TICKS, TICKS
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surefoot.robot_io.tare import Tare, load_tare, save_tare, tare_path
+from surefoot.robot_io.robot import Tare, load_tare, save_tare, tare_path
 from surefoot.schemas.errors import FileFormatError
 from tests.command import REPOSITORY, Surefoot, environment
 from tests.hanging_driver import OFFSET

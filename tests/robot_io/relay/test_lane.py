@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surefoot.robot_io.relay.faults import Parcel
-from surefoot.robot_io.relay.lane import Lane
+from surefoot.robot_io.relay.lane import Lane, Parcel
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.relay_plan import relay_plan_from_table

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from surefoot.robot_io.relay.dispatcher import Schedule
+from surefoot.robot_io.relay.forwarder import Schedule
 
 TIMES = st.lists(st.integers(0, 20), max_size=40)
 

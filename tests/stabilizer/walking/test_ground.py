@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.walking.swing_foot import ExpectedGround, HeightReference
 
 HALF_SIZES = ((0.13, 0.08), (0.13, 0.08))
