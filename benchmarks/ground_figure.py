@@ -14,9 +14,9 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Motion, PrtsMotion, RecordedMotion, SpectrumMotion
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.catalogue import load_scenario
+from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.recorded import recorded_track
-from surefoot.sim_robot.ticks import SIM_STEP_S
 
 FILE = Path(__file__).parents[1] / "docs" / "images" / "ground.svg"
 TEAL, ORANGE, GREY = "#00796b", "#e65100", "#8a949e"

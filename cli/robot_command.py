@@ -71,7 +71,9 @@ def robot(
         f"{', '.join(meeting.router or meeting.listen)}"
     )
     claim_processor(cpu=cpu, priority=realtime_priority)
-    from surefoot.sim_robot.node import run_robot  # slow import; report bad files first
+    from surefoot.sim_robot.robot_loop import (
+        run_robot,  # slow import; report bad files first
+    )
 
     with (
         naming_scenario(path),

@@ -1,4 +1,4 @@
-"""Moves the platforms: position and velocity are written before every step."""
+"""All the ground under the feet: what moves of it, and what stands still."""
 
 from __future__ import annotations
 
@@ -6,12 +6,55 @@ import mujoco
 import numpy as np
 
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.messages import GroundBlock
+from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import within
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.motion_law import MotionLaw
-from surefoot.sim_robot.platforms import PLATFORM_INERTIA, PlacedMotion
-from surefoot.sim_robot.ticks import SIM_STEP_S
+from surefoot.sim_robot.platforms import PLATFORM_INERTIA, PlacedMotion, PlatformPlan
+from surefoot.sim_robot.still_ground import StillGround
 from surefoot.sim_robot.world import World
+
+STILL = -1
+"""What ground that stands still says for its platform."""
+
+
+def ground_blocks(world: World) -> list[GroundBlock]:
+    """Return all blocks, platforms first.
+
+    Args:
+        world: of the run.
+    """
+    blocks = []
+    index = 0
+    for plan in world.platforms:
+        blocks.append(_platform(plan, index if plan.in_scenario else STILL))
+        index += plan.in_scenario
+    return [*blocks, *(_still(ground) for ground in world.still)]
+
+
+def _platform(plan: PlatformPlan, index: int) -> GroundBlock:
+    top = plan.box_centre + np.array([0.0, 0.0, plan.half_size[2]])
+    if index == STILL:
+        top = top + plan.top_centre
+    w, x, y, z = plan.quat_wxyz
+    return GroundBlock(
+        position=top.tolist(),
+        quat_xyzw=[x, y, z, w],
+        size=(2.0 * plan.half_size).tolist(),
+        platform=index,
+    )
+
+
+def _still(ground: StillGround) -> GroundBlock:
+    from scipy.spatial.transform import Rotation
+
+    return GroundBlock(
+        position=ground.top_centre.tolist(),
+        quat_xyzw=Rotation.from_matrix(ground.R_world_top).as_quat().tolist(),
+        size=ground.size.tolist(),
+        platform=STILL,
+    )
 
 
 class Ground:

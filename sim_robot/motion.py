@@ -14,10 +14,15 @@ from surefoot.schemas.motions import (
     SpectrumMotion,
 )
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.motion_law import MotionLaw, check_blend, check_frequency, fade
-from surefoot.sim_robot.prts import prts_law
+from surefoot.sim_robot.motion_law import (
+    MotionLaw,
+    check_blend,
+    check_frequency,
+    fade,
+    prts_law,
+    spectrum_law,
+)
 from surefoot.sim_robot.recorded import recorded_law
-from surefoot.sim_robot.spectrum import spectrum_law
 
 GRAVITY_M_S2 = 9.81
 

@@ -1,4 +1,4 @@
-"""The plant: one robot in its world, advanced tick by tick; no bus and no clock."""
+"""The simulated body: MuJoCo with the robot's servos, one step per command."""
 
 from __future__ import annotations
 
@@ -16,21 +16,72 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import PushRequest
+from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.conventions import SIM_STEP_S, whole_ticks
 from surefoot.sim_robot.errors import CommandError
 from surefoot.sim_robot.ground import Ground
-from surefoot.sim_robot.joint_values import per_joint
 from surefoot.sim_robot.metrics import Fall, FallDetector
-from surefoot.sim_robot.payloads import Grasps
 from surefoot.sim_robot.pushes import CaptureLimit, Pushes
+from surefoot.sim_robot.robot_spec import per_joint
 from surefoot.sim_robot.rods import RodAtWork
 from surefoot.sim_robot.sensors import SensorSuite
-from surefoot.sim_robot.servos import Servos
 from surefoot.sim_robot.start_stance import LEVEL_RAD, Stance
-from surefoot.sim_robot.state_view import PlantView
-from surefoot.sim_robot.ticks import SIM_STEP_S, whole_ticks
-from surefoot.sim_robot.truth import PlantTruth
-from surefoot.sim_robot.world import World, build_world, renew
+from surefoot.sim_robot.state_view import PlantTruth, PlantView
+from surefoot.sim_robot.world import Grasps, World, build_world, renew
+
+
+class Servos:
+    """What each servo really follows, given the position it was commanded.
+
+    The set-point chases the command at most at the profile's speed; a first-order
+    lag follows it, discretised exactly for a set-point held over the step. The PD
+    law itself runs in the simulation, on this set-point, every step.
+
+    Attributes:
+        setpoint: (n_a,) position the PD law acts on [rad]; a live array.
+    """
+
+    def __init__(self, profile: ServoProfile, *, posture: Array, step_s: float) -> None:
+        """Start at rest in a posture.
+
+        Args:
+            profile: velocity limit and lag.
+            posture: (n_a,) [rad].
+            step_s: simulation step [s].
+        """
+        self._largest_change = profile.velocity_limit_rad_s * step_s
+        self._lagging = profile.lag_s > 0.0
+        self._gain = -math.expm1(-step_s / profile.lag_s) if self._lagging else 1.0
+        self._limited = np.array(posture, dtype=np.float64)
+        self._change = np.empty_like(self._limited)
+        self.setpoint: Array = self._limited.copy() if self._lagging else self._limited
+
+    def reset(self, posture: Array) -> None:
+        """Forget the past: at rest in ``posture``, (n_a,) [rad]."""
+        np.copyto(self._limited, posture)
+        np.copyto(self.setpoint, posture)
+
+    def step(self, q_command: Array) -> Array:
+        """Advance one simulation step towards a command.
+
+        Args:
+            q_command: (n_a,) [rad].
+
+        Returns:
+            (n_a,) the live set-point for this step [rad].
+        """
+        change, limit = self._change, self._largest_change
+        np.subtract(q_command, self._limited, out=change)
+        np.minimum(change, limit, out=change)
+        np.maximum(change, -limit, out=change)
+        self._limited += change
+        if self._lagging:
+            np.subtract(self._limited, self.setpoint, out=change)
+            change *= self._gain
+            self.setpoint += change
+        return self.setpoint
+
 
 _LOG = logging.getLogger("surefoot.sim")
 

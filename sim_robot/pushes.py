@@ -14,9 +14,9 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import PushRequest
 from surefoot.schemas.scenario import Push
 from surefoot.schemas.scenario_robot import Rod
+from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.rods import Rods
-from surefoot.sim_robot.ticks import SIM_STEP_S
 from surefoot.sim_robot.world import World
 
 MAX_FORCE_N = 2000.0

@@ -14,10 +14,10 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.schemas.result import RecordedGround
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import ScenarioError, within
 from surefoot.sim_robot.ground_records import GroundRecord, read_record
 from surefoot.sim_robot.motion_law import FASTEST_HZ, MotionLaw
-from surefoot.sim_robot.ticks import SIM_STEP_S
 
 LARGEST = 1000.0
 """In m or rad, per second or per square second: no ground that a robot stands on."""

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.conventions import wxyz
 from surefoot.sim_robot.errors import RenderError
 from surefoot.sim_robot.ground import Ground
 from surefoot.sim_robot.platforms import PlatformPlan
-from surefoot.sim_robot.quaternion import wxyz
-from surefoot.sim_robot.scenery import FLOOR_Z_M
+from surefoot.sim_robot.still_ground import FLOOR_Z_M
 from surefoot.sim_robot.world import build_world
 
 LEGS = 6

@@ -1,9 +1,9 @@
-"""The robot alone, as an editable MuJoCo model."""
+"""The robot as MuJoCo compiles it: bodies, joints, servos and sensors."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import accumulate
 from pathlib import Path
@@ -14,13 +14,44 @@ import numpy as np
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.urdf_check import without_shapes
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import ForceTorque, ImuState
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import PerJoint
 from surefoot.schemas.sensors import of_kind
+from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.joint_values import per_joint
+
+
+def per_joint(
+    value: float | Mapping[str, float], robot: Robot, *, what: str, default: float = 0.0
+) -> Array:
+    """Spread a value over the joints, (n_a,) in bus order.
+
+    Args:
+        value: for all joints, or by the name of a joint.
+        robot: names the joints.
+        what: path of the key, for errors.
+        default: of the joints that are not named.
+
+    Raises:
+        ScenarioError: no such joint.
+    """
+    if not isinstance(value, Mapping):
+        return np.full(robot.n_a, float(value))
+    spread = np.full(robot.n_a, default)
+    for name, number in value.items():
+        if name not in robot.joint_names:
+            raise ScenarioError(
+                f"{what}: {robot.file.name} has no joint {name!r}"
+                f"{nearest(name, robot.joint_names)}; there are "
+                f"{', '.join(robot.joint_names)}",
+                field=what,
+            )
+        spread[robot.joint_names.index(name)] = number
+    return spread
+
 
 SOLE_HALF_THICKNESS_M = 0.015
 ATTITUDE = ("quat_xyzw", mujoco.mjtSensor.mjSENS_FRAMEQUAT, 4)

@@ -11,7 +11,7 @@ from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout, readings
 from surefoot.robot_io.ticks.recorder import TickRecorder, TickSink
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.signals import lay_out
-from surefoot.sim_robot.truth import PlantTruth
+from surefoot.sim_robot.state_view import PlantTruth
 
 SENSED = (
     *("q", "dq", "effort", "q_command"),

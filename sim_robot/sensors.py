@@ -16,8 +16,8 @@ from surefoot.schemas.messages import JointState
 from surefoot.schemas.robot_file import VirtualForceTorque
 from surefoot.schemas.sensing import Delay, Sensors
 from surefoot.schemas.sensors import SENSORS, Noise, Sensor
+from surefoot.sim_robot.conventions import SIM_STEP_S, xyzw
 from surefoot.sim_robot.motion import GRAVITY_M_S2
-from surefoot.sim_robot.quaternion import xyzw
 from surefoot.sim_robot.robot_spec import (
     ATTITUDE,
     SENSOR_NOISY,
@@ -32,7 +32,6 @@ from surefoot.sim_robot.sensor_lines import (
     kind_of,
     sensor_lines,
 )
-from surefoot.sim_robot.ticks import SIM_STEP_S
 from surefoot.sim_robot.world import World
 
 NANOSECONDS = 1_000_000_000

@@ -13,14 +13,14 @@ from surefoot.schemas.messages import PushEvent, PushRequest
 from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantResult
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.conventions import whole_ticks
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.metrics import Fall, PlantMetrics, WalkMetrics
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.sim_robot.run_record import RobotRecorder, RunDigest
-from surefoot.sim_robot.sensor_faults import SensorFaults
-from surefoot.sim_robot.ticks import whole_ticks
-from surefoot.sim_robot.truth import PlantTruth
+from surefoot.sim_robot.sensor_lines import SensorFaults
+from surefoot.sim_robot.state_view import PlantTruth
 
 MM_PER_M = 1e3
 MS_PER_S = 1e3

@@ -12,7 +12,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.scenario_robot import Start
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.joint_values import per_joint
+from surefoot.sim_robot.robot_spec import per_joint
 
 EVEN_M = 1e-3
 """Soles that differ less in height stand on one level."""

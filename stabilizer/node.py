@@ -34,8 +34,7 @@ from surefoot.stabilizer.control.controller import (
 from surefoot.stabilizer.loop import End, Loop
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
-from surefoot.stabilizer.telemetry import ControllerTelemetry
-from surefoot.stabilizer.tick_recorder import recorder_to
+from surefoot.stabilizer.telemetry import ControllerTelemetry, recorder_to
 
 _LOG = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.run_plan import RunPlan, Settings, resolve_settings
 from surefoot.schemas.margins import LoopMargins
 from surefoot.schemas.sensing import SensorDelays
-from surefoot.stabilizer.settings_check import check_settings
+from surefoot.stabilizer.factory import check_settings
 
 MS_PER_S = 1e3
 MOST_TICKS = 100
@@ -62,7 +62,7 @@ def loop_notice(plan: RunPlan) -> str:
     """
     if plan.controller != "whole-body":
         return ""
-    from surefoot.stabilizer.control.feedback_speed import borne_delay
+    from surefoot.stabilizer.control.drives import borne_delay
 
     tick_ms = MS_PER_S * plan.robot.period_s
     delay = plan.scenario.delay

@@ -29,7 +29,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.toml_file import read_toml
 from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
-from surefoot.stabilizer.estimation.wrench_compensation import foot_offsets
+from surefoot.stabilizer.estimation.wrenches import foot_offsets
 from surefoot.stabilizer.identification import Drive, IdentifyController
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.node import run_stabilizer

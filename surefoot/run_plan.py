@@ -30,8 +30,7 @@ from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground
-from surefoot.stabilizer.factory import find_settings
-from surefoot.stabilizer.settings_check import check_settings
+from surefoot.stabilizer.factory import check_settings, find_settings
 
 Mode = Literal["lockstep", "realtime", "inline"]
 Settings = ControllerSettings | Mapping[str, Any] | str | Path | None

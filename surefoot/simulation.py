@@ -33,14 +33,13 @@ from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, memory_sinks
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
-from surefoot.sim_robot.truth import PlantTruth
+from surefoot.sim_robot.state_view import PlantTruth
 from surefoot.stabilizer.control.controller import ControllerOutput, Walks
 from surefoot.stabilizer.factory import adapt
 from surefoot.stabilizer.loop import told_end
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.safety.safety import Safety
-from surefoot.stabilizer.telemetry import ControllerTelemetry
-from surefoot.stabilizer.tick_recorder import recorder_to
+from surefoot.stabilizer.telemetry import ControllerTelemetry, recorder_to
 
 COMMANDER = "inline"
 NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)

@@ -19,7 +19,7 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
-from surefoot.stabilizer.control.feedback_speed import needed_stiffness, ticks_of
+from surefoot.stabilizer.control.drives import needed_stiffness, ticks_of
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import yaw_from
@@ -71,7 +71,7 @@ class ForceFeedback:
                 made up for while the feet stand firmly; else K grows with it, since
                 the loop through the feet must be slower than its delays.
             speed: of the fastest mode with the default K, see
-                :func:`surefoot.stabilizer.control.feedback_speed.fastest_mode` [1/s].
+                :func:`surefoot.stabilizer.control.drives.fastest_mode` [1/s].
             landing_force_n: largest normal force error that a landing foot yields to
                 [N].
         """

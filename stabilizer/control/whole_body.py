@@ -19,18 +19,17 @@ from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.balance_controller import BalanceController
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.control.dik import Dik
-from surefoot.stabilizer.control.drive_inverse import DriveInverse
-from surefoot.stabilizer.control.feedback_speed import fastest_mode
+from surefoot.stabilizer.control.drives import DriveInverse, fastest_mode
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Approach
 from surefoot.stabilizer.control.tasks import Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.errors import QpStatus
-from surefoot.stabilizer.estimation.ages import ReadingAges
 from surefoot.stabilizer.estimation.observer import (
     ObservedState,
     Observer,
+    ReadingAges,
     StateEstimator,
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel

@@ -20,7 +20,7 @@ from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import SafetySettings
 from surefoot.stabilizer.control.controller import Controller, ControllerOutput
-from surefoot.stabilizer.estimation.virtual_force_torque import (
+from surefoot.stabilizer.estimation.wrenches import (
     ForceOffsets,
     VirtualWrenches,
 )

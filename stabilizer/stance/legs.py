@@ -1,4 +1,4 @@
-"""The two legs of a model: their joints, and which of them is the knee."""
+"""A robot's body and legs, as its kinematics tell them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,138 @@ import numpy as np
 import pinocchio as pin
 
 from surefoot.robot_io.errors import RobotFileError
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import Array, Mat, Vec3
+
+SNAP_RAD = np.radians(15.0)
+"""An axis of a link this near to a direction is meant by it."""
+SNAP_AHEAD_RAD = np.radians(3.0)
+LEAST_APART_M = 0.02
+
+
+@dataclass(frozen=True)
+class Body:
+    """Pinocchio's model of a URDF with a floating base.
+
+    Attributes:
+        model: as Pinocchio reads it.
+        data: with all joints at zero: frames, CoM and subtree masses.
+    """
+
+    model: pin.Model
+    data: pin.Data
+
+    @property
+    def mass(self) -> float:
+        """Of the whole robot [kg]."""
+        return float(self.data.mass[0])
+
+    def placement(self, link: str) -> pin.SE3:
+        """Where a link is in the base link, all joints at zero."""
+        return self.data.oMf[self.frame(link)]
+
+    def frame(self, link: str) -> int:
+        """Pinocchio's frame of a link: a joint may have the same name."""
+        frame_id: int = self.model.getFrameId(link, pin.FrameType.BODY)
+        return frame_id
+
+    def carried_share(self, joint: str) -> float:
+        """Part of the robot's mass that hangs on a joint."""
+        return float(self.data.mass[self.model.getJointId(joint)]) / self.mass
+
+
+@dataclass(frozen=True)
+class Directions:
+    """Up and ahead of a robot in its base link, all joints at zero.
+
+    Attributes:
+        up: (3,) of length one.
+        ahead: (3,) of length one, square to it.
+        is_exact: whether up is an axis of a frame, or was given.
+    """
+
+    up: Vec3
+    ahead: Vec3
+    is_exact: bool = True
+
+    @property
+    def R_upright_base(self) -> Mat:  # noqa: N802
+        """(3, 3) the base link seen from a frame with x ahead and z up."""
+        R: Mat = np.vstack((self.ahead, np.cross(self.up, self.ahead), self.up))
+        return R
+
+
+def read_body(text: str, *, source: str) -> Body:
+    """Build the model.
+
+    Args:
+        text: a URDF without shapes.
+        source: named in errors.
+
+    Raises:
+        RobotFileError: Pinocchio refuses it.
+    """
+    try:
+        model = pin.buildModelFromXML(text, pin.JointModelFreeFlyer())
+    except (ValueError, RuntimeError) as error:
+        words = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise RobotFileError(f"{source}: Pinocchio refuses it: {words}") from error
+    data = model.createData()
+    q = pin.neutral(model)
+    pin.framesForwardKinematics(model, data, q)
+    pin.centerOfMass(model, data, q)
+    pin.computeSubtreeMasses(model, data)
+    return Body(model, data)
+
+
+def find_directions(
+    body: Body, left: str, places: tuple[Vec3, Vec3], *, up: Vec3 | None = None
+) -> Directions:
+    """Find up from the feet to the CoM, and ahead from the right foot to the left.
+
+    Directions snap to axes of the base link, or of the left foot, that are near.
+
+    Args:
+        body: all joints at zero.
+        left: link of the left foot.
+        places: (3,) each, of left and right foot in the base link [m].
+        up: (3,) of length one, where it is known.
+
+    Raises:
+        RobotFileError: the feet are at one place.
+    """
+    p_left, p_right = places
+    frames = (np.eye(3), body.placement(left).rotation)
+    is_exact = True
+    if up is None:
+        rough = body.data.com[0] - 0.5 * (p_left + p_right)
+        rough = rough / np.linalg.norm(rough)
+        up = _snapped(rough, frames, within=SNAP_RAD)
+        is_exact = up is not rough
+    across = p_left - p_right
+    across = across - (across @ up) * up
+    apart = float(np.linalg.norm(across))
+    if apart < LEAST_APART_M:
+        raise RobotFileError(
+            f"the soles are {1e3 * apart:.0f} mm apart with all joints at zero; name "
+            "one link of each foot"
+        )
+    ahead = np.cross(across / apart, up)
+    snapped = _snapped(ahead, frames, within=SNAP_AHEAD_RAD)
+    if abs(snapped @ up) < 1e-6:
+        ahead = snapped
+    return Directions(up=up, ahead=ahead / np.linalg.norm(ahead), is_exact=is_exact)
+
+
+def _snapped(direction: Vec3, frames: tuple[Mat, ...], *, within: float) -> Vec3:
+    """The axis of the first of these frames that has one near, or the direction."""
+    for frame in frames:
+        axes = np.vstack((frame.T, -frame.T))
+        near = axes[int(np.argmax(axes @ direction))]
+        if near @ direction > np.cos(within):
+            snapped: Vec3 = near
+            return snapped
+    return direction
+
 
 _SAMPLES = 181
 LEAST_BEND = 0.02

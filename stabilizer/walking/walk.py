@@ -22,10 +22,9 @@ from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY
 from surefoot.stabilizer.walking.dcm import StepAdjustment
-from surefoot.stabilizer.walking.feet import Feet, FootState
+from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
 from surefoot.stabilizer.walking.footsteps import Foothold, mean_yaw, turned
 from surefoot.stabilizer.walking.gait import Gait, Phase
-from surefoot.stabilizer.walking.state import WalkState
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
 from surefoot.stabilizer.walking.swing_foot import HeightReference, SwingFoot
 

@@ -24,7 +24,11 @@ from surefoot.stabilizer.estimation.observer import (
     StateEstimator,
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V
-from surefoot.stabilizer.zmp.commanded_robot import CommandedRobot, ComTarget
+from surefoot.stabilizer.zmp.commanded_robot import (
+    CommandedRobot,
+    ComTarget,
+    Kinematics,
+)
 from surefoot.stabilizer.zmp.dcm_feedback import (
     GRAVITY_VECTOR,
     DcmFeedback,
@@ -37,7 +41,6 @@ from surefoot.stabilizer.zmp.distribution import (
     zero_moment_point,
 )
 from surefoot.stabilizer.zmp.foot_admittance import FootAdmittance, ZmpCompensation
-from surefoot.stabilizer.zmp.kinematics import Kinematics
 
 GROUND_SPEED_LAG_S = 0.02
 """Low-pass of the ground's vertical speed, for a level height [s]."""

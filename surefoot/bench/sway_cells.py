@@ -19,7 +19,7 @@ from surefoot.bench.sway_response import cycle_spectra, sine_response, step_figu
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.motions import Motion, PrtsMotion, RampMotion, SineMotion
 from surefoot.schemas.scenario import Platform, Scenario
-from surefoot.sim_robot.truth import PlantTruth
+from surefoot.sim_robot.state_view import PlantTruth
 from surefoot.simulation import Simulation
 
 Protocol = Literal["transient", "sinus", "prts"]

@@ -26,8 +26,8 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.controller import Controller, Tunable, Walks
 from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.requests import SettingsRamp
 from surefoot.stabilizer.safety.safety import Safety
-from surefoot.stabilizer.settings_ramp import SettingsRamp
 
 
 class Start(NamedTuple):

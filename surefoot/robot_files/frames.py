@@ -11,9 +11,8 @@ from surefoot.robot_files.clean_urdf import foot_links
 from surefoot.robot_files.draft import Draft, Note, end, listed
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.robot_file import Foot, Side
-from surefoot.stabilizer.stance.body import Body, Directions
-from surefoot.stabilizer.stance.shapes import Tag, surface_points
-from surefoot.stabilizer.stance.sole import Sole, fit_sole
+from surefoot.stabilizer.stance.legs import Body, Directions
+from surefoot.stabilizer.stance.sole import Sole, Tag, fit_sole, surface_points
 
 _FT = re.compile(
     r"(?:^|[_\W])(?:fts?|force|wrench|loadcell)(?:[_\W\d]|$)|force_?torque", re.I

@@ -16,13 +16,13 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.stabilizer.margins.margins import compute_margins
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.reach import Reach
-from surefoot.stabilizer.stance.standing import (
+from surefoot.stabilizer.stance.nominal import (
     Standing,
     capture_limits,
     reach_search,
     stand,
 )
+from surefoot.stabilizer.stance.solver import Reach
 
 Verdict = Literal["ok", "warning"]
 

@@ -27,7 +27,7 @@ from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.urdf_check import Urdf, bare_text
 from surefoot.schemas.arrays import Array
-from surefoot.stabilizer.stance.body import Body, Directions, find_directions, read_body
+from surefoot.stabilizer.stance.legs import Body, Directions, find_directions, read_body
 from surefoot.stabilizer.stance.nominal import NominalPosture, find_nominal
 
 LOWEST_M, HIGHEST_M = 0.05, 3.0

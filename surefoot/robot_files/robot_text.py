@@ -11,7 +11,7 @@ from surefoot.robot_files.draft import Draft, listed
 from surefoot.schemas.arrays import Vec3
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.toml_file import toml_text
-from surefoot.stabilizer.stance.body import Body
+from surefoot.stabilizer.stance.legs import Body
 from surefoot.stabilizer.stance.nominal import NominalPosture
 
 WALKER_MASS_KG = 70.0

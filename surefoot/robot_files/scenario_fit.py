@@ -13,8 +13,8 @@ from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.scenario import Platform, Push, Scenario
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.reach import Ground, GroundPose, ReachSearch
-from surefoot.stabilizer.stance.standing import capture_limits, reach_search
+from surefoot.stabilizer.stance.nominal import capture_limits, reach_search
+from surefoot.stabilizer.stance.solver import Ground, GroundPose, ReachSearch
 
 SAMPLE_S = 0.01
 KEPT_SHARE = 0.9

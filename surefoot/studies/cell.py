@@ -252,7 +252,7 @@ def plan_in(
     """
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_plan import RunPlan
-    from surefoot.stabilizer.settings_check import check_settings
+    from surefoot.stabilizer.factory import check_settings
 
     found = find_variant(variant)
     model = load_robot(robot, servo_profile=servo_profile)

@@ -12,7 +12,7 @@ from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.node import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import RobotRun, run_robot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.patient_robot import patient

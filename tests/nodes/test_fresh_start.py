@@ -19,7 +19,7 @@ from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.signals import read_signals
-from surefoot.sim_robot.node import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import RobotRun, run_robot
 from surefoot.stabilizer.control.controller import (
     Controller,
     ControllerOutput,

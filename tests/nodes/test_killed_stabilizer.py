@@ -16,7 +16,7 @@ from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.signals import read_signals
-from surefoot.sim_robot.node import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import RobotRun, run_robot
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, running

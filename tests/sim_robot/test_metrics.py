@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from surefoot.sim_robot.metrics import PlantMetrics
-from surefoot.sim_robot.truth import PlantTruth
+from surefoot.sim_robot.state_view import PlantTruth
 
 PERIOD_S = 0.001
 WEIGHT_N = 700.0

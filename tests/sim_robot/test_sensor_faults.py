@@ -12,7 +12,7 @@ from surefoot.robot_io.snapshot import Snapshot, readings
 from surefoot.schemas.scenario import SensorFault
 from surefoot.schemas.sensors import SENSORS, SNAPSHOT_FIELDS, Sensor
 from surefoot.sim_robot.run_record import RunDigest
-from surefoot.sim_robot.sensor_faults import SensorFaults
+from surefoot.sim_robot.sensor_lines import SensorFaults
 from tests.robot_io.sensor_messages import JOINTS, snapshot_at
 
 PERIOD_S = 1e-3

@@ -8,8 +8,7 @@ import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.robot_file import ServoProfile
-from surefoot.sim_robot.plant import Plant
-from surefoot.sim_robot.servos import Servos
+from surefoot.sim_robot.plant import Plant, Servos
 
 STEP_S = 0.001
 IDEAL = ServoProfile(velocity_limit_rad_s=1e6, lag_s=0.0)

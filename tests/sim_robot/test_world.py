@@ -9,8 +9,8 @@ import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.conventions import xyzw
 from surefoot.sim_robot.plant import Plant
-from surefoot.sim_robot.quaternion import xyzw
 from surefoot.sim_robot.world import build_world
 
 TURN = np.sqrt(0.5)

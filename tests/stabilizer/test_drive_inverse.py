@@ -7,8 +7,8 @@ import pytest
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.robot_file import ServoProfile
-from surefoot.sim_robot.servos import Servos
-from surefoot.stabilizer.control.drive_inverse import DriveInverse
+from surefoot.sim_robot.plant import Servos
+from surefoot.stabilizer.control.drives import DriveInverse
 
 PROFILE = ServoProfile(velocity_limit_rad_s=3.1, lag_s=0.02)
 PERIOD_S = 0.001

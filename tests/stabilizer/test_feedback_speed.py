@@ -12,9 +12,9 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.settings import build_settings
-from surefoot.stabilizer.control.feedback_speed import borne_delay, needed_stiffness
+from surefoot.stabilizer.control.drives import borne_delay, needed_stiffness
 from surefoot.stabilizer.control.whole_body import WholeBodyController
-from surefoot.stabilizer.estimation.ages import FORCES, MOTION, ReadingAges
+from surefoot.stabilizer.estimation.observer import FORCES, MOTION, ReadingAges
 from surefoot.stabilizer.margins.margins import compute_margins
 
 SPEED = 470.0

@@ -8,9 +8,8 @@ import pytest
 
 from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.schemas.settings import ControllerSettings, DikSettings
-from surefoot.stabilizer.factory import make_controller
+from surefoot.stabilizer.factory import check_settings, make_controller
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.settings_check import check_settings
 from tests.stabilizer.closed_loop import run_closed_loop
 
 PUSH = {"body": "torso", "force_n": [0.0, 90.0, 0.0], "start_s": 0.8}

@@ -7,7 +7,7 @@ import pytest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.settings import build_settings
-from surefoot.stabilizer.settings_check import check_settings
+from surefoot.stabilizer.factory import check_settings
 
 
 @pytest.mark.parametrize(

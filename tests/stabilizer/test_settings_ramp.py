@@ -6,7 +6,7 @@ import pytest
 
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.stabilizer.settings_ramp import EVERY_TICKS, RAMP_S, SettingsRamp
+from surefoot.stabilizer.requests import EVERY_TICKS, RAMP_S, SettingsRamp
 
 PERIOD_S = 0.001
 TICKS = round(RAMP_S / PERIOD_S)

@@ -17,7 +17,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import Outcome, SensorTrouble
 from surefoot.schemas.robot_file import VirtualForceTorque
 from surefoot.schemas.settings import SafetySettings
-from surefoot.stabilizer.estimation.virtual_force_torque import (
+from surefoot.stabilizer.estimation.wrenches import (
     ForceOffsets,
     VirtualWrenches,
 )

@@ -10,7 +10,7 @@ import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec6
-from surefoot.stabilizer.estimation.wrench_compensation import WrenchCompensation
+from surefoot.stabilizer.estimation.wrenches import WrenchCompensation
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 SAMPLES = 50

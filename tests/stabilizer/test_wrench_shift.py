@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from surefoot.stabilizer.estimation.wrench_compensation import wrench_shift
+from surefoot.stabilizer.estimation.wrenches import wrench_shift
 
 SAMPLES = 50
 TOLERANCE = 1e-12

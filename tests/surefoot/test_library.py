@@ -146,7 +146,7 @@ assert not heavy & set(sys.modules), heavy & set(sys.modules)
 A_RUN = """
 import sys
 import surefoot as sf
-import surefoot.sim_robot.node
+import surefoot.sim_robot.robot_loop
 import surefoot.stabilizer.node
 sf.simulate("walker", sf.Scenario(name="x", duration_s=0.01))
 rarely = {"signal", "stats", "optimize", "interpolate", "integrate", "spatial"}

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.ground_blocks import ground_blocks
+from surefoot.sim_robot.ground import ground_blocks
 from surefoot.sim_robot.world import build_world
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene_state import (

@@ -29,7 +29,7 @@ from surefoot.runs import execute
 from surefoot.schemas.signals import QP_WORDS, SIGNALS, WALK_SIGNALS, lay_out
 from surefoot.signals import file_sinks
 from surefoot.stabilizer.control.controller import ControllerOutput
-from surefoot.stabilizer.tick_recorder import ControllerRecorder
+from surefoot.stabilizer.telemetry import ControllerRecorder
 from tests.support import wait_until
 
 SHORT = sf.Scenario(

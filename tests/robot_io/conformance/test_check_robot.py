@@ -12,7 +12,7 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.node import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import RobotRun, run_robot
 from tests.awkward_robot import AWKWARD, make_awkward
 from tests.command import Surefoot
 from tests.nodes.processes import running

@@ -9,8 +9,13 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.legs import find_leg
 from surefoot.stabilizer.stance.nominal import KNEE_ROOM_RAD, find_nominal
-from surefoot.stabilizer.stance.reach import Ground, GroundPose, ReachSearch
-from surefoot.stabilizer.stance.solver import StanceSolver, Wanted
+from surefoot.stabilizer.stance.solver import (
+    Ground,
+    GroundPose,
+    ReachSearch,
+    StanceSolver,
+    Wanted,
+)
 
 MODEL = RobotModel(load_robot("walker"))
 APART_M = 0.22

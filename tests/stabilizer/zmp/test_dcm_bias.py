@@ -11,12 +11,13 @@ import pytest
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.zmp_settings import ZmpSettings
 from surefoot.stabilizer.model import GRAVITY
-from surefoot.stabilizer.zmp.dcm_bias import (
+from surefoot.stabilizer.zmp.dcm_feedback import (
     FIRST_STD_M,
     ORIGINAL_PERIOD_S,
     DcmBiasEstimator,
+    DcmFeedback,
+    StandingPendulum,
 )
-from surefoot.stabilizer.zmp.dcm_feedback import DcmFeedback, StandingPendulum
 
 PERIOD_S = 0.001
 OMEGA = 3.0

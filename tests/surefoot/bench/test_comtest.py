@@ -25,7 +25,7 @@ from surefoot.bench.sway_response import human_sway
 from surefoot.bench.sway_results import sway_result
 from surefoot.errors import UsageError
 from surefoot.sim_robot.motion import motion_law
-from surefoot.sim_robot.truth import PlantTruth, PlatformPose
+from surefoot.sim_robot.state_view import PlantTruth, PlatformPose
 from tests.command import run_surefoot
 
 HEIGHT_M = 0.8

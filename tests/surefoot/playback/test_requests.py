@@ -21,7 +21,7 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.node import run_robot
+from surefoot.sim_robot.robot_loop import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.command import command, environment

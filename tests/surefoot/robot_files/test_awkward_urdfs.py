@@ -15,7 +15,7 @@ from surefoot.robot_files.new_robot import NewRobot, NewRobotOptions, new_robot
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import load_robot
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.standing import stand
+from surefoot.stabilizer.stance.nominal import stand
 from surefoot.view.robot_shape import RobotShape
 from tests.awkward_robot import AWKWARD, make_awkward
 

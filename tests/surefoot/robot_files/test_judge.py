@@ -17,7 +17,7 @@ from surefoot.schemas.scenario import Platform, Push, Scenario
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.standing import (
+from surefoot.stabilizer.stance.nominal import (
     DIRECTIONS,
     capture_limits,
     reach_search,

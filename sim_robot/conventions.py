@@ -1,8 +1,32 @@
-"""Time spans as whole numbers of ticks."""
+"""MuJoCo's conventions beside ours: order of quaternions, time in whole steps."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.errors import ScenarioError
+
+_FROM_WXYZ = np.array([1, 2, 3, 0])
+_FROM_XYZW = np.array([3, 0, 1, 2])
+
+
+def xyzw(quat_wxyz: Array) -> Array:
+    """Put the scalar last.
+
+    Args:
+        quat_wxyz: (4,) as MuJoCo has it.
+
+    Returns:
+        (4,) as the bus and the controller have it; a new array.
+    """
+    return quat_wxyz.take(_FROM_WXYZ)
+
+
+def wxyz(quat_xyzw: Array) -> Array:
+    """Put the scalar first, (4,) to (4,); the inverse of :func:`xyzw`."""
+    return quat_xyzw.take(_FROM_XYZW)
+
 
 SIM_STEP_S = 0.001
 """Simulation step [s]; a control period is a whole multiple of it."""
