@@ -11,19 +11,16 @@ from surefoot.cli.bus_commands import echo, hz, topics
 from surefoot.cli.doctor_command import doctor
 from surefoot.cli.gain_commands import margins, tune
 from surefoot.cli.live_robot_commands import check_robot, identify, tare
-from surefoot.cli.log_command import log
 from surefoot.cli.network_commands import certs, relay, router
 from surefoot.cli.options import Command, Group
-from surefoot.cli.record_command import record
+from surefoot.cli.process_commands import robot, view, walk
+from surefoot.cli.record_commands import log, record
 from surefoot.cli.replay_command import replay
 from surefoot.cli.report_command import report
-from surefoot.cli.robot_command import robot
 from surefoot.cli.robot_file_commands import check_robot_file, new_robot
 from surefoot.cli.run_command import run, scenarios
 from surefoot.cli.stabilizer_command import stabilizer
 from surefoot.cli.study_commands import reproduce, sweep
-from surefoot.cli.view_command import view
-from surefoot.cli.walk_command import walk
 
 app = typer.Typer(
     name="surefoot",

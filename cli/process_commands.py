@@ -1,0 +1,268 @@
+"""``surefoot robot``, ``walk`` and ``view``: the simulated robot, planner and page."""
+
+from __future__ import annotations
+
+import math
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from surefoot.cli import options
+from surefoot.errors import ExitCode, exit_code_for
+
+if TYPE_CHECKING:
+    from surefoot.outcome import Judgement
+    from surefoot.schemas.result import PlantResult
+
+
+def robot(
+    scenario: options.ScenarioArgument = "standing",
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    seed: options.SeedOption = 0,
+    lockstep: options.LockstepOption = True,
+    endpoints: options.EndpointsOption = None,
+    listen: options.ListenOption = None,
+    router: options.RouterOption = None,
+    insecure: options.InsecureOption = False,
+    histogram: options.HistogramOption = False,
+    cpu: options.CpuOption = None,
+    realtime_priority: options.PriorityOption = None,
+    as_json: options.JsonOption = False,
+    child: options.ChildOption = False,
+    result_file: options.ResultFileOption = None,
+    record_file: options.RecordFileOption = None,
+) -> None:
+    """Run the simulated robot alone; it waits for a stabilizer to take command.
+
+    Exits with 5 when the robot fell, with 1 when it was in fault, held or not
+    commanded at the end.
+    """
+    from msgspec.structs import replace
+
+    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.cli.options import check_priority, claim_processor
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.outcome import judge
+    from surefoot.processes.child import begin_as_child, progress_reporter
+    from surefoot.robot_io.realtime import Pace
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.robot_io.ticks.write import TickFile
+    from surefoot.run_folder import write_struct
+    from surefoot.schemas.scenario import load_scenario
+    from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
+
+    set_up_logging("robot")
+    if child:
+        begin_as_child()
+    check_priority(realtime_priority, lockstep=lockstep)
+    model = load_robot(robot, servo_profile=servo_profile)
+    path = find_scenario(scenario)
+    world = load_scenario(path)
+    meeting = choose_endpoints(
+        endpoints,
+        listen=listen or [],
+        connect=[],
+        router=router,
+        insecure=insecure,
+    )
+    log_note(
+        f"{model.file.name} in {scenario!r} waits for a stabilizer at "
+        f"{', '.join(meeting.router or meeting.listen)}"
+    )
+    claim_processor(cpu=cpu, priority=realtime_priority)
+    from surefoot.sim_robot.robot_loop import (
+        run_robot,  # slow import; report bad files first
+    )
+
+    with (
+        naming_scenario(path),
+        nullcontext()
+        if record_file is None
+        else TickFile(record_file, may_wait=lockstep) as ticks,
+    ):
+        done = run_robot(
+            model,
+            world,
+            seed=seed,
+            endpoints=meeting,
+            pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+            ticks=ticks,
+            histogram=histogram,
+            on_tick=progress_reporter() if child else None,
+        )
+    result = done.result
+    if ticks is not None:
+        result = replace(result, unrecorded_ticks=ticks.lost_ticks)
+    if result_file is not None:
+        write_struct(result_file, result)
+    judgement = judge(result, is_realtime=not lockstep, period_s=model.period_s)
+    code = exit_code_for(judgement.outcome)
+    if child and code is ExitCode.FAILED:
+        raise typer.Exit(ExitCode.OK)  # its parent knows of both sides, and judges
+    if not child:
+        _show(result, scenario, judgement, as_json=as_json)
+    raise typer.Exit(code)
+
+
+def _show(
+    result: PlantResult, scenario: str, judgement: Judgement, *, as_json: bool
+) -> None:
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.summary import histogram_table, plant_table
+
+    if as_json:
+        print_json(result)
+    else:
+        print_table(plant_table(result, judgement, title=scenario))
+        for name, histogram in result.histograms.items():
+            print_table(histogram_table(name, histogram))
+
+
+def walk(
+    velocity: Annotated[
+        float, typer.Option("--velocity", metavar="M_S", help="Ahead.")
+    ] = 0.0,
+    lateral: Annotated[
+        float, typer.Option("--lateral", metavar="M_S", help="To the left.")
+    ] = 0.0,
+    yaw_rate: Annotated[
+        float,
+        typer.Option("--yaw-rate", metavar="DEG_S", help="Turning to the left."),
+    ] = 0.0,
+    steps: Annotated[
+        int | None,
+        typer.Option(
+            "--steps", min=1, help="How many; absent: until Ctrl-C, or the run's end."
+        ),
+    ] = None,
+    step_s: Annotated[
+        float,
+        typer.Option("--step-s", min=0.2, max=10.0, help="Single support of a step."),
+    ] = 0.6,
+    double_s: Annotated[
+        float,
+        typer.Option("--double-s", min=0.05, max=10.0, help="Double support after it."),
+    ] = 0.2,
+    height: Annotated[
+        float,
+        typer.Option(
+            "--height", min=0.01, max=0.5, metavar="M", help="Lift of the swing foot."
+        ),
+    ] = 0.05,
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    wait_s: options.WaitOption = 10.0,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Have a robot that balances walk, by a velocity.
+
+    Tells the robot's stabilizer where to set its feet, some steps ahead. After the last
+    step, on Ctrl-C, and when this process is gone, the feet come together and the robot
+    stands. Exits with 4 when there is no robot or nobody who walks, with 1 when the
+    steps were refused, with 130 after Ctrl-C.
+    """
+    from surefoot.cli.console import print_json
+    from surefoot.cli.logs import log_note, log_warning, set_up_logging
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.planner import VelocityPlanner, walk_on_bus
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.client_side.requests import PlannerClient
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
+
+    set_up_logging("walk")
+    model = load_robot(robot, servo_profile=servo_profile)
+    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    pace = Pace(
+        ahead=velocity,
+        lateral=lateral,
+        yaw_rate=math.radians(yaw_rate),
+        single_s=step_s,
+        double_s=double_s,
+        height_m=height,
+    )
+    planner = VelocityPlanner(pace, half_width=half_width_of(model))
+    stop = StopRequest()
+    with PlannerClient(model, endpoints=meeting) as client, stop.on_signals():
+        client.connect(timeout_s=wait_s)
+        log_note(f"plans for {model.file.name}; Ctrl-C brings its feet together")
+        status = walk_on_bus(client, planner, steps=steps, stop=stop)
+    if status is None:
+        log_warning(
+            "no word of a walk from any stabilizer: start one with --controller "
+            "whole-body"
+        )
+        raise typer.Exit(ExitCode.UNREACHABLE)
+    log_note(f"{status.steps_done} steps taken; the walk is at: {status.phase}")
+    if as_json:
+        print_json(status)
+    if status.refusal:
+        log_warning(f"refused: {status.refusal}")
+        raise typer.Exit(ExitCode.FAILED)
+    if stop.is_set:
+        raise typer.Exit(ExitCode.INTERRUPTED)
+
+
+def view(
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    port: Annotated[
+        int,
+        typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any."),
+    ] = 8080,
+    open_browser: Annotated[
+        bool, typer.Option("--open", help="Open the page in the web browser.")
+    ] = False,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    child: options.ChildOption = False,
+) -> None:
+    """Show a robot and its stabilizer on a live page on this machine.
+
+    The page only looks on: robot and stabilizer go on when it ends. It waits for a
+    robot as long as it takes.
+    """
+    import logging
+    from importlib.util import find_spec
+
+    from surefoot.cli.console import print_note
+    from surefoot.cli.logs import set_up_logging
+    from surefoot.endpoints import choose_endpoints
+    from surefoot.errors import EnvironmentFailedError
+    from surefoot.installation import install_command
+    from surefoot.processes.child import begin_as_child
+    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.robot_io.security.locators import check_locators
+    from surefoot.view.page import free_port
+
+    set_up_logging("view")
+    logging.getLogger("websockets").setLevel(logging.WARNING)
+    if child:
+        begin_as_child()
+    model = load_robot(robot, servo_profile=servo_profile)
+    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    check_locators(meeting.connect, verb="dial")
+    if find_spec("viser") is None or find_spec("yourdfpy") is None:
+        raise EnvironmentFailedError(
+            "the live page needs viser and yourdfpy, which are not installed; "
+            f"{install_command('view')}"
+        )
+    chosen = free_port(port)
+    from surefoot.view.page import LivePage  # slow import; report bad options first
+
+    stop = StopRequest()
+    with stop.on_signals():
+        page = LivePage(model, endpoints=meeting, port=chosen)
+        if child:
+            print(page.url, flush=True)
+        else:
+            print_note(f"{page.url} shows {model.file.name}; Ctrl-C ends the page")
+        if open_browser:
+            typer.launch(page.url)
+        page.run(stop)
+    raise typer.Exit(ExitCode.INTERRUPTED if stop.cause == "SIGINT" else ExitCode.OK)
