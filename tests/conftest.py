@@ -126,9 +126,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark what meets others on a bus, starts processes or a browser, by its place.
 
     Everything else answers within a minute: ``-m "not (closed_loop or process or
-    browser)"``.
+    browser)"``. Of a test with usual cases, the others are slow.
     """
     for item in items:
+        usual = item.get_closest_marker("usual")
+        case = getattr(item, "callspec", None)
+        if usual is not None and case is not None and case.id not in usual.args:
+            item.add_marker(pytest.mark.slow)
         place = item.path.relative_to(TESTS).as_posix()
         if place.startswith("browser/"):
             item.add_marker(pytest.mark.browser)

@@ -39,6 +39,7 @@ def test_a_run_in_which_the_robot_falls(
     assert result["fell_at_s"] > 0.5
 
 
+@pytest.mark.usual("0.3-fell: leans by")
 @pytest.mark.parametrize(
     ("tilt_limit_rad", "reason"), [(3.0, "fell: at "), (0.3, "fell: leans by")]
 )

@@ -36,6 +36,7 @@ def run_hold(surefoot: Surefoot, scenario: Path, *extra: object) -> dict[str, An
     return json.loads(done.stdout)
 
 
+@pytest.mark.usual("inline", "realtime")
 @pytest.mark.parametrize("mode", ["inline", "lockstep", "realtime"])
 def test_json_is_one_whole_result_and_nothing_else(
     surefoot: Surefoot, short_scenario: Path, patient_walker: Path, mode: str

@@ -45,6 +45,7 @@ def start(tmp_path: Path) -> Iterator[Start]:
         process.communicate()
 
 
+@pytest.mark.usual("--realtime")
 @pytest.mark.parametrize("pace", ["--lockstep", "--realtime"])
 def test_both_sides_tell_their_part(
     start: Start, short_scenario: Path, patient_walker: Path, pace: str

@@ -130,6 +130,7 @@ def test_a_robot_that_ends_in_order_is_a_success(
     assert "lost" not in log.read_text()
 
 
+@pytest.mark.usual("hz")
 @pytest.mark.parametrize(
     "words",
     [

@@ -65,6 +65,7 @@ def in_one_process(table: dict) -> str:
     return run.result.log_sha256
 
 
+@pytest.mark.usual("1.0")
 @pytest.mark.parametrize("delay_ms", [0.0, 1.0, 3.0])
 def test_lockstep_is_the_same_run_every_time_and_without_a_bus(
     endpoints: Endpoints, delay_ms: float

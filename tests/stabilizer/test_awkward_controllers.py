@@ -220,6 +220,7 @@ def pushed(request: pytest.FixtureRequest, awkward: Awkward) -> tuple[Run, Run]:
     return walker, robot
 
 
+@pytest.mark.usual("whole-body")
 @pytest.mark.closed_loop
 def test_it_stands_as_the_walker_does(pushed: tuple[Run, Run]) -> None:
     walker, robot = pushed

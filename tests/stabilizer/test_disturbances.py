@@ -39,6 +39,7 @@ def ramp(axis: str, rate_deg_s: float) -> list[dict[str, Any]]:
     return [{"foot": "both", "motion": [motion]}]
 
 
+@pytest.mark.usual("135.0")
 @pytest.mark.parametrize("direction_deg", [90.0, 135.0, 225.0])
 def test_push_to_the_side_ends_without_a_foot_rocking(
     walker: Robot, direction_deg: float
@@ -49,6 +50,7 @@ def test_push_to_the_side_ends_without_a_foot_rocking(
     assert run.F_true[:, NORMAL_ROWS].max() < HARD_LANDING_N
 
 
+@pytest.mark.usual("roll-harmonic", "pitch-ideal")
 @pytest.mark.parametrize("profile", ["ideal", "harmonic"])
 @pytest.mark.parametrize("axis", ["roll", "pitch"])
 def test_ground_that_tilts_faster_than_the_paper_dared(axis: str, profile: str) -> None:

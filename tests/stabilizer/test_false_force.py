@@ -32,6 +32,7 @@ STEP_RAD = 0.001
 OVERLOAD_TICKS = round(SafetySettings().overload_after_s / 0.001) + 1
 
 
+@pytest.mark.usual("left_ankle_ft-degrade", "right_ankle_ft-hold")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("policy", ["degrade", "hold"])
 @pytest.mark.parametrize("sensor", FEET)

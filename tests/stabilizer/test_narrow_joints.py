@@ -34,6 +34,9 @@ def limited(walker: Robot, names: tuple[str, ...], half_rad: float) -> Robot:
     return make_robot(file, path=walker.path, urdf_path=walker.urdf_path)
 
 
+@pytest.mark.usual(
+    "names1-0.0-whole-body", "names1-0.005-zmp", "names0-0.005-whole-body"
+)
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("controller", ["whole-body", "zmp"])
 @pytest.mark.parametrize("half_rad", [0.0, 0.005])

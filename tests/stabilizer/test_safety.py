@@ -84,6 +84,7 @@ NOISELESS = ("standing", "ramp")
 """Here sensors may repeat themselves to the bit, and leap the most from rest."""
 
 
+@pytest.mark.usual("ramp, no noise", "push", "drop")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize(
     ("name", "sensors"),
@@ -120,6 +121,17 @@ TROUBLES = {
 }
 
 
+@pytest.mark.usual(
+    "joints-freeze",
+    "joints-drop",
+    "imu-nan",
+    "imu-range",
+    "left_ankle_ft-drop",
+    "right_ankle_ft-freeze",
+    "left_ankle_ft-nan",
+    "right_ankle_ft-jump",
+    "left_ankle_ft-range",
+)
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("kind", TROUBLES)
 @pytest.mark.parametrize("sensor", ["joints", "imu", *FEET])
@@ -139,6 +151,7 @@ def test_a_lost_sensor_is_named_and_the_robot_stands(
         assert run.end is EndReason.SENSOR_LOST
 
 
+@pytest.mark.usual("right_ankle_ft")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("sensor", FEET)
 def test_an_offset_as_large_as_an_impact_is_told_by_its_length(
@@ -150,6 +163,7 @@ def test_an_offset_as_large_as_an_impact_is_told_by_its_length(
     assert run.losses == {sensor: SensorTrouble.OVERLOADED}
 
 
+@pytest.mark.usual("imu", "right_ankle_ft")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("sensor", ["joints", "imu", *FEET])
 def test_moments_without_a_sensor_are_bridged(walker: Robot, sensor: str) -> None:
@@ -162,6 +176,7 @@ def test_moments_without_a_sensor_are_bridged(walker: Robot, sensor: str) -> Non
     assert run.details == [""]
 
 
+@pytest.mark.usual("drop", "range")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("kind", ["drop", "freeze", "range"])
 def test_an_ankle_sensor_that_is_back_is_believed_again(

@@ -65,6 +65,7 @@ class Relieved:
         return self._last
 
 
+@pytest.mark.usual("3.6")
 @pytest.mark.parametrize("gone_at_s", [1.9, 3.6, 4.4])
 def test_it_finds_its_balance_on_moving_ground(walker: Robot, gone_at_s: float) -> None:
     """On ground that turns on, or is about to turn back."""

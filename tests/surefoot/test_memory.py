@@ -66,6 +66,7 @@ def sinks_to(folder: Path | None) -> Iterator[TickSinks | None]:
         yield sinks
 
 
+@pytest.mark.usual("whole-body")
 @needs_glibc
 @pytest.mark.parametrize("controller", ["whole-body", "zmp"])
 def test_no_tick_leaves_anything_behind(controller: str) -> None:

@@ -53,6 +53,7 @@ def test_an_empty_plan_brings_the_feet_together(walker: Robot) -> None:
     assert controller.walk.state.done == 1
 
 
+@pytest.mark.usual("left")
 @pytest.mark.parametrize("side", ["left", "right"])
 def test_a_lost_ankle_sensor_ends_the_walk(walker: Robot, side: str) -> None:
     fault = {

@@ -38,6 +38,7 @@ def com_error(model: RobotModel, run: Run) -> Array:
     return error
 
 
+@pytest.mark.usual("zmp-tuned")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("name", ["zmp-stock", "zmp-tuned"])
 def test_it_stands_still(walker: Robot, model: RobotModel, name: str) -> None:
@@ -47,6 +48,7 @@ def test_it_stands_still(walker: Robot, model: RobotModel, name: str) -> None:
     assert np.abs(com_error(model, run)[run.time_s > AWAY_S]).max() < STILL_M
 
 
+@pytest.mark.usual("side-zmp-tuned", "front-zmp-stock", "diagonal-zmp-tuned")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("name", ["zmp-stock", "zmp-tuned"])
 @pytest.mark.parametrize(

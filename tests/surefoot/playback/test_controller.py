@@ -53,6 +53,7 @@ def test_the_moving_platform_in_lockstep_is_equal(record: Path, check: Check) ->
     assert (session["differing"], session["first"]) == (0, None)
 
 
+@pytest.mark.usual("zmp")
 @pytest.mark.parametrize("law", ["whole-body", "zmp", "hold"])
 def test_standing_is_equal_with_every_controller(
     tmp_path: Path, check: Check, law: str

@@ -131,6 +131,7 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
         recorder.wait()
 
 
+@pytest.mark.usual("lockstep")
 @pytest.mark.parametrize("pace", list(Pace), ids=str)
 def test_gains_holds_and_pushes_are_equal(
     endpoints: Endpoints, tmp_path: Path, check: Check, pace: Pace
