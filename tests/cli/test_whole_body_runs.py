@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from tests.command import Surefoot
+from tests.command import Surefoot, cut_short
 
 MOVING = """
 name = "moving"
@@ -35,7 +35,7 @@ command_ms = {command_ms}
 """
 STANDING = """
 name = "standing"
-duration_s = 8.0
+duration_s = 5.0
 [sensors]
 force_noise_n = 2.0
 moment_noise_nm = 0.1
@@ -59,10 +59,10 @@ def run(surefoot: Surefoot, scenario: object, *extra: object) -> dict[str, Any]:
 def test_two_processes_and_one_are_the_same_run_bit_for_bit(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
-    """Whatever the delay: an answer acts on its own tick."""
+    """With a delay, too: an answer acts on its own tick."""
     scenario = tmp_path / "moving.toml"
     hashes = set()
-    for command_ms, seed in ((0.0, 3), (3.0, 3), (3.0, 4)):
+    for command_ms, seed in ((3.0, 3), (3.0, 4)):
         scenario.write_text(MOVING.format(command_ms=command_ms))
         inline = run(surefoot, scenario, "--seed", seed, "--inline")
         hashes.add(inline["log_sha256"])
@@ -71,7 +71,7 @@ def test_two_processes_and_one_are_the_same_run_bit_for_bit(
             assert lockstep["log_sha256"] == inline["log_sha256"]
             assert lockstep["com_error_rms_mm"] == inline["com_error_rms_mm"]
             assert lockstep["deadline_misses"] == 0
-    assert len(hashes) == 3
+    assert len(hashes) == 2
 
 
 def test_standing_robot_does_not_drift(surefoot: Surefoot, tmp_path: Path) -> None:
@@ -81,8 +81,12 @@ def test_standing_robot_does_not_drift(surefoot: Surefoot, tmp_path: Path) -> No
     assert max(result["com_error_max_mm"]) < DRIFT_MM
 
 
-def test_slow_platform_is_balanced_within_its_bounds(surefoot: Surefoot) -> None:
-    result = run(surefoot, "moving-platform-slow", "--inline")
+def test_slow_platform_is_balanced_within_its_bounds(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    """Over two of its heaves, and one and a half of its rolls."""
+    scenario = cut_short("moving-platform-slow", tmp_path, 10.0)
+    result = run(surefoot, scenario, "--inline")
     x, y, z = result["com_error_rms_mm"]
     assert max(x, y) <= 6.0
     assert max(result["com_error_max_mm"][:2]) <= 15.0
@@ -90,8 +94,12 @@ def test_slow_platform_is_balanced_within_its_bounds(surefoot: Surefoot) -> None
     assert result["contact_lost_s"] == [0.0, 0.0]
 
 
-def test_fast_platform_is_balanced_within_its_bounds(surefoot: Surefoot) -> None:
-    result = run(surefoot, "moving-platform-fast", "--inline")
+def test_fast_platform_is_balanced_within_its_bounds(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    """Over four of its rolls, and more of its heaves."""
+    scenario = cut_short("moving-platform-fast", tmp_path, 7.0)
+    result = run(surefoot, scenario, "--inline")
     x, y, _ = result["com_error_rms_mm"]
     assert max(x, y) <= 10.0
     assert max(result["com_error_max_mm"][:2]) <= 25.0

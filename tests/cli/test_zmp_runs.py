@@ -55,6 +55,6 @@ def test_unknown_settings_list_the_shipped_ones(
 def test_slow_platform_is_survived_with_the_tuned_settings(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
-    scenario = cut_short("moving-platform-slow", tmp_path, 8.0)
+    scenario = cut_short("moving-platform-slow", tmp_path, 6.0)
     result = run(surefoot, scenario, "--inline")
     assert result["contact_lost_s"] == [0.0, 0.0]

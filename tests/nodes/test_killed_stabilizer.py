@@ -25,7 +25,7 @@ from tests.support import PATIENCE_S
 
 WALKER = load_robot("walker")
 TABLE = {"duration_s": 3600.0, "sensors": NOISE}
-KILLS = 3
+KILLS = 2
 ROUNDING_RAD = 1e-12
 
 
