@@ -18,7 +18,18 @@ from surefoot.stabilizer.node import run_stabilizer
 from tests.patient_robot import patient
 from tests.support import PATIENCE_S
 
-SPAWN = multiprocessing.get_context("spawn")
+FORKED = multiprocessing.get_context("forkserver")
+FORKED.set_forkserver_preload(
+    [
+        "surefoot.robot_io.client_side.observer",
+        "surefoot.sim_robot.robot_loop",
+        "surefoot.stabilizer.control.whole_body",
+        "surefoot.stabilizer.node",
+        "surefoot.stabilizer.zmp.controller",
+    ]
+)
+"""Processes of a server that has loaded everything and opened nothing: loading is most
+of what a short process costs."""
 SEED = 3
 
 
@@ -30,8 +41,8 @@ class Running:
     """A process that sends back what it returned or raised."""
 
     def __init__(self, target: Any, *args: Any) -> None:
-        self._results, sender = SPAWN.Pipe(duplex=False)
-        self.process = SPAWN.Process(target=_report, args=(sender, target, *args))
+        self._results, sender = FORKED.Pipe(duplex=False)
+        self.process = FORKED.Process(target=_report, args=(sender, target, *args))
         self.process.start()
         sender.close()
 
