@@ -119,7 +119,7 @@ def _try(name: str, check: Callable[[], Iterator[Diagnosis]]) -> Iterator[Diagno
 
 
 LEAST_PYTHON = (3, 11)
-PINS = Path(__file__).resolve().parents[2] / "constraints.txt"
+PINS = Path(__file__).resolve().parents[1] / "constraints.txt"
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _EXTRA = re.compile(r"extra\s*==")
 _EXTRAS = {
