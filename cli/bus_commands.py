@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.listener import Listener, RawMessage
     from surefoot.schemas.topics import Topic
+SILENT_S = 3.0
+"""Silence after which a channel is reported as silent [s]."""
+_TAKE_S = 0.2
+PIPED_S = 5.0
+_REFRESH_S = 0.5
+_GATHER_S = 0.1
 
 
 def topics(
@@ -90,11 +96,6 @@ def _hear(listener: Listener, for_s: float) -> tuple[list[RawMessage], float]:
     while (left := end - time.monotonic()) > 0.0 and not listener.has_left():
         heard += listener.take(timeout_s=left)
     return heard, time.monotonic() - begin
-
-
-SILENT_S = 3.0
-"""Silence after which a channel is reported as silent [s]."""
-_TAKE_S = 0.2
 
 
 def echo(
@@ -185,11 +186,6 @@ def _show(listener: Listener, shown: Echo, entry: Topic, *, count: int | None) -
                 f"nothing on {entry.name} for {SILENT_S:g} s (it speaks {entry.rate}); "
                 "surefoot topics tells who publishes; Ctrl-C ends"
             )
-
-
-PIPED_S = 5.0
-_REFRESH_S = 0.5
-_GATHER_S = 0.1
 
 
 def hz(

@@ -22,6 +22,17 @@ from surefoot.schemas.topics import Topic
 NS_PER_S = 1e9
 _DIGITS = ".6g"
 _HEADER = ("schema", "tick", "stamp_ns")
+NS_PER_MS = 1e6
+RESTART_TICKS = 1000
+"""A tick so far behind is another run of the robot, not a late message."""
+NONE = "-"
+_FINE_MS, _COARSE_MS = 10.0, 100.0
+_HEADINGS = (
+    "Hz",
+    *("jitter\nmedian", "(ms)\np99", "\nmax"),
+    *("delay\nmedian", "(ms)\np99", "\nmax"),
+    *("gaps", "double", "late", "bad"),
+)
 
 
 def check_fields(paths: Iterable[str], kind: type[msgspec.Struct]) -> None:
@@ -170,19 +181,6 @@ class Echo:
 
 def _json(value: dict[str, Any]) -> str:
     return json.dumps(value, ensure_ascii=False)
-
-
-NS_PER_MS = 1e6
-RESTART_TICKS = 1000
-"""A tick so far behind is another run of the robot, not a late message."""
-NONE = "-"
-_FINE_MS, _COARSE_MS = 10.0, 100.0
-_HEADINGS = (
-    "Hz",
-    *("jitter\nmedian", "(ms)\np99", "\nmax"),
-    *("delay\nmedian", "(ms)\np99", "\nmax"),
-    *("gaps", "double", "late", "bad"),
-)
 
 
 class ChannelTiming(msgspec.Struct, kw_only=True):

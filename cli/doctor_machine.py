@@ -27,6 +27,13 @@ GL_TIMEOUT_S = 60.0
 SLOW_ROUND_TRIP_MS = 2.0
 _GL_BACKENDS = ("egl", "osmesa")
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
+ENOUGH_CPUS = 2
+JITTER_TICKS = 500
+TICK_S = 1e-3
+MS_PER_S = 1e3
+GOOD_JITTER_S = 0.5e-3
+"""Wake-up delay that a control period of 1 ms tolerates [s]."""
+RT_PRIORITY = 50
 
 
 def check_bus() -> Diagnosis:
@@ -145,15 +152,6 @@ def _draws(backend: str) -> bool:
     except subprocess.TimeoutExpired:
         return False
     return done.returncode == 0
-
-
-ENOUGH_CPUS = 2
-JITTER_TICKS = 500
-TICK_S = 1e-3
-MS_PER_S = 1e3
-GOOD_JITTER_S = 0.5e-3
-"""Wake-up delay that a control period of 1 ms tolerates [s]."""
-RT_PRIORITY = 50
 
 
 def check_blas() -> Diagnosis:

@@ -14,6 +14,15 @@ import msgspec
 
 from surefoot.installation import install_command
 
+LEAST_PYTHON = (3, 11)
+_EXTRAS = {
+    "view": ("viser", "yourdfpy", "plotly"),
+    "parquet": ("pyarrow",),
+    "tune": ("optuna",),
+    "cluster": ("distributed",),
+}
+"""Packages of each optional part."""
+
 
 class Severity(StrEnum):
     """How much a finding matters."""
@@ -118,17 +127,9 @@ def _try(name: str, check: Callable[[], Iterator[Diagnosis]]) -> Iterator[Diagno
         )
 
 
-LEAST_PYTHON = (3, 11)
 PINS = Path(__file__).resolve().parents[1] / "constraints.txt"
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _EXTRA = re.compile(r"extra\s*==")
-_EXTRAS = {
-    "view": ("viser", "yourdfpy", "plotly"),
-    "parquet": ("pyarrow",),
-    "tune": ("optuna",),
-    "cluster": ("distributed",),
-}
-"""Packages of each optional part."""
 
 
 def check_python() -> Diagnosis:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from surefoot.tuning.spec import Sampler
 
 NO_LIMIT = "-"
+_SEARCH = "Search"
+_SAMPLERS = ("tpe", "nsga2")
 
 
 def margins(
@@ -85,10 +87,6 @@ def margins_table(found: LoopMargins) -> Table:
 
 def _number(value: float | None, decimals: int) -> str:
     return NO_LIMIT if value is None else f"{value:.{decimals}f}"
-
-
-_SEARCH = "Search"
-_SAMPLERS = ("tpe", "nsga2")
 
 
 def tune(

@@ -12,6 +12,8 @@ from surefoot.errors import ExitCode
 
 if TYPE_CHECKING:
     from surefoot.schemas.endpoints import Endpoints
+LISTEN = "tcp/127.0.0.1:7448"
+"""Beside the robot's own default, which is where the relay dials."""
 
 
 def router(
@@ -42,10 +44,6 @@ def router(
     log_note(f"router for {model.file.name} listens on {', '.join(meeting.listen)}")
     run_router(model, endpoints=meeting, stop=StopRequest())
     raise typer.Exit(ExitCode.INTERRUPTED)
-
-
-LISTEN = "tcp/127.0.0.1:7448"
-"""Beside the robot's own default, which is where the relay dials."""
 
 
 def relay(

@@ -15,6 +15,12 @@ from surefoot.cli.logs import log_note, log_warning
 from surefoot.errors import UsageError
 
 _SUFFIX = ".toml"
+NARROW = 72
+"""Columns below which names of options would be cut in a table."""
+_WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
+_BUS = "Bus"
+_CONTROLLER = "Controller"
+_TIMING = "Real time"
 
 
 def complete_scenario(incomplete: str) -> list[str]:
@@ -75,11 +81,6 @@ def _files(incomplete: str) -> list[str]:
     return [path for path in paths if path.startswith(incomplete)]
 
 
-NARROW = 72
-"""Columns below which names of options would be cut in a table."""
-_WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
-
-
 class _TerminalWords:
     """Help that has the words of a terminal, not those of Python.
 
@@ -132,10 +133,6 @@ def _nothing(ctx: Any) -> None:
     """An argument's word says what it is."""
     del ctx
 
-
-_BUS = "Bus"
-
-_CONTROLLER = "Controller"
 
 ScenarioArgument = Annotated[
     str,
@@ -277,7 +274,6 @@ SchedulerOption = Annotated[
     ),
 ]
 
-_TIMING = "Real time"
 
 HistogramOption = Annotated[
     bool,

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from surefoot.recording.read import Record
     from surefoot.recording.write import McapFile
     from surefoot.robot_io.client_side.read_only_client import Absences
+_CUT_OFF = "{} is cut off; what is whole of it was written"
 
 
 class LogTime(StrEnum):
@@ -256,9 +257,6 @@ def export(
         print_note(f"wrote {path}")
     for note in left_out:
         print_note(note)
-
-
-_CUT_OFF = "{} is cut off; what is whole of it was written"
 
 
 def _left_out(record: Record) -> list[str]:

@@ -34,6 +34,12 @@ _EDGES_NS = [round(edge / MS_PER_NS) for edge in EDGES_MS]
 TICKS_KEPT = 1024
 """Ticks whose sensors' stamp is remembered; older answers are refused anyway."""
 _NOTHING = 0
+SWITCH_INTERVAL_S = 1e-4
+"""Longest wait of another thread for the interpreter [s]; Python's default is 5 ms."""
+NS_PER_S = 1e9
+MAX_LAG_PERIODS = 5
+"""A loop that is late by more does not try to catch up: a burst of ticks in no time
+would ask the impossible of whoever answers them."""
 
 
 class TimingLog:
@@ -149,14 +155,6 @@ class CommandLatency:
         if self._acting_ns[index] != _NOTHING:
             self.log.add(time.monotonic_ns() - self._acting_ns[index])
             self._acting_ns[index] = _NOTHING
-
-
-SWITCH_INTERVAL_S = 1e-4
-"""Longest wait of another thread for the interpreter [s]; Python's default is 5 ms."""
-NS_PER_S = 1e9
-MAX_LAG_PERIODS = 5
-"""A loop that is late by more does not try to catch up: a burst of ticks in no time
-would ask the impossible of whoever answers them."""
 
 
 class Pace(StrEnum):

@@ -32,6 +32,8 @@ from surefoot.schemas.topics import resolve_keys
 from surefoot.schemas.validation import nearest
 
 Offsets = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
+EXTENDS = "extends"
+"""Key of a robot file: another one, relative to it, that it changes."""
 
 
 class Tare(FileStruct, frozen=True, kw_only=True):
@@ -100,8 +102,6 @@ def save_tare(robot_path: Path, tare: Tare) -> Path:
     return path
 
 
-EXTENDS = "extends"
-"""Key of a robot file: another one, relative to it, that it changes."""
 ROBOTS_DIR = Path(__file__).parent / "robots"
 
 

@@ -13,6 +13,16 @@ from typing import Any, NamedTuple
 import msgspec
 import msgspec.inspect
 
+_LONGEST = 60
+_WORDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "str": "a text",
+    "bool": "true or false",
+    "array": "a list",
+    "object": "a table",
+}
+
 
 class NonFinite(NamedTuple):
     """A NaN or infinity, and its place."""
@@ -259,15 +269,6 @@ _NAMED_FIELD = re.compile(r"field `([^`]+)`")
 _CHOICE = re.compile(r"^Invalid (?:enum )?value ")
 _EXPECTED = re.compile(r"^Expected `([^`]+)`(.*?)(?:, got `[^`]+`)?$")
 _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
-_LONGEST = 60
-_WORDS = {
-    "float": "a number",
-    "int": "a whole number",
-    "str": "a text",
-    "bool": "true or false",
-    "array": "a list",
-    "object": "a table",
-}
 
 
 def explain(

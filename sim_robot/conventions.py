@@ -9,6 +9,9 @@ from surefoot.sim_robot.errors import ScenarioError
 
 _FROM_WXYZ = np.array([1, 2, 3, 0])
 _FROM_XYZW = np.array([3, 0, 1, 2])
+SIM_STEP_S = 0.001
+"""Simulation step [s]; a control period is a whole multiple of it."""
+TOLERANCE_TICKS = 1e-6
 
 
 def xyzw(quat_wxyz: Array) -> Array:
@@ -26,11 +29,6 @@ def xyzw(quat_wxyz: Array) -> Array:
 def wxyz(quat_xyzw: Array) -> Array:
     """Put the scalar first, (4,) to (4,); the inverse of :func:`xyzw`."""
     return quat_xyzw.take(_FROM_XYZW)
-
-
-SIM_STEP_S = 0.001
-"""Simulation step [s]; a control period is a whole multiple of it."""
-TOLERANCE_TICKS = 1e-6
 
 
 def whole_ticks(span_s: float, tick_s: float, *, what: str) -> int:

@@ -22,6 +22,10 @@ from surefoot.sim_robot.errors import ScenarioError
 
 _NANOSECOND = 1e-9
 _Decoder = Callable[[bytes], Any]
+_PEER = {".at2": "acceleration", ".vt2": "velocity", ".dt2": "position"}
+_PEER_HEAD_LINES = 4
+_KNET_HEAD_LINES = 17
+_UNITS = {"g": "g", "cm/s": "cm/s", "cm/sec": "cm/s", "cm": "cm", "cm/s/s": "cm/s2"}
 
 
 def read_mcap(
@@ -135,18 +139,14 @@ def _stamp_ns(message: Any, logged_ns: int) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or logged_ns
 
 
-_PEER = {".at2": "acceleration", ".vt2": "velocity", ".dt2": "position"}
 _PEER_COUNT = re.compile(r"NPTS\s*=\s*(\d+)", re.IGNORECASE)
 _PEER_STEP = re.compile(r"DT\s*=\s*([\d.]+(?:E[-+]?\d+)?)", re.IGNORECASE)
 _PEER_OLD = re.compile(r"^\s*(\d+)\s+([\d.]+)\s+NPTS", re.IGNORECASE)
 _PEER_UNITS = re.compile(r"UNITS?\s+OF\s+(\S+)", re.IGNORECASE)
-_PEER_HEAD_LINES = 4
-_KNET_HEAD_LINES = 17
 _KNET_RATE = re.compile(r"^Sampling Freq\(Hz\)\s+([\d.]+)", re.MULTILINE)
 _KNET_SCALE = re.compile(
     r"^Scale Factor\s+([\d.]+)\s*\(gal\)\s*/\s*([\d.]+)", re.MULTILINE
 )
-_UNITS = {"g": "g", "cm/s": "cm/s", "cm/sec": "cm/s", "cm": "cm", "cm/s/s": "cm/s2"}
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,11 @@ MotionLaw = Callable[[float], tuple[float, float]]
 """Time [s] to (position, velocity) in SI; at rest in zero until the motion starts."""
 FASTEST_HZ = 0.5 / SIM_STEP_S
 """Half the simulation's rate: it does not show anything faster."""
+STATES = 80
+"""In a cycle: 3 ** 4 - 1."""
+COMPONENTS = 256
+LOWEST, HIGHEST = 0.5, 4.0
+"""Band of the components, in peak frequencies; 99.5 % of the variance lie in it."""
 
 
 def fade(u: float) -> tuple[float, float]:
@@ -63,10 +68,6 @@ def check_frequency(frequency_hz: float, key: str, *, what: str = "") -> None:
             f"{FASTEST_HZ:g} Hz, half the simulation's rate; slow it down",
             field=key,
         )
-
-
-STATES = 80
-"""In a cycle: 3 ** 4 - 1."""
 
 
 def prts_states() -> list[int]:
@@ -120,11 +121,6 @@ def prts_law(motion: PrtsMotion) -> MotionLaw:
         return position[index] + moved, begin + change * u * u * (3.0 - 2.0 * u)
 
     return law
-
-
-COMPONENTS = 256
-LOWEST, HIGHEST = 0.5, 4.0
-"""Band of the components, in peak frequencies; 99.5 % of the variance lie in it."""
 
 
 def jonswap(frequency_hz: Array, *, peak_hz: float, gamma: float) -> Array:

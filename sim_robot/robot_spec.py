@@ -23,6 +23,8 @@ from surefoot.schemas.sensors import of_kind
 from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.errors import ScenarioError
 
+SOLE_HALF_THICKNESS_M = 0.015
+
 
 def per_joint(
     value: float | Mapping[str, float], robot: Robot, *, what: str, default: float = 0.0
@@ -53,7 +55,6 @@ def per_joint(
     return spread
 
 
-SOLE_HALF_THICKNESS_M = 0.015
 ATTITUDE = ("quat_xyzw", mujoco.mjtSensor.mjSENS_FRAMEQUAT, 4)
 MOTION = (
     ("angular_velocity", mujoco.mjtSensor.mjSENS_GYRO, 3),

@@ -21,6 +21,13 @@ from surefoot.sim_robot.errors import ScenarioError
 
 IMPOSSIBLE = 1e6
 """More than any sensor can measure, in any unit."""
+JOINTS, IMU, FORCE_TORQUE = "joints", "imu", "force_torque"
+KINDS = (JOINTS, IMU, FORCE_TORQUE)
+"""Of sensors, as scenarios name them."""
+_KIND_OF = {JointState: JOINTS, ImuState: IMU, ForceTorque: FORCE_TORQUE}
+_JITTER_STREAM = 1_000
+"""First of the random streams of delays, far from those of the sensors' noise."""
+_TOLERANCE = 1e-9
 
 
 class SensorFaults:
@@ -102,15 +109,6 @@ def _shifted(failing: Sensor, snapshot: Snapshot, *, by: float) -> dict[str, Any
     axis = failing.offset.axis
     values[part][slice(None) if axis is None else axis] += by
     return {field: values}
-
-
-JOINTS, IMU, FORCE_TORQUE = "joints", "imu", "force_torque"
-KINDS = (JOINTS, IMU, FORCE_TORQUE)
-"""Of sensors, as scenarios name them."""
-_KIND_OF = {JointState: JOINTS, ImuState: IMU, ForceTorque: FORCE_TORQUE}
-_JITTER_STREAM = 1_000
-"""First of the random streams of delays, far from those of the sensors' noise."""
-_TOLERANCE = 1e-9
 
 
 def kind_of(entry: Sensor) -> str:

@@ -16,6 +16,8 @@ from surefoot.sim_robot.world import World
 
 _LEFT = SENSOR_SOLES.start
 _RIGHT = SENSOR_SOLES.start + 6
+NORMAL = 2
+"""Index of the force along the sole's normal in a wrench."""
 
 
 class PlantView:
@@ -110,10 +112,6 @@ class PlantView:
                 for position, quat_wxyz in self._platforms
             ),
         )
-
-
-NORMAL = 2
-"""Index of the force along the sole's normal in a wrench."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,6 +21,13 @@ FLOOR_Z_M = -0.42
 _SHADOW_PIXELS = 8192
 _MAT_RIM_M = 0.025
 _MAT_HALF_THICKNESS_M = 0.0005
+FLOOR_M = ((-3.0, 12.0), (-6.0, 6.0))
+"""From where to where the floor goes along x and y: as far as a walk needs [m]."""
+FLOOR_THICKNESS_M = 0.06
+BELOW_M = 0.3
+"""Tiles are blocks that reach so far below the floor, and below their own top [m]."""
+CORNERS = 4
+"""A sole that lies flat is held at so many points."""
 
 
 def add_scenery(spec: mujoco.MjSpec, platforms: tuple[PlatformPlan, ...]) -> None:
@@ -115,15 +122,6 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
         diffuse=[0.12, 0.14, 0.17],
         castshadow=False,
     )
-
-
-FLOOR_M = ((-3.0, 12.0), (-6.0, 6.0))
-"""From where to where the floor goes along x and y: as far as a walk needs [m]."""
-FLOOR_THICKNESS_M = 0.06
-BELOW_M = 0.3
-"""Tiles are blocks that reach so far below the floor, and below their own top [m]."""
-CORNERS = 4
-"""A sole that lies flat is held at so many points."""
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,9 @@ DENSITY_KG_M3 = 2000.0
 NOT_YET_KG = 1e-6
 """What a load has until it is grasped."""
 _PREFIX = "payload_"
+TANGENTIAL_STIFFNESS_RATIO = 10.0
+"""How much stiffer friction is than the normal contact: soles do not creep."""
+SOLVER_TOLERANCE = 1e-10
 
 
 def add_payloads(
@@ -139,11 +142,6 @@ def _radius(mass_kg: float) -> float:
 def _inertia(mass_kg: float) -> float:
     """Of a solid ball about its middle [kg m^2]."""
     return 0.4 * mass_kg * _radius(mass_kg) ** 2
-
-
-TANGENTIAL_STIFFNESS_RATIO = 10.0
-"""How much stiffer friction is than the normal contact: soles do not creep."""
-SOLVER_TOLERANCE = 1e-10
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,11 @@ from surefoot.stabilizer.control.controller import Controller, ForeignController
 from surefoot.stabilizer.errors import ControllerError
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
+CONTROLLERS = ("whole-body", "zmp", "hold")
+"""Names of the shipped controllers."""
+ENTRY_POINTS = "surefoot.controllers"
+"""Entry-point group in which other packages offer controllers by name."""
+
 
 def check_settings(
     settings: ControllerSettings, robot: Robot, *, duration_s: float | None = None
@@ -100,10 +105,6 @@ def _check_margin(margin: float, robot: Robot) -> None:
         )
 
 
-CONTROLLERS = ("whole-body", "zmp", "hold")
-"""Names of the shipped controllers."""
-ENTRY_POINTS = "surefoot.controllers"
-"""Entry-point group in which other packages offer controllers by name."""
 PRESETS_DIR = Path(__file__).parent / "presets"
 
 ControllerMaker = Callable[[Robot, ControllerSettings], Controller]

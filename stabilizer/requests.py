@@ -25,6 +25,9 @@ RAMP_S = 0.5
 """Length of a ramp [s]: a jump of a gain would make the acceleration jump."""
 EVERY_TICKS = 10
 """Ticks between two steps of a ramp: each step costs some hundred microseconds."""
+RENEW_EVERY_S = 0.25
+"""While holding, the lease is renewed so often."""
+CONTROL_ACTIONS = ("hold", "resume")
 
 
 class SettingsRamp:
@@ -116,10 +119,6 @@ class SettingsRamp:
 
 
 _LOG = logging.getLogger(__name__)
-
-RENEW_EVERY_S = 0.25
-"""While holding, the lease is renewed so often."""
-CONTROL_ACTIONS = ("hold", "resume")
 
 
 class RequestHandler:

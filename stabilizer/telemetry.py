@@ -29,6 +29,15 @@ _MS_PER_NS = 1e-6
 _OTHER = len(QP_WORDS) - 1
 _QP_NUMBERS = {word: number for number, word in enumerate(QP_WORDS)}
 _NO_CONTACTS = (MISSING, MISSING)
+NS_PER_S = 1e9
+TICKS_IN_STATUS = 1024
+TIMING_EVERY_STATUSES = 25
+"""Percentiles take as long as a small QP: not in every status."""
+SETTLED_S = 1.0
+"""Force errors count from here on, as the robot's own figures do."""
+F_Z = 2
+WRENCH = 6
+GOOD = "ok"
 
 
 class ControllerRecorder:
@@ -129,17 +138,6 @@ def recorder_to(
     return ControllerRecorder(
         sink, joints=robot.joint_names, period_s=robot.period_s, walks=walks
     )
-
-
-NS_PER_S = 1e9
-TICKS_IN_STATUS = 1024
-TIMING_EVERY_STATUSES = 25
-"""Percentiles take as long as a small QP: not in every status."""
-SETTLED_S = 1.0
-"""Force errors count from here on, as the robot's own figures do."""
-F_Z = 2
-WRENCH = 6
-GOOD = "ok"
 
 
 class ControllerTelemetry:

@@ -41,6 +41,12 @@ LARGEST_OFFSET_N = 100.0
 LARGEST_SCATTER_N = 20.0
 """Standard deviation of a foot that is moved [N]."""
 FEWEST_READINGS = 20
+_FIELDS = ("q", "linear_acceleration", "ft_left", "ft_right")
+PROFILE = "identified"
+SIGNATURE = "by surefoot identify"
+AMPLITUDE_RAD = 0.02
+LARGEST_AMPLITUDE_RAD = 0.05
+"""A leg moved further would lift its foot [rad]."""
 
 
 class TareFound(NamedTuple):
@@ -115,9 +121,6 @@ def measure_tare(
     return TareFound(save_tare(robot.path, tare), found, tare, fewest)
 
 
-_FIELDS = ("q", "linear_acceleration", "ft_left", "ft_right")
-
-
 def _numbers(message: Any, channel: str) -> list[tuple[str, Array]]:
     """Return the fields of a snapshot that a message fills."""
     if channel == "joints":
@@ -133,13 +136,6 @@ def _mean(robot: Robot, readings: dict[str, list[Array]]) -> Snapshot:
     empty = layout.view(0, 0, np.zeros(layout.size))
     means: dict[str, Any] = {name: np.mean(readings[name], axis=0) for name in _FIELDS}
     return replace(empty, **means)
-
-
-PROFILE = "identified"
-SIGNATURE = "by surefoot identify"
-AMPLITUDE_RAD = 0.02
-LARGEST_AMPLITUDE_RAD = 0.05
-"""A leg moved further would lift its foot [rad]."""
 
 
 def choose_joints(robot: Robot, names: Sequence[str]) -> list[int]:

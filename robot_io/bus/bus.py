@@ -33,6 +33,14 @@ SETTLE_S = 1.0
 _NOBODY = "alive/nobody"
 DIAL_S = 0.5
 """Length of one attempt to connect, which Zenoh cannot interrupt [s]."""
+ROUND_TRIPS = 200
+_WARM_UP = 20
+_ANSWER_S = 2.0
+_NAMESPACE = "loopback"
+_BYTES = 600
+"""Size of a message with a robot's joints."""
+_POLL_S = 0.002
+_MS_PER_S = 1e3
 
 
 class Bus:
@@ -205,16 +213,6 @@ def dialed_bus(
                     words = unreachable(endpoints, "nobody answers", timeout_s)
                     raise RobotUnreachableError(words) from None
         yield bus
-
-
-ROUND_TRIPS = 200
-_WARM_UP = 20
-_ANSWER_S = 2.0
-_NAMESPACE = "loopback"
-_BYTES = 600
-"""Size of a message with a robot's joints."""
-_POLL_S = 0.002
-_MS_PER_S = 1e3
 
 
 def measure_loopback(endpoints: Endpoints) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from surefoot.schemas.messages import Message
 
 TOKEN_BYTES = 16
 """Shorter than any message, so that the length alone identifies a token."""
+NEVER = -1
 
 
 class Waker:
@@ -173,7 +174,6 @@ class Channel:
 
 
 M = TypeVar("M", bound=Message)
-NEVER = -1
 T = TypeVar("T", bound=msgspec.Struct)
 
 

@@ -63,6 +63,7 @@ the control loop its core and its caches. Who listens has more: one is stuck for
 peer that stands still for longer than the lease, until that goes on or is gone."""
 RETRY_GROWTH = 2
 RETRY_MAX_FACTOR = 4
+POLL_S = 0.1
 
 
 class Role(StrEnum):
@@ -338,9 +339,6 @@ def unreachable(
     if endpoints.tls is not None:
         hint += "; does it trust the authority of our certificate"
     return f"{told}; {hint}?"
-
-
-POLL_S = 0.1
 
 
 def run_router(robot: Robot, *, endpoints: Endpoints, stop: StopRequest) -> None:

@@ -26,6 +26,9 @@ TIMEOUT_S = 1.0
 _GRACE_S = 1.0
 _SHORT_ID = 6
 _KINDS = ("publisher", "subscriber", "queryable", "token")
+POLL_S = 0.01
+KEPT = 200_000
+"""Messages kept until they are taken: ten seconds of a bus at its fastest."""
 
 
 class Declaration(NamedTuple):
@@ -160,11 +163,6 @@ def _table(payload: bytes) -> dict[str, object]:
     except ValueError:
         return {}
     return table if isinstance(table, dict) else {}
-
-
-POLL_S = 0.01
-KEPT = 200_000
-"""Messages kept until they are taken: ten seconds of a bus at its fastest."""
 
 
 class RawMessage(NamedTuple):

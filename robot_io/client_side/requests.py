@@ -35,6 +35,9 @@ from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 
 RETRY_PAUSE_S = 0.01
 R = TypeVar("R", ServiceReply, StabilizerReply)
+REQUESTS_KEPT = 64
+"""Requests that may wait; beyond it the oldest are dropped, unanswered."""
+Request = SettingsRequest | ControlRequest
 
 
 class ServiceCaller:
@@ -207,12 +210,6 @@ class Requests:
 
     def _ask(self, name: str, request: msgspec.Struct, kind: type[R]) -> R:
         return self._caller.ask_for(self._robot.keys[name], request, kind)
-
-
-REQUESTS_KEPT = 64
-"""Requests that may wait; beyond it the oldest are dropped, unanswered."""
-
-Request = SettingsRequest | ControlRequest
 
 
 class Asked(NamedTuple):

@@ -21,6 +21,14 @@ STATUS_RATE_HZ = 50.0
 STATUS_LEAST_SHARE = 0.7
 STATUS_LOOK_S = 0.5
 LEFT_S = 2.0
+FAR_TICKS = 1000
+TRIES = 20
+LEAST_REFUSED = 15
+"""Of the tries; a busy network may lose one, a robot must never follow one."""
+STREAM_S = 0.1
+PATIENCE = 10
+"""Streams in which a busy robot may take in the bad commands, and count them."""
+SAME_RAD = 1e-9
 
 
 def check_status(probe: Probe, findings: Findings) -> None:
@@ -139,16 +147,6 @@ def check_left(probe: Probe, findings: Findings) -> None:
         got=f"{mode}, {commander or 'nobody'} commands",
         expected="hold, nobody commands, as at the start",
     )
-
-
-FAR_TICKS = 1000
-TRIES = 20
-LEAST_REFUSED = 15
-"""Of the tries; a busy network may lose one, a robot must never follow one."""
-STREAM_S = 0.1
-PATIENCE = 10
-"""Streams in which a busy robot may take in the bad commands, and count them."""
-SAME_RAD = 1e-9
 
 
 def check_refusals(probe: Probe, findings: Findings) -> None:

@@ -18,6 +18,14 @@ JITTER_PERIODS = 0.5
 """Typical error of the period; the worst may reach the watchdog's patience."""
 NS_PER_S = 1e9
 MS_PER_S = 1e3
+ACCELERATION_TOLERANCE_M_S2 = 0.5
+TILT_TOLERANCE_RAD = 0.2
+GYRO_TOLERANCE_RAD_S = 0.2
+WEIGHT_TOLERANCE = 0.15
+LEAST_SHARE = 0.1
+"""Of the weight, that each foot carries when the robot stands."""
+SERVO_ERROR_RAD = 0.1
+QUATERNION_TOLERANCE = 0.01
 
 
 def check_messages(robot: Robot, recording: Recording, findings: Findings) -> None:
@@ -106,16 +114,6 @@ def _check_jitter(robot: Robot, recording: Recording, findings: Findings) -> Non
         expected=f"below {JITTER_PERIODS * period_s * MS_PER_S:g} and "
         f"{limit_s * MS_PER_S:g} ms, the watchdog's patience",
     )
-
-
-ACCELERATION_TOLERANCE_M_S2 = 0.5
-TILT_TOLERANCE_RAD = 0.2
-GYRO_TOLERANCE_RAD_S = 0.2
-WEIGHT_TOLERANCE = 0.15
-LEAST_SHARE = 0.1
-"""Of the weight, that each foot carries when the robot stands."""
-SERVO_ERROR_RAD = 0.1
-QUATERNION_TOLERANCE = 0.01
 
 
 def check_values(

@@ -22,6 +22,12 @@ SEEN_SHARE = 0.3
 LEG_RAMP_S, LEG_STAY_S = 0.2, 0.3
 LEAST_SHIFT_N = 2.0
 """Load that must go over to the leg that pushes; the stiffest joints give more."""
+TOLERANCE_S = 0.15
+"""For the way of a status, and for ticks of a busy machine."""
+FAULT_TOLERANCE = 1.3
+STOP_S = 0.1
+STREAM_S = 0.2
+MS_PER_S = 1e3
 
 
 def check_joint_order(probe: Probe, findings: Findings) -> None:
@@ -120,14 +126,6 @@ def _left_share(probe: Probe, step: Array) -> float:
 def _ramp(step: Array, duration_s: float) -> Offset:
     """Return a ramp from 0 to ``step`` that then stays there."""
     return lambda t: step * min(t / duration_s, 1.0)
-
-
-TOLERANCE_S = 0.15
-"""For the way of a status, and for ticks of a busy machine."""
-FAULT_TOLERANCE = 1.3
-STOP_S = 0.1
-STREAM_S = 0.2
-MS_PER_S = 1e3
 
 
 def check_watchdog(probe: Probe, findings: Findings) -> None:

@@ -10,6 +10,8 @@ from surefoot.robot_io.urdf_check import Urdf, rotation
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.robot_file import Foot
 
+GRAVITY_M_S2 = 9.81
+
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the run."""
@@ -59,9 +61,6 @@ class Findings:
         """
         if not self.add(name, passed, got=got, expected=expected):
             raise RunBrokenOffError(name)
-
-
-GRAVITY_M_S2 = 9.81
 
 
 class Skeleton:

@@ -22,6 +22,11 @@ from surefoot.schemas.topics import TICK_SENSORS
 Deed = Callable[[], None]
 _LOG = logging.getLogger(__name__)
 T = TypeVar("T")
+COMMAND = "joint_command"
+URGENT = (*TICK_SENSORS, COMMAND)
+"""Channels of the control loop, sent before everything else as their owners do."""
+ANSWER_S = 5.0
+"""How long the service may take to answer [s]."""
 
 
 class Schedule(Generic[T]):
@@ -113,13 +118,6 @@ class Dispatcher:
                 next_s = self._schedule.next_s
                 self._changed.wait(None if next_s is None else next_s - now_s)
         return None
-
-
-COMMAND = "joint_command"
-URGENT = (*TICK_SENSORS, COMMAND)
-"""Channels of the control loop, sent before everything else as their owners do."""
-ANSWER_S = 5.0
-"""How long the service may take to answer [s]."""
 
 
 class Forwarder:

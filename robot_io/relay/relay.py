@@ -36,6 +36,9 @@ from surefoot.schemas.topics import (
 )
 
 PLANS_DIR = Path(__file__).parent / "plans"
+POLL_S = 0.1
+DIAL_S = 0.5
+"""Longest delay of a stop request, since Zenoh's dialing cannot be interrupted [s]."""
 
 
 def list_plans() -> list[str]:
@@ -65,9 +68,6 @@ def find_plan(name_or_path: str) -> Path:
     )
 
 
-POLL_S = 0.1
-DIAL_S = 0.5
-"""Longest delay of a stop request, since Zenoh's dialing cannot be interrupted [s]."""
 FROM_THE_ROBOTS_SIDE = (
     Direction.FROM_ROBOT,
     Direction.TO_STABILIZER,

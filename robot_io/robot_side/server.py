@@ -27,6 +27,16 @@ from surefoot.schemas.messages import JointCommand, PushRequest, RobotMode, Trut
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import TICK_SENSORS
 
+COMMANDS_KEPT = 256
+STATUS_PERIOD_S = 0.02
+IDLE_POLL_S = 0.01
+SEE_OFF_S = 1.0
+"""Longest wait for a commander to leave once the run is over [s]."""
+FLUSHED_TICKS = 4
+"""Ticks are flushed while the newest answer is no older: one that does not come says
+that Zenoh's sender may have no processor, and each flush takes one of its few batches
+until it has. Gathered, some hundred ticks find room in them."""
+
 
 class NoAnswer(Enum):
     """Why a wait for an answer brought none."""
@@ -126,17 +136,6 @@ class CommandInbox:
             self.newest_tick = command.tick
             return command
         return None
-
-
-COMMANDS_KEPT = 256
-STATUS_PERIOD_S = 0.02
-IDLE_POLL_S = 0.01
-SEE_OFF_S = 1.0
-"""Longest wait for a commander to leave once the run is over [s]."""
-FLUSHED_TICKS = 4
-"""Ticks are flushed while the newest answer is no older: one that does not come says
-that Zenoh's sender may have no processor, and each flush takes one of its few batches
-until it has. Gathered, some hundred ticks find room in them."""
 
 
 class RobotServer:

@@ -43,6 +43,8 @@ YIELD_S = 2.0
 POLL_S = 0.02
 Instance = str
 Instances = list[Instance]
+MODE_ACTIONS = ("enable", "hold", "disable", "reset")
+LEASE_ACTIONS = ("take", "release")
 
 
 def take_place(
@@ -126,10 +128,6 @@ def _refuse_beside(others: Instances, robot: Robot, identity: RobotIdentity) -> 
         namespace=namespace,
         instances=[*others, identity.instance],
     )
-
-
-MODE_ACTIONS = ("enable", "hold", "disable", "reset")
-LEASE_ACTIONS = ("take", "release")
 
 
 class _Asked(NamedTuple):

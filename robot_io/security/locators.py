@@ -26,6 +26,17 @@ LONGEST_SOCKET_PATH = 103
 _NAME = re.compile(r"[\w.-]+")
 _BLANK = re.compile(r"\s")
 _OPTIONS = re.compile(r"[?#].*", re.DOTALL)
+INGRESS, EGRESS = ["ingress"], ["egress"]
+ESTOP = "estop"
+PUSH = "push"
+_SUBSCRIBE = (
+    "declare_subscriber",
+    "declare_liveliness_subscriber",
+    "liveliness_query",
+)
+_ANSWER = ("declare_queryable", "reply")
+_TOLD = ("put", "query", "liveliness_token", *_ANSWER, *_SUBSCRIBE)
+"""Everything a listed identity may be sent; it may send only what other rules say."""
 
 
 def check_locators(locators: list[str], *, verb: str) -> None:
@@ -230,11 +241,6 @@ def is_local(locator: str) -> bool:
         return False
 
 
-INGRESS, EGRESS = ["ingress"], ["egress"]
-ESTOP = "estop"
-PUSH = "push"
-
-
 def access_control(
     access: Access, *, keys: dict[str, str], namespace: str
 ) -> JsonObject:
@@ -328,16 +334,6 @@ def _rules(keys: dict[str, str], namespace: str) -> list[JsonObject]:
             "robot-live", INGRESS, [f"{namespace}/{ALIVE_ROBOT}/**"], "liveliness_token"
         ),
     ]
-
-
-_SUBSCRIBE = (
-    "declare_subscriber",
-    "declare_liveliness_subscriber",
-    "liveliness_query",
-)
-_ANSWER = ("declare_queryable", "reply")
-_TOLD = ("put", "query", "liveliness_token", *_ANSWER, *_SUBSCRIBE)
-"""Everything a listed identity may be sent; it may send only what other rules say."""
 
 
 def _rule(name: str, flows: list[str], keys: list[str], *messages: str) -> JsonObject:

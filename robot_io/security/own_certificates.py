@@ -25,6 +25,8 @@ from surefoot.schemas.endpoints import Endpoints, Tls
 
 LOOK_S = 1.0
 """Longer than a handshake takes; only after the bus has failed [s]."""
+_RENEW = "make new ones with surefoot certs --renew"
+_DATE = "%Y-%m-%d %H:%M UTC"
 
 
 def peer_fault(endpoints: Endpoints, locators: list[str]) -> str:
@@ -100,8 +102,6 @@ def _shown_at(endpoints: Endpoints, host: str, port: int) -> x509.Certificate | 
         return None
 
 
-_RENEW = "make new ones with surefoot certs --renew"
-_DATE = "%Y-%m-%d %H:%M UTC"
 _USES = {
     True: (ExtendedKeyUsageOID.SERVER_AUTH, "listen", "robot or router"),
     False: (ExtendedKeyUsageOID.CLIENT_AUTH, "dial", "whoever dials"),

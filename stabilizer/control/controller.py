@@ -19,6 +19,8 @@ from surefoot.stabilizer.errors import ControllerError, QpStatus
 if TYPE_CHECKING:
     from surefoot.stabilizer.qp import QpData
     from surefoot.stabilizer.walking.feet import WalkState
+OPTIONAL = ("retune", "degrade", "undo_overload")
+"""Methods of :class:`Tunable` and :class:`Degradable`, used where they are there."""
 
 
 @dataclass(slots=True)
@@ -157,10 +159,6 @@ class HoldController:
         """Answer one tick with the posture it started from."""
         del snapshot, reference
         return self._output
-
-
-OPTIONAL = ("retune", "degrade", "undo_overload")
-"""Methods of :class:`Tunable` and :class:`Degradable`, used where they are there."""
 
 
 class ForeignController:

@@ -35,6 +35,13 @@ from surefoot.schemas.settings import ControllerSettings, DikSettings
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
+MARGIN = 2.12
+"""From the speed at which the fastest mode sways: 6 dB, and 0.5 dB for single axes."""
+DAMPED = 1.06
+"""So much slower the servos' damping makes the fastest mode; only what is borne at the
+very most counts on it."""
+ROUNDING_TICKS = 1e-6
+
 
 class DriveInverse:
     """The drives' model and its inverse, one for all joints.
@@ -101,15 +108,6 @@ class DriveInverse:
             back = share * (self.reached - q_wanted)
             q_wanted += np.where(is_beyond, back, 0.0)
         return self.sent
-
-
-MARGIN = 2.12
-"""From the speed at which the fastest mode sways: 6 dB, and 0.5 dB for single axes."""
-
-DAMPED = 1.06
-"""So much slower the servos' damping makes the fastest mode; only what is borne at the
-very most counts on it."""
-ROUNDING_TICKS = 1e-6
 
 
 def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> float:

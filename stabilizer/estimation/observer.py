@@ -38,6 +38,8 @@ FORCES = tuple(
     index for index, entry in enumerate(SENSORS) if entry.message is ForceTorque
 )
 MOTION = tuple(index for index in range(len(SENSORS)) if index not in FORCES)
+HURRIED_S = 0.1
+"""On ground that turns fast the calibration may end after so long [s]."""
 
 
 class ReadingAges:
@@ -83,10 +85,6 @@ class ReadingAges:
         self._largest = [*self._largest[1:], 0.0]
         self._count, self._sum = 0, 0.0
         return True
-
-
-HURRIED_S = 0.1
-"""On ground that turns fast the calibration may end after so long [s]."""
 
 
 class StateEstimator(Protocol):

@@ -21,6 +21,18 @@ from surefoot.stabilizer.model import (
     skew,
 )
 
+EFFORT_NM = 1.0
+"""Error of a leg's equation that one reckons with: friction, efforts as reported."""
+PRIOR_N, PRIOR_NM = 1000.0, 100.0
+"""Forces and moments at an ankle are of this order: what the joints hardly feel, as the
+load along a straight leg, is not blown up beyond it."""
+OFFSET_EVERY_S, OFFSET_CUTOFF_HZ = 0.02, 5.0
+"""A force along the sole is compared so often, and so slowly followed."""
+OFFSET_MEMORY_S, OFFSET_COUNT = 1.0, 10
+"""Over which it is averaged, and the fewest comparisons that tell."""
+OFFSET_SHARE = 0.2
+"""Of the weight: less may be friction in the joints, or the model's error [1]."""
+
 
 def wrench_shift(R_sensor_sole: Mat, p_sensor_sole: Vec3) -> Mat:
     """Return the (6, 6) map of a wrench from the sensor frame to the sole frame.
@@ -126,20 +138,6 @@ def foot_offsets(model: RobotModel, mean: Snapshot) -> Array:
             )
         ]
     )
-
-
-EFFORT_NM = 1.0
-"""Error of a leg's equation that one reckons with: friction, efforts as reported."""
-PRIOR_N, PRIOR_NM = 1000.0, 100.0
-"""Forces and moments at an ankle are of this order: what the joints hardly feel, as the
-load along a straight leg, is not blown up beyond it."""
-
-OFFSET_EVERY_S, OFFSET_CUTOFF_HZ = 0.02, 5.0
-"""A force along the sole is compared so often, and so slowly followed."""
-OFFSET_MEMORY_S, OFFSET_COUNT = 1.0, 10
-"""Over which it is averaged, and the fewest comparisons that tell."""
-OFFSET_SHARE = 0.2
-"""Of the weight: less may be friction in the joints, or the model's error [1]."""
 
 
 class VirtualWrenches:

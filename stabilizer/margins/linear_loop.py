@@ -45,6 +45,7 @@ FRICTION_RATIO = 10.0
 """How much stiffer contacts are along the sole."""
 DIFFERENCE = 1e-5
 """Step of finite differences [m, rad]."""
+BOTH = [True, True]
 
 
 @dataclass(frozen=True)
@@ -176,9 +177,6 @@ def _gravity(model: RobotModel, dynamics: Dynamics, F_mean: Array) -> Mat:
         change[:, i] = (forces[0] - forces[1]) / (2.0 * DIFFERENCE)
     dynamics.update(q, still)
     return change
-
-
-BOTH = [True, True]
 
 
 class LoopMatrices(NamedTuple):

@@ -15,6 +15,9 @@ SNAP_RAD = np.radians(15.0)
 """An axis of a link this near to a direction is meant by it."""
 SNAP_AHEAD_RAD = np.radians(3.0)
 LEAST_APART_M = 0.02
+_SAMPLES = 181
+LEAST_BEND = 0.02
+"""Of its length: a leg that no joint shortens by more than this has no knee."""
 
 
 @dataclass(frozen=True)
@@ -140,11 +143,6 @@ def _snapped(direction: Vec3, frames: tuple[Mat, ...], *, within: float) -> Vec3
             snapped: Vec3 = near
             return snapped
     return direction
-
-
-_SAMPLES = 181
-LEAST_BEND = 0.02
-"""Of its length: a leg that no joint shortens by more than this has no knee."""
 
 
 @dataclass(frozen=True)

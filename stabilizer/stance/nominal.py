@@ -24,6 +24,16 @@ from surefoot.stabilizer.stance.solver import (
 DIRECTIONS = 8
 """Of pushes, counted from ahead to the left."""
 _ALONG = 1e-9
+BENT_TO = (0.80, 0.83, 0.86, 0.89, 0.92, 0.95)
+"""Shares of its length to which a leg may be bent; earlier ones are tried first."""
+KNEE_ROOM_RAD = 0.2
+"""Kept between the knee and its straight leg, which cannot follow its ground."""
+MARGIN_RAD = 0.02
+"""Kept to the ends of all joint ranges."""
+RISE_SHARE, SINK_SHARE = 0.14, 0.24
+"""Of the leg's length: travel asked for when nobody says how much."""
+KEPT_SHARE = 0.9
+"""Of the reach that is found: what the controller is told of."""
 
 
 @dataclass(frozen=True)
@@ -154,18 +164,8 @@ def reach_search(model: RobotModel) -> ReachSearch:
     return ReachSearch(solver, np.clip(model.nominal, solver.lower, solver.upper))
 
 
-BENT_TO = (0.80, 0.83, 0.86, 0.89, 0.92, 0.95)
-"""Shares of its length to which a leg may be bent; earlier ones are tried first."""
-KNEE_ROOM_RAD = 0.2
-"""Kept between the knee and its straight leg, which cannot follow its ground."""
-MARGIN_RAD = 0.02
-"""Kept to the ends of all joint ranges."""
-RISE_SHARE, SINK_SHARE = 0.14, 0.24
-"""Of the leg's length: travel asked for when nobody says how much."""
 TILT_RAD = math.radians(10.0)
 """Of the ground, asked for in each direction."""
-KEPT_SHARE = 0.9
-"""Of the reach that is found: what the controller is told of."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 Tag = Literal["collision", "visual"]
 _RING = 24
 """Corners that stand for a circle."""
+FLAT_M = 0.002
+"""Points this near to the lowest face are part of the sole."""
+SMALLEST_M = 0.01
+"""A rectangle narrower than this is none."""
 
 
 def surface_points(
@@ -119,10 +123,6 @@ STEEPEST_RAD = np.radians(35.0)
 SAME_FACE_RAD = np.radians(3.0)
 LEVEL_RAD = np.radians(2.0)
 """A face that leans less than this is level: meshes are not exact."""
-FLAT_M = 0.002
-"""Points this near to the lowest face are part of the sole."""
-SMALLEST_M = 0.01
-"""A rectangle narrower than this is none."""
 
 
 @dataclass(frozen=True)

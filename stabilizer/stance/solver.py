@@ -22,6 +22,10 @@ GOOD = 2e-3
 """A posture whose soles and CoM are off by less [m, rad] does it."""
 _INSIDE_RAD = 1e-6
 MOST_STEPS = 80
+FARTHEST_M = 0.5
+_HALVINGS = 6
+_STEPS = 25
+"""From the nominal posture it is never far."""
 
 
 @dataclass(frozen=True)
@@ -184,11 +188,7 @@ def _grounds(wanted: Wanted) -> list[Mat]:
     return [pin.rpy.rpyToMatrix(roll, pitch, 0.0) for roll, pitch in wanted.turned]
 
 
-FARTHEST_M = 0.5
 FARTHEST_RAD = math.radians(30.0)
-_HALVINGS = 6
-_STEPS = 25
-"""From the nominal posture it is never far."""
 
 
 class GroundPose(NamedTuple):

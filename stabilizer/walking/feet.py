@@ -29,6 +29,8 @@ from surefoot.stabilizer.walking.gait import Phase
 from surefoot.stabilizer.walking.step_queue import Move
 
 MM_PER_M = 1e3
+TOUCH_TICKS_S = 0.003
+"""A force must last so long to be a touchdown, at least [s]."""
 
 
 class WalkState:
@@ -161,10 +163,6 @@ class WalkState:
             touchdown_late_s=self._late or [0.0, 0.0],
             refusal=self.refusal,
         )
-
-
-TOUCH_TICKS_S = 0.003
-"""A force must last so long to be a touchdown, at least [s]."""
 
 
 class FootState(StrEnum):

@@ -27,6 +27,12 @@ from surefoot.schemas.zmp_settings import ZmpSettings
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 
+CONTACT_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 200.0, 10.0
+BASE_STIFFNESS = 10.0
+POSTURE_STIFFNESS = 1.0
+SINGLE_SUPPORT_STIFFNESS = 1000.0
+"""Of the standing foot's position while the other one is lifted [1/s^2]."""
+
 
 class Kinematics:
     """Centre of mass and soles at one state, computed by :meth:`update`.
@@ -90,12 +96,7 @@ class Kinematics:
         self.J_contact.dot(v, out=self.v_sole)
 
 
-CONTACT_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 200.0, 10.0
 COM_STIFFNESS = np.array([1000.0, 1000.0, 100.0])
-BASE_STIFFNESS = 10.0
-POSTURE_STIFFNESS = 1.0
-SINGLE_SUPPORT_STIFFNESS = 1000.0
-"""Of the standing foot's position while the other one is lifted [1/s^2]."""
 CONTACT, COM, BASE = slice(0, 12), slice(12, 15), slice(3, 6)
 
 

@@ -14,6 +14,14 @@ ORIGINAL_PERIOD_S = 0.005
 """Period of the published standard deviations [s]."""
 FIRST_STD_M = 0.01
 """Initial standard deviation of DCM error and bias [m]."""
+SHORTEST_PERIODS = 2.0
+"""Shortest time constant, in periods."""
+STIFFNESS = 5.0
+"""Pull of the pendulum to its target [1/s^2]."""
+FARTHEST_M = 1.0
+"""Distance to the target at which its pull stops growing [m]."""
+LEAST_STIFFNESS = 1.0
+"""Floor of the pendulum's omega^2, which is negative in free fall [1/s^2]."""
 
 
 class DcmBiasEstimator:
@@ -119,17 +127,9 @@ def _turned(vector: Vec3, angle: float) -> Vec3:
 
 
 NOTHING = np.zeros(3)
-SHORTEST_PERIODS = 2.0
-"""Shortest time constant, in periods."""
-STIFFNESS = 5.0
-"""Pull of the pendulum to its target [1/s^2]."""
 DAMPING = 2.0 * math.sqrt(STIFFNESS)
 UP = np.array([0.0, 0.0, 1.0])
 GRAVITY_VECTOR = -GRAVITY * UP
-FARTHEST_M = 1.0
-"""Distance to the target at which its pull stops growing [m]."""
-LEAST_STIFFNESS = 1.0
-"""Floor of the pendulum's omega^2, which is negative in free fall [1/s^2]."""
 
 
 class StandingPendulum:

@@ -16,6 +16,8 @@ from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.studies.paper_page import inline_svg, render
 
 Number = float | int | None
+NONE = "-"
+_LINES = ("-", "--", ":", "-.")
 
 
 def write_scalar(path: Path, value: Number, *, label: str) -> None:
@@ -58,9 +60,6 @@ def _write(path: Path, kind: str, label: str, value: str) -> None:
         file.write(f"type: {kind}\nlabel: {label}\nvalue: {value}\n".encode())
 
 
-NONE = "-"
-
-
 class TextTable(NamedTuple):
     """A table of texts.
 
@@ -92,7 +91,6 @@ def text(value: float | None, form: str) -> str:
 _LOG = logging.getLogger("surefoot")
 
 TEMPLATE = Path(__file__).parent / "bench.html.j2"
-_LINES = ("-", "--", ":", "-.")
 
 
 def can_draw() -> bool:

@@ -25,6 +25,7 @@ from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore, code_fingerprint
 
 Name = TypeVar("Name", bound=str)
+CONTROLLERS = ("whole-body", "zmp-tuned", "zmp-stock")
 
 
 def known_names(
@@ -255,7 +256,6 @@ class BenchCell(ABC):
         }
 
 
-CONTROLLERS = ("whole-body", "zmp-tuned", "zmp-stock")
 QUICK_CONTROLLERS = CONTROLLERS[:2]
 
 

@@ -51,6 +51,12 @@ _SINE = {
     "phase_deg": "phase [deg]",
     "power_ratio": "share of the power at the frequency of the stimulus [1]",
 }
+SIZES_DEG = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+QUICK_SIZES_DEG = (8.0,)
+FREQUENCIES_HZ = (0.15, 0.4, 0.9, 1.35, 2.2)
+QUICK_FREQUENCIES_HZ = (0.4, 0.9, 2.2)
+QUICK_AXES: tuple[SwayAxis, ...] = ("pitch", "x")
+LEAST_CYCLES = 3
 
 
 def write_sway_yaml(folder: Path, results: Iterable[SwayResult]) -> None:
@@ -86,14 +92,6 @@ def _write_response(
         write_vector(place / f"{name}.yaml", numbers(values), labels=labels)
     if score is not None:
         write_scalar(place / "score.yaml", score, label="D, distance from people [1]")
-
-
-SIZES_DEG = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-QUICK_SIZES_DEG = (8.0,)
-FREQUENCIES_HZ = (0.15, 0.4, 0.9, 1.35, 2.2)
-QUICK_FREQUENCIES_HZ = (0.4, 0.9, 2.2)
-QUICK_AXES: tuple[SwayAxis, ...] = ("pitch", "x")
-LEAST_CYCLES = 3
 
 
 @dataclass(frozen=True)

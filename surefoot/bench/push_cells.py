@@ -16,6 +16,40 @@ from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, Stri
 from surefoot.sim_robot.rods import RodState
 from surefoot.simulation import Simulation
 
+WITHIN = 1.02
+"""The search ends when what fell is at most so many times what stood."""
+STEP = 2.0
+"""From the first guess on, until one stood and one fell."""
+MOST_STEPS = 6
+DIGITS = 4
+KINDS: tuple[PushKind, ...] = (
+    *("impulse", "sine-displacement", "sine-force"),
+    *("slow-displacement", "slow-force"),
+)
+SINES = ("sine-displacement", "sine-force")
+UNITS: dict[PushKind, str] = {
+    "impulse": "m/s",
+    "sine-displacement": "m",
+    "sine-force": "N",
+    "slow-displacement": "m",
+    "slow-force": "N",
+}
+GRAVITY_M_S2 = 9.81
+START_S = 0.5
+AFTER_STRIKE_S = 3.5
+RISE_S = 3.0
+HELD_S = 4.0
+"""Long against the time in which a pendulum of the robot's height falls: what is a
+little too much must have made it fall by then."""
+PERIODS = 3
+LEAST_SINE_S = 2.5
+STRIKER_SHARE = 0.1
+"""Mass of the striker over that of the robot."""
+STIFFNESS_PER_KG, DAMPING_PER_KG = 1.6e3, 24.0
+"""Between rod and robot, per mass of the robot [N/m/kg, N s/m/kg]."""
+PAD_PER_KG = 300.0
+"""Of the striker's pad, per mass of the robot [N/m/kg]."""
+
 
 class Impedance(NamedTuple):
     """What a mass, a damper and a spring would have that answer alike.
@@ -69,14 +103,6 @@ def fit_impedance(
     quarter = omega * weight
     damping = float(quarter @ (z.imag * weight) / (quarter @ quarter))
     return Impedance(float(inertia), damping, float(stiffness))
-
-
-WITHIN = 1.02
-"""The search ends when what fell is at most so many times what stood."""
-STEP = 2.0
-"""From the first guess on, until one stood and one fell."""
-MOST_STEPS = 6
-DIGITS = 4
 
 
 @dataclass
@@ -134,33 +160,6 @@ def _rounded(size: float) -> float:
 PushKind = Literal[
     "impulse", "sine-displacement", "sine-force", "slow-displacement", "slow-force"
 ]
-KINDS: tuple[PushKind, ...] = (
-    *("impulse", "sine-displacement", "sine-force"),
-    *("slow-displacement", "slow-force"),
-)
-SINES = ("sine-displacement", "sine-force")
-UNITS: dict[PushKind, str] = {
-    "impulse": "m/s",
-    "sine-displacement": "m",
-    "sine-force": "N",
-    "slow-displacement": "m",
-    "slow-force": "N",
-}
-GRAVITY_M_S2 = 9.81
-START_S = 0.5
-AFTER_STRIKE_S = 3.5
-RISE_S = 3.0
-HELD_S = 4.0
-"""Long against the time in which a pendulum of the robot's height falls: what is a
-little too much must have made it fall by then."""
-PERIODS = 3
-LEAST_SINE_S = 2.5
-STRIKER_SHARE = 0.1
-"""Mass of the striker over that of the robot."""
-STIFFNESS_PER_KG, DAMPING_PER_KG = 1.6e3, 24.0
-"""Between rod and robot, per mass of the robot [N/m/kg, N s/m/kg]."""
-PAD_PER_KG = 300.0
-"""Of the striker's pad, per mass of the robot [N/m/kg]."""
 
 
 class Disturbance(NamedTuple):

@@ -29,6 +29,32 @@ from surefoot.bench.push_cells import (
 )
 from surefoot.studies.cell import Row
 
+_INTRO = (
+    "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
+    "a given force. The margin is the largest push that was stood, found by halving to "
+    "within 2 %: of a strike its peak force, of a sine from its lowest to its highest, "
+    "of a slow push what it goes to within three seconds and holds for four.",
+    "As for a person: divided by the robot's measures over those of a person of 81 kg "
+    "(weight times base over height for forces, the energy to tip for energies, height "
+    "of the centre of mass for ways), so that robots of any size compare.",
+)
+_TEXTS = {
+    "Stability margins": (
+        "Energy taken up: of a strike and of a slow push in all, of a sine in a "
+        "period, in the largest push that was stood; negative where the robot gave "
+        "energy back.",
+    ),
+    "Equivalent impedance": (
+        "Mass, damper and spring that would answer the sines alike, at the largest "
+        "that were stood, by least squares over all frequencies.",
+    ),
+}
+_SOURCES = (
+    "Monteleone et al.: A method to benchmark the balance resilience of robots, "
+    "Frontiers in Robotics and AI 2022, 10.3389/frobt.2022.817870 (pushes, indicators, "
+    "normalisation)",
+)
+
 
 @dataclass(frozen=True)
 class PushResult:
@@ -225,33 +251,6 @@ def push_tables(results: Sequence[PushResult]) -> list[TextTable]:
 def _margin(result: PushResult, value: float) -> str:
     words = f"{1e3 * value:.0f} mm" if result.unit == "m" else f"{value:.0f} N"
     return f"{words} or more" if result.fell is None else words
-
-
-_INTRO = (
-    "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
-    "a given force. The margin is the largest push that was stood, found by halving to "
-    "within 2 %: of a strike its peak force, of a sine from its lowest to its highest, "
-    "of a slow push what it goes to within three seconds and holds for four.",
-    "As for a person: divided by the robot's measures over those of a person of 81 kg "
-    "(weight times base over height for forces, the energy to tip for energies, height "
-    "of the centre of mass for ways), so that robots of any size compare.",
-)
-_TEXTS = {
-    "Stability margins": (
-        "Energy taken up: of a strike and of a slow push in all, of a sine in a "
-        "period, in the largest push that was stood; negative where the robot gave "
-        "energy back.",
-    ),
-    "Equivalent impedance": (
-        "Mass, damper and spring that would answer the sines alike, at the largest "
-        "that were stood, by least squares over all frequencies.",
-    ),
-}
-_SOURCES = (
-    "Monteleone et al.: A method to benchmark the balance resilience of robots, "
-    "Frontiers in Robotics and AI 2022, 10.3389/frobt.2022.817870 (pushes, indicators, "
-    "normalisation)",
-)
 
 
 def write_push_page(

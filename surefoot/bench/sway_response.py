@@ -30,6 +30,11 @@ GROUPS = (
 SAMPLES_PER_CYCLE = 2000
 CONFIDENCE = 0.95
 _LEAST_POWER = 1e-300
+SETTLED = 0.02
+"""Of the step: what is this close to its final value has settled."""
+RISEN, HALF = 0.9, 0.5
+FINAL_S = 1.0
+"""The final value is the mean over this long at the end [s]."""
 
 
 @dataclass(frozen=True)
@@ -193,13 +198,6 @@ def sine_response(
         phase_deg=float(np.degrees(np.angle(ratio))),
         power_ratio=min(float(0.5 * np.abs(y_line) ** 2 / power), 1.0),
     )
-
-
-SETTLED = 0.02
-"""Of the step: what is this close to its final value has settled."""
-RISEN, HALF = 0.9, 0.5
-FINAL_S = 1.0
-"""The final value is the mean over this long at the end [s]."""
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,33 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import Row
 
 LEAST_PERCENTILE = 5
+_WHO = ("ground", "controller", "servo", "outcome")
+_LEAST_SHOWN = 1e-4
+_INTRO = (
+    "The ground steps, swings, or follows a pseudo-random ternary sequence; the answer "
+    "is the lean of the centre of mass in space. Gains are in degrees of lean per "
+    "degree of tilt: 0 stands upright in space, 1 goes with the ground. A translation "
+    "is as large as a tilt when it goes as far as the tilt moves a stiff body's centre "
+    "of mass; over the height of the centre of mass it is an angle, too.",
+    "Grey: people on a platform that tilts about pitch, eyes closed, 113 trials. "
+    "Steady and like a person are opposite ends: people sway more than the ground "
+    "tilts. D is the distance from their mean response: half of them are below "
+    "{half:.2f}, 95 % below {most:.2f}; to stand upright in space is {upright:.2f}, to "
+    "go with the platform {rigid:.2f}. For roll the data of pitch are drawn, for lack "
+    "of others.",
+)
+_TEXTS = {
+    "Ternary sequence": (
+        "Gain, phase and coherence at the eleven frequencies; bars are 95 % bands. The "
+        "first cycle is left out.",
+    ),
+    "Sines": ("Gain and phase at the frequency of the sine, over four periods.",),
+    "Steps of one second": (
+        "Sway should come back; settled is what stays within 2 % of the step. The "
+        "answer is the body's way against the ground: delay to half of it, rise to "
+        "90 %, overshoot beyond it.",
+    ),
+}
 
 
 @dataclass(frozen=True)
@@ -130,9 +157,6 @@ def sway_tables(results: Iterable[SwayResult]) -> list[TextTable]:
     return tables
 
 
-_WHO = ("ground", "controller", "servo", "outcome")
-
-
 def _who(result: SwayResult) -> tuple[str, ...]:
     stimulus = result.stimulus
     size = f"{stimulus.size_deg:g} deg"
@@ -217,22 +241,6 @@ def _complex(parts: list[Any]) -> Any:
     return real + 1j * imaginary
 
 
-_LEAST_SHOWN = 1e-4
-_INTRO = (
-    "The ground steps, swings, or follows a pseudo-random ternary sequence; the answer "
-    "is the lean of the centre of mass in space. Gains are in degrees of lean per "
-    "degree of tilt: 0 stands upright in space, 1 goes with the ground. A translation "
-    "is as large as a tilt when it goes as far as the tilt moves a stiff body's centre "
-    "of mass; over the height of the centre of mass it is an angle, too.",
-    "Grey: people on a platform that tilts about pitch, eyes closed, 113 trials. "
-    "Steady and like a person are opposite ends: people sway more than the ground "
-    "tilts. D is the distance from their mean response: half of them are below "
-    "{half:.2f}, 95 % below {most:.2f}; to stand upright in space is {upright:.2f}, to "
-    "go with the platform {rigid:.2f}. For roll the data of pitch are drawn, for lack "
-    "of others.",
-)
-
-
 def write_sway_page(
     folder: Path, results: Sequence[SwayResult], *, robot: str, subject: Subject
 ) -> None:
@@ -269,20 +277,6 @@ def write_sway_page(
         ],
         sources=human.sources,
     )
-
-
-_TEXTS = {
-    "Ternary sequence": (
-        "Gain, phase and coherence at the eleven frequencies; bars are 95 % bands. The "
-        "first cycle is left out.",
-    ),
-    "Sines": ("Gain and phase at the frequency of the sine, over four periods.",),
-    "Steps of one second": (
-        "Sway should come back; settled is what stays within 2 % of the step. The "
-        "answer is the body's way against the ground: delay to half of it, rise to "
-        "90 %, overshoot beyond it.",
-    ),
-}
 
 
 def _drawings(results: Sequence[SwayResult], protocol: str, draw: Any) -> list[Figure]:

@@ -24,6 +24,7 @@ SHORTEST_NAP_S = 0.0005
 """Shorter waits are left out, and made up for later."""
 LARGEST_LAG_S = 0.1
 """Lag beyond which a replay no longer catches up [s]."""
+__all__ = ["ReplayOutcome", "replay"]
 
 
 def between(
@@ -103,9 +104,6 @@ def _paced(
             return
         due_s = max(due_s, time.monotonic() - LARGEST_LAG_S)
         yield tick, list(said)
-
-
-__all__ = ["ReplayOutcome", "replay"]
 
 
 def replay(

@@ -21,6 +21,10 @@ _TERMINATE_S = 5.0
 """Time for a process to end when asked, before it is killed [s]."""
 READY_LINE = "ready"
 _PROGRESS_PERIOD_S = 0.25
+_PARTNER_S = 10.0
+"""Time for the second process to end after the first has ended well [s]."""
+_CAUSE_S = 2.0
+"""Time after the stabilizer's failure in which the robot's own still counts [s]."""
 
 
 def begin_as_child() -> None:
@@ -197,10 +201,6 @@ def child_environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": path}
 
 
-_PARTNER_S = 10.0
-"""Time for the second process to end after the first has ended well [s]."""
-_CAUSE_S = 2.0
-"""Time after the stabilizer's failure in which the robot's own still counts [s]."""
 _WELL = (ExitCode.OK, ExitCode.FELL)
 
 

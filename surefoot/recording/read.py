@@ -24,6 +24,8 @@ LARGEST_GAP = 1_000_000
 an hour of a robot at 1 kHz."""
 _COMMANDS = "joint_command"
 _OURS = frozenset(entry.name for entry in TOPICS)
+MSGPACK, JSON = "msgpack", "json"
+TOLD_DAMAGES = 3
 
 
 class _CommandHead(Head, frozen=True):
@@ -109,10 +111,6 @@ def count_message(count: ChannelCount, message: dict[str, Any]) -> Head | None:
     else:
         count.add(head.tick)
     return head
-
-
-MSGPACK, JSON = "msgpack", "json"
-TOLD_DAMAGES = 3
 
 
 @dataclass

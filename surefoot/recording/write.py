@@ -33,6 +33,19 @@ _NEW_RUN_TICKS = 1000
 """A tick so far behind is another run of the robot, not a late message."""
 _NO_TICKS = ("reference", "walk")
 """Planners need not count the robot's ticks: what they say is of the present."""
+CHUNK_BYTES = 128 * 1024
+"""Small: what a crash can cost is the chunk that is being filled."""
+KEPT_FREE_BYTES = 64 * 2**20
+"""Left on the disk, so that a record never takes the room of a run's own files."""
+LIBRARY = "surefoot"
+"""Who wrote a file, by its header."""
+MSGPACK = "msgpack"
+UNREADABLE, BYTES = "unreadable", "application/octet-stream"
+"""Channel below a channel, and its encoding, for what came there and is no message."""
+COUNTS = "surefoot/counts"
+"""Name of the metadata with what was counted, one entry a channel."""
+_UNITS = "SI units and radians; wrenches and orientations as the schema says"
+_SEQUENCE_MASK = 2**32 - 1
 
 
 class LogTimes:
@@ -84,21 +97,6 @@ class LogTimes:
                 self._begins.append(self.latest + self._period_ns)
         self._rounds[channel] = turn
         return self._begins[turn] + tick * self._period_ns
-
-
-CHUNK_BYTES = 128 * 1024
-"""Small: what a crash can cost is the chunk that is being filled."""
-KEPT_FREE_BYTES = 64 * 2**20
-"""Left on the disk, so that a record never takes the room of a run's own files."""
-LIBRARY = "surefoot"
-"""Who wrote a file, by its header."""
-MSGPACK = "msgpack"
-UNREADABLE, BYTES = "unreadable", "application/octet-stream"
-"""Channel below a channel, and its encoding, for what came there and is no message."""
-COUNTS = "surefoot/counts"
-"""Name of the metadata with what was counted, one entry a channel."""
-_UNITS = "SI units and radians; wrenches and orientations as the schema says"
-_SEQUENCE_MASK = 2**32 - 1
 
 
 class McapFile:

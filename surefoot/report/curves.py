@@ -21,6 +21,20 @@ _SINGLE = BY_NAME["walk_phase"].words.index("single")
 _SWING = BY_NAME["foot_state"].words.index("swing")
 WIDTH_IN, HEIGHTS_IN, MARGIN_IN = 9.0, (1.5, 6.0), 1.3
 """Of the figure; the margin holds axis and legend."""
+AXES = ("x", "y", "z")
+TURNS = ("roll", "pitch", "yaw")
+MODES = ("off", "hold", "active", "fault")
+CONTACT = ("no", "yes")
+MM_PER_M = 1e3
+NORMALS = {"left": 2, "right": 8}
+"""Where the normal force of each sole is among the wrenches of both."""
+STILL = 1e-6
+"""A platform that moves less is not drawn [m, rad]."""
+TRUE, ESTIMATED, MEASURED, DESIRED = "true", "estimated", "measured", "desired"
+EACH = "each tick"
+REPORTED = "as reported"
+BUCKETS = 800
+"""Stretches of time per curve, about one per pixel of a wide plot."""
 
 
 def footsteps(run: RunData) -> str:
@@ -117,21 +131,7 @@ def _sole(run: RunData, place: Array) -> Array:
     return turned
 
 
-AXES = ("x", "y", "z")
-TURNS = ("roll", "pitch", "yaw")
-MODES = ("off", "hold", "active", "fault")
 STATES = tuple(reversed(StabilizerState))
-CONTACT = ("no", "yes")
-MM_PER_M = 1e3
-NORMALS = {"left": 2, "right": 8}
-"""Where the normal force of each sole is among the wrenches of both."""
-STILL = 1e-6
-"""A platform that moves less is not drawn [m, rad]."""
-TRUE, ESTIMATED, MEASURED, DESIRED = "true", "estimated", "measured", "desired"
-EACH = "each tick"
-REPORTED = "as reported"
-BUCKETS = 800
-"""Stretches of time per curve, about one per pixel of a wide plot."""
 
 
 def thin(times: Array, values: Array, *, buckets: int = BUCKETS) -> tuple[Array, Array]:

@@ -28,6 +28,35 @@ MOST_FRAMES = 1200
 STEPS_AHEAD = 3
 """Steps to come that are shown."""
 CAMERA, LOOK_AT = (1.23, -1.05, 0.75), (0.0, -0.05, 0.42)
+BLUE, VERMILION, GREEN = "#0072b2", "#d55e00", "#009e73"
+ORANGE, PINK, SKY = "#e69f00", "#cc79a7", "#56b4e9"
+RUN_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PINK, SKY)
+"""One per run, in the order they were named; as many as a page takes."""
+GREY = "#8a929c"
+COM, BASE, FORCE = "Centre of mass", "Base", "Normal force"
+WALK = "Walk"
+ANKLE, GROUND = "Left ankle", "Ground"
+MODE, TIME = "Mode and contact", "Time"
+GROUPS = {
+    COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
+    "in the world, from the simulator. Estimated: the stabilizer's own, from the "
+    "robot's sensors, in its frame between the feet.",
+    WALK: "Divergent component of motion, in the odometry frame, from the first shift "
+    "of the weight to the last.",
+    BASE: "True: the simulator's. Estimated: the controller's, whose yaw is free. "
+    "Places are counted from the start of the run.",
+    FORCE: "Of the ground on each sole, along the sole's normal. True: the "
+    "simulator's. Measured: the ankle's sensor, compensated to the sole. Desired: "
+    "what the first QP asks for.",
+    ANKLE: "What the force-torque sensor reports, in its own frame.",
+    GROUND: "Top centre of each platform, from where it stood at the start; axes that "
+    "do not move are left out.",
+    MODE: "Mode of the robot's command gate, the stabilizer's own state, and whether "
+    "each foot stands: truly, and as the stabilizer believes.",
+    TIME: "Wall clock. Controller tick: from snapshot to command. Answer: from "
+    "the stamp of the sensors to the stamp of the command that answers them.",
+}
+"""Groups of plots in the order of the page, with what they show."""
 
 
 def frame_rows(run: RunData) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
@@ -136,12 +165,6 @@ def _walk_at(run: RunData, row: int, steps: Sequence[StepTaken]) -> WalkSight | 
     )
 
 
-BLUE, VERMILION, GREEN = "#0072b2", "#d55e00", "#009e73"
-ORANGE, PINK, SKY = "#e69f00", "#cc79a7", "#56b4e9"
-RUN_COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PINK, SKY)
-"""One per run, in the order they were named; as many as a page takes."""
-GREY = "#8a929c"
-
 KIND_COLOURS = {
     **{s.TRUE: BLUE, s.REPORTED: BLUE, s.EACH: BLUE},
     **{s.MEASURED: VERMILION, s.ESTIMATED: VERMILION},
@@ -150,30 +173,6 @@ KIND_COLOURS = {
 """Of a page about one run."""
 DASHES = {s.MEASURED: "dot", s.ESTIMATED: "dot", s.DESIRED: "dash"}
 """What tells kinds apart where colours tell runs; others are solid."""
-COM, BASE, FORCE = "Centre of mass", "Base", "Normal force"
-WALK = "Walk"
-ANKLE, GROUND = "Left ankle", "Ground"
-MODE, TIME = "Mode and contact", "Time"
-GROUPS = {
-    COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
-    "in the world, from the simulator. Estimated: the stabilizer's own, from the "
-    "robot's sensors, in its frame between the feet.",
-    WALK: "Divergent component of motion, in the odometry frame, from the first shift "
-    "of the weight to the last.",
-    BASE: "True: the simulator's. Estimated: the controller's, whose yaw is free. "
-    "Places are counted from the start of the run.",
-    FORCE: "Of the ground on each sole, along the sole's normal. True: the "
-    "simulator's. Measured: the ankle's sensor, compensated to the sole. Desired: "
-    "what the first QP asks for.",
-    ANKLE: "What the force-torque sensor reports, in its own frame.",
-    GROUND: "Top centre of each platform, from where it stood at the start; axes that "
-    "do not move are left out.",
-    MODE: "Mode of the robot's command gate, the stabilizer's own state, and whether "
-    "each foot stands: truly, and as the stabilizer believes.",
-    TIME: "Wall clock. Controller tick: from snapshot to command. Answer: from "
-    "the stamp of the sensors to the stamp of the command that answers them.",
-}
-"""Groups of plots in the order of the page, with what they show."""
 
 
 class Panel(NamedTuple):

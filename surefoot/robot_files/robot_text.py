@@ -21,6 +21,34 @@ FASTEST_RAD_S, USUAL_RAD_S = 50.0, 6.0
 STRONGEST = 2.0
 """A torque of more than this many times mass x gravity x height is no limit."""
 GRAVITY_M_S2 = 9.81
+_DAMPING = 1.0
+_UPRIGHT_AXIS = 0.7
+GUESSED = "  # guessed"
+_SERVO = """
+# How a servo's set-point follows a command: its fastest motion and its lag.
+[servo]
+profile = "ideal"
+
+[servo.profiles.ideal]
+velocity_limit_rad_s = 12.0  # guessed
+lag_s = 0.0  # guessed; the time by which a slow sine of the joint comes late
+
+# The same of slow drives, as behind harmonic gears: --servo-profile harmonic.
+[servo.profiles.harmonic]
+velocity_limit_rad_s = 3.1  # guessed
+lag_s = 0.02  # guessed
+
+# What the robot refuses, whoever asks.
+"""
+_GATE = """[gate]
+step_limit_rad = {step}
+hold_after_s = 0.02
+fault_after_s = 1.0
+
+# Their order is the order of every array on the bus. kp, kd, damping: the servo's law,
+# as its maker or a step response tells. armature: the rotor's inertia times the gear
+# ratio squared.
+"""
 
 
 class Drive(NamedTuple):
@@ -44,8 +72,6 @@ _FIRM = Drive(4000.0, 100.0, 0.15, 160.0)
 _SHOULDER = Drive(1000.0, 40.0, 0.12, 96.2)
 _ARM = Drive(600.0, 25.0, 0.1, 96.2)
 _LIGHT = Drive(200.0, 8.0, 0.03, 27.3)
-_DAMPING = 1.0
-_UPRIGHT_AXIS = 0.7
 _CARRIES = ((0.2, _STRONG), (0.035, _SHOULDER), (0.015, _ARM), (0.0, _LIGHT))
 """Joints above the legs: by the part of the robot's mass that hangs on them."""
 
@@ -236,9 +262,6 @@ def _note_drives(
     )
 
 
-GUESSED = "  # guessed"
-
-
 class JointLines(NamedTuple):
     """What the robot file says of a joint.
 
@@ -329,34 +352,6 @@ def robot_text(
             *map(_joint_text, joints),
         )
     )
-
-
-_SERVO = """
-# How a servo's set-point follows a command: its fastest motion and its lag.
-[servo]
-profile = "ideal"
-
-[servo.profiles.ideal]
-velocity_limit_rad_s = 12.0  # guessed
-lag_s = 0.0  # guessed; the time by which a slow sine of the joint comes late
-
-# The same of slow drives, as behind harmonic gears: --servo-profile harmonic.
-[servo.profiles.harmonic]
-velocity_limit_rad_s = 3.1  # guessed
-lag_s = 0.02  # guessed
-
-# What the robot refuses, whoever asks.
-"""
-
-_GATE = """[gate]
-step_limit_rad = {step}
-hold_after_s = 0.02
-fault_after_s = 1.0
-
-# Their order is the order of every array on the bus. kp, kd, damping: the servo's law,
-# as its maker or a step response tells. armature: the rotor's inertia times the gear
-# ratio squared.
-"""
 
 
 def _joint_text(joint: JointLines) -> str:

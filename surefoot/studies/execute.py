@@ -26,6 +26,9 @@ from surefoot.studies.store import (
 
 _CONNECT_S = 10.0
 """Time for the scheduler, and then for its first worker, to answer [s]."""
+IDLE_S = 10
+"""Idle time after which a worker ends [s]."""
+LOOK_S = 0.5
 
 
 def run_on_cluster(tasks: Sequence[Task], scheduler: str) -> Iterator[Row]:
@@ -154,11 +157,6 @@ def _client(scheduler: str) -> Iterator[Any]:
         ) from error
     with client:
         yield client
-
-
-IDLE_S = 10
-"""Idle time after which a worker ends [s]."""
-LOOK_S = 0.5
 
 
 def end_with(parent: int) -> None:

@@ -45,6 +45,13 @@ ROBUSTNESS = (
     (("friction", 1.0),),
 )
 FULL_SEEDS, QUICK_SEEDS = 50, 1
+HOLDS, FAILS, OPEN = "holds", "does not hold", "not measured"
+LOWER_BY = 0.4
+HEIGHT_LIMIT_MM = 10.0
+REGAIN_S = 0.3
+RATE_GOAL_DEG_S = 180.0
+HALF = 0.5
+ROBUST_SHARE, DROP_80_SHARE = 0.95, 0.9
 
 
 @dataclass(frozen=True)
@@ -93,15 +100,6 @@ def cells_of(size: Extent) -> list[Cell]:
                 Group(ROBUSTNESS_ON, values, variant, IDEAL) for values in ROBUSTNESS
             ]
     return [Cell(group, seed) for seed in range(size.seeds) for group in groups]
-
-
-HOLDS, FAILS, OPEN = "holds", "does not hold", "not measured"
-LOWER_BY = 0.4
-HEIGHT_LIMIT_MM = 10.0
-REGAIN_S = 0.3
-RATE_GOAL_DEG_S = 180.0
-HALF = 0.5
-ROBUST_SHARE, DROP_80_SHARE = 0.95, 0.9
 
 
 @dataclass(frozen=True)

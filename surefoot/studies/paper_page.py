@@ -31,6 +31,14 @@ from surefoot.studies.tables import (
 
 STYLE = Path(__file__).parent / "page.css"
 PACKAGES = ("surefoot", "mujoco", "pin", "piqp", "numpy", "scipy")
+SHOWN = {
+    "moving-platform-slow": "One platform, slow",
+    "moving-platform-fast": "One platform, fast",
+    "two-platforms-fast": "A platform per foot, fast",
+    "falling-platform-80": "The left platform falls by 80 mm",
+}
+EVERY_TICKS = 10
+FIGURES = "figures"
 
 
 def render(template: Path, **values: Any) -> str:
@@ -64,14 +72,7 @@ def inline_svg(svg: bytes) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
 
 
-SHOWN = {
-    "moving-platform-slow": "One platform, slow",
-    "moving-platform-fast": "One platform, fast",
-    "two-platforms-fast": "A platform per foot, fast",
-    "falling-platform-80": "The left platform falls by 80 mm",
-}
 COMPARED = (d.WHOLE_BODY, d.TUNED)
-EVERY_TICKS = 10
 
 
 def record(scenario: str, variant: str) -> dict[str, Array]:
@@ -141,7 +142,6 @@ def _roll_pitch_yaw(quat_xyzw: Array) -> Array:
 
 
 TEMPLATE = Path(__file__).parent / "paper.html.j2"
-FIGURES = "figures"
 
 
 def write_report(

@@ -42,6 +42,7 @@ _ELSEWHERE = tuple(
 PACKAGES = ("mujoco", "pin", "piqp", "numpy")
 """What else computes."""
 _FOLDER = Path(__file__).resolve().parents[2]
+STUDY, RUNS = "study.json", "runs.jsonl"
 
 
 def about_code() -> dict[str, str]:
@@ -137,9 +138,6 @@ def inputs_fingerprint(plan: RunPlan) -> str:
         source = inspect.getsourcefile(find_target(plan.controller))
         digest.update(b"" if source is None else Path(source).read_bytes())
     return digest.hexdigest()
-
-
-STUDY, RUNS = "study.json", "runs.jsonl"
 
 
 class StudyStore:

@@ -29,6 +29,9 @@ COMTEST against people; two over the loop's disk margin."""
 WORST_SENSITIVITY = 1e3
 """Of a loop that sways by itself, which has no margin."""
 _LEAST_CYCLES = 3
+BEYOND = 1e3
+"""For a trial without a figure, since its runs ended before it counted: worse than any
+that stands, in each unit."""
 
 
 @dataclass(frozen=True)
@@ -112,11 +115,6 @@ def _sensitivity(robot: str, profile: str, settings: ControllerSettings) -> floa
     if not margins.stable or margins.disk <= 0.0:
         return WORST_SENSITIVITY
     return min(WORST_SENSITIVITY, 2.0 / margins.disk)
-
-
-BEYOND = 1e3
-"""For a trial without a figure, since its runs ended before it counted: worse than any
-that stands, in each unit."""
 
 
 class Objective(NamedTuple):

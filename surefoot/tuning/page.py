@@ -27,6 +27,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GREY, BLUE, ORANGE = "#9aa6b5", "#2a6fbb", "#d9730d"
+OUTCOME, SETTINGS, PAGE, TRIALS = (
+    "tune.json",
+    "settings.toml",
+    "index.html",
+    "trials.csv",
+)
+FRONT = "front"
+LEAST_FOR_IMPORTANCE = 20
+"""Trials below which nothing is said about what matters."""
 
 
 def draw_front(tuned: Tuned) -> bytes:
@@ -105,15 +114,6 @@ def _svg(figure: Figure) -> bytes:
 
 
 TEMPLATE = Path(__file__).parent / "tune.html.j2"
-OUTCOME, SETTINGS, PAGE, TRIALS = (
-    "tune.json",
-    "settings.toml",
-    "index.html",
-    "trials.csv",
-)
-FRONT = "front"
-LEAST_FOR_IMPORTANCE = 20
-"""Trials below which nothing is said about what matters."""
 
 
 def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:

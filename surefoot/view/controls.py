@@ -22,6 +22,20 @@ POINTS = 480
 HEIGHT_PX = 160
 PADDING_PX = (10, 14, 0, 0)
 """Above and beside the curves, where half a label at an axis' end needs room."""
+RED, GREEN, BLUE, AMBER = "#d8434e", "#1a9c5f", "#1b69dc", "#e08a00"
+LIGHT_BLUE, LIGHT_AMBER = "#8db8f5", "#f3c777"
+DIRECTIONS = {
+    "forward": (1.0, 0.0),
+    "back": (-1.0, 0.0),
+    "left": (0.0, 1.0),
+    "right": (0.0, -1.0),
+}
+MAX_PUSH_N = 300.0
+STOP_RED = (216, 54, 66)
+GREY = (94, 104, 116)
+SETTLED_S = 0.25
+"""Time at rest after which a slider's value is sent [s]."""
+SAME = 1e-9
 
 
 class Curve(NamedTuple):
@@ -38,8 +52,6 @@ class Plot(NamedTuple):
     curves: tuple[Curve, ...]
 
 
-RED, GREEN, BLUE, AMBER = "#d8434e", "#1a9c5f", "#1b69dc", "#e08a00"
-LIGHT_BLUE, LIGHT_AMBER = "#8db8f5", "#f3c777"
 COM_ERROR = Plot(
     "CoM error, estimated [mm]",
     (Curve("x", RED), Curve("y", GREEN), Curve("z", BLUE)),
@@ -120,19 +132,7 @@ class RollingPlot:
 
 _LOG = logging.getLogger("surefoot")
 
-DIRECTIONS = {
-    "forward": (1.0, 0.0),
-    "back": (-1.0, 0.0),
-    "left": (0.0, 1.0),
-    "right": (0.0, -1.0),
-}
-MAX_PUSH_N = 300.0
-STOP_RED = (216, 54, 66)
-GREY = (94, 104, 116)
 Request = Callable[[Requests], object]
-SETTLED_S = 0.25
-"""Time at rest after which a slider's value is sent [s]."""
-SAME = 1e-9
 
 
 class Asker:

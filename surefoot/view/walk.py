@@ -39,6 +39,10 @@ LIFT_M = 0.008
 """Clear of the ground that soles are drawn on."""
 FOLLOWED = 0.08
 """Part of the way to the feet that the picture goes along in a frame [1]."""
+DIAL_S = 5.0
+"""A planner that has found no robot for so long gives up [s]."""
+STOP_KEY: Literal["X"] = "X"
+"""Not the space bar, which presses whatever button was clicked last."""
 
 
 class WalkScene:
@@ -146,8 +150,6 @@ class WalkScene:
 
 
 _LOG = logging.getLogger("surefoot")
-DIAL_S = 5.0
-"""A planner that has found no robot for so long gives up [s]."""
 
 
 class Rate(NamedTuple):
@@ -173,8 +175,6 @@ RATES = (
     Rate("To the left [m/s]", 0.1, 0.05, "U", "O"),
     Rate("Turn left [deg/s]", 20.0, 5.0, "J", "L"),
 )
-STOP_KEY: Literal["X"] = "X"
-"""Not the space bar, which presses whatever button was clicked last."""
 
 
 class Stroller:
