@@ -59,8 +59,10 @@ it; Zenoh's own millisecond is a whole tick."""
 RUNTIME_VARIABLE = "ZENOH_RUNTIME"
 RUNTIME = "(rx:(worker_threads:{}),acc:(handover:tx),app:(handover:tx))"
 """Two threads of Zenoh's instead of six: every thread that wakes for a message costs
-the control loop its core and its caches. Who listens has more: one is stuck for each
-peer that stands still for longer than the lease, until that goes on or is gone."""
+the control loop its core and its caches. Who listens has more, which sleep."""
+LISTENING_WORKERS = 64
+"""One is stuck for half a minute with each peer that stands still for longer than the
+lease, or whose cable is pulled; one that comes and goes makes several of them."""
 RETRY_GROWTH = 2
 RETRY_MAX_FACTOR = 4
 POLL_S = 0.1
@@ -134,7 +136,7 @@ def set_up_runtime(*, is_listening: bool) -> None:
     Args:
         is_listening: whether this process will listen.
     """
-    workers = MAX_SESSIONS + 1 if is_listening else 1
+    workers = LISTENING_WORKERS if is_listening else 1
     os.environ.setdefault(RUNTIME_VARIABLE, RUNTIME.format(workers))
 
 
