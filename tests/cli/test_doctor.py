@@ -53,36 +53,30 @@ def test_everything_is_looked_at_and_bad_things_come_with_advice(
 def test_what_would_stop_a_run_is_exit_code_3(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
-    """A module beside us that cannot be imported stands in for a broken package."""
-    (tmp_path / "work" / "threadpoolctl.py").write_text("raise ImportError('broken')\n")
+    """Modules beside us that cannot be imported stand in for broken packages.
+
+    A missing library of the system is told from a missing package.
+    """
+    missing = "libgomp.so.1: cannot open shared object file: No such file or directory"
+    work = tmp_path / "work"
+    for name, reason in (("threadpoolctl", "broken"), ("pinocchio", missing)):
+        (work / f"{name}.py").write_text(f"raise ImportError({reason!r})")
     done = surefoot("doctor")
     assert done.returncode == 3
     assert "Traceback" not in done.stderr
     lines = done.stdout.splitlines()
-    assert "FAIL  linear algebra: broken" in lines
-    assert "pip install" in lines[lines.index("FAIL  linear algebra: broken") + 1]
-    assert lines[-1].startswith("1 would stop a run")
+    for line, advice in (
+        ("FAIL  linear algebra: broken", "pip install"),
+        (f"FAIL  margins: {missing}", "apt-get install libgomp1"),
+    ):
+        assert advice in lines[lines.index(line) + 1]
+    assert lines[-1].startswith("2 would stop a run")
     # The others are still looked at.
     assert any("Zenoh on loopback" in line for line in lines)
-
-
-def test_a_missing_library_of_the_system_is_told_from_a_missing_package(
-    surefoot: Surefoot, tmp_path: Path
-) -> None:
-    reason = "libgomp.so.1: cannot open shared object file: No such file or directory"
-    for name in ("threadpoolctl", "pinocchio"):
-        (tmp_path / "work" / f"{name}.py").write_text(f"raise ImportError({reason!r})")
-    done = surefoot("doctor")
-    assert done.returncode == 3
-    lines = done.stdout.splitlines()
-    assert (
-        "apt-get install libgomp1"
-        in lines[lines.index(f"FAIL  linear algebra: {reason}") + 1]
-    )
-    run = run_surefoot("run", "standing", "--inline", cwd=tmp_path / "work")
+    run = run_surefoot("run", "standing", "--inline", cwd=work)
     assert run.returncode == 3
     assert "Traceback" not in run.stderr
-    assert f"{reason}; a library of the system is missing" in run.stderr
+    assert f"{missing}; a library of the system is missing" in run.stderr
 
 
 def test_our_own_pins_name_every_package_we_need() -> None:

@@ -41,10 +41,6 @@ def joints_swapped(s: Snapshot, tick: int) -> Snapshot:
     return replace(s, q=s.q[order], dq=s.dq[order], effort=s.effort[order])
 
 
-def wired_wrongly(s: Snapshot, tick: int) -> Snapshot:
-    return feet_swapped(joints_swapped(s, tick), tick)
-
-
 def degrees(s: Snapshot, tick: int) -> Snapshot:
     return replace(s, q=np.degrees(s.q))
 
@@ -77,10 +73,6 @@ def stuck_force(s: Snapshot, tick: int) -> Snapshot:
 
 def not_finite(s: Snapshot, tick: int) -> Snapshot:
     return replace(s, dq=np.full(s.dq.size, math.nan))
-
-
-def sound(s: Snapshot, tick: int) -> Snapshot:
-    return s
 
 
 class NoWatchdog(CommandGate):
@@ -129,7 +121,10 @@ class IgnoresEstop(CommandGate):
 
 
 def broken_robot(
-    endpoints: Endpoints, twist: Twist, gate: type[CommandGate], period_factor: int
+    endpoints: Endpoints,
+    twists: tuple[Twist, ...],
+    gate: type[CommandGate],
+    period_factor: int,
 ) -> str:
     """Serve such a robot until it is killed."""
     robot = judged_walker()
@@ -139,7 +134,10 @@ def broken_robot(
         def read(self, tick: int, stamp_ns: int) -> Snapshot:
             if period_factor > 1:
                 time.sleep((period_factor - 1) * robot.period_s)
-            return twist(inner.read(tick, stamp_ns), tick)
+            snapshot = inner.read(tick, stamp_ns)
+            for twist in twists:
+                snapshot = twist(snapshot, tick)
+            return snapshot
 
         def write(self, q_command: np.ndarray) -> None:
             inner.write(q_command)

@@ -26,15 +26,18 @@ from tests.support import PATIENCE_S
 
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
 SENSOR_FAULTS = [
-    (broken.wrong_sign, {"left_ankle_ft.sign", "right_ankle_ft.sign", "feet.weight"}),
-    (broken.degrees, {"joints.position", "joints.range"}),
-    (broken.in_g, {"imu.gravity"}),
-    (broken.wxyz, {"imu.attitude"}),
-    (broken.tick_stands_still, {f"{name}.tick" for name in broken.CHANNELS}),
-    (broken.stuck_imu, {"imu.alive"}),
-    (broken.stuck_force, {"right_ankle_ft.alive"}),
-    (broken.not_finite, {"joints.format"}),
+    (
+        (broken.wrong_sign, broken.wxyz),
+        {"left_ankle_ft.sign", "right_ankle_ft.sign", "feet.weight", "imu.attitude"},
+    ),
+    (
+        (broken.degrees, broken.in_g, broken.stuck_force),
+        {"joints.position", "joints.range", "imu.gravity", "right_ankle_ft.alive"},
+    ),
+    ((broken.tick_stands_still,), {f"{name}.tick" for name in broken.CHANNELS}),
+    ((broken.stuck_imu, broken.not_finite), {"imu.alive", "joints.format"}),
 ]
+"""Faults of different sensors, or of what is told of them, on one robot."""
 GATE_FAULTS = [
     (broken.NoWatchdog, "reactions", {"watchdog.hold", "watchdog.fault"}),
     (broken.NoLease, "", {"lease.second", "lease.mode"}),
@@ -47,12 +50,12 @@ GATE_FAULTS = [
 def failures(
     endpoints: Endpoints,
     *sections: str,
-    twist: broken.Twist = broken.sound,
+    twists: tuple[broken.Twist, ...] = (),
     gate: type[CommandGate] = CommandGate,
     period_factor: int = 1,
 ) -> set[str]:
     """Names of what fails on such a robot."""
-    with running(broken.broken_robot, endpoints, twist, gate, period_factor):
+    with running(broken.broken_robot, endpoints, twists, gate, period_factor):
         report = check_conformance(
             judged_walker(),
             endpoints=endpoints,
@@ -85,11 +88,11 @@ def test_the_simulated_robot_passes(
     check_passes_but_for_time(done)
 
 
-@pytest.mark.parametrize(("twist", "expected"), SENSOR_FAULTS)
+@pytest.mark.parametrize(("twists", "expected"), SENSOR_FAULTS)
 def test_a_faulty_sensor_is_named(
-    endpoints: Endpoints, twist: broken.Twist, expected: set[str]
+    endpoints: Endpoints, twists: tuple[broken.Twist, ...], expected: set[str]
 ) -> None:
-    found = failures(endpoints, "sensors", twist=twist)
+    found = failures(endpoints, "sensors", twists=twists)
     assert expected <= found
 
 
@@ -106,7 +109,9 @@ def test_half_the_rate_is_seen(endpoints: Endpoints) -> None:
 
 
 def test_wrong_wiring_is_seen(endpoints: Endpoints) -> None:
-    found = failures(endpoints, "wiring", twist=broken.wired_wrongly)
+    found = failures(
+        endpoints, "wiring", twists=(broken.feet_swapped, broken.joints_swapped)
+    )
     wired = {name for name in found if not name.endswith(OF_THE_MACHINE)}
     assert wired == {"feet.order", "joints.order"}
 
@@ -132,7 +137,7 @@ def test_no_robot_is_unreachable(surefoot: Surefoot, endpoints: Endpoints) -> No
 def test_a_broken_robot_exits_with_1_and_names_the_line(
     surefoot: Surefoot, endpoints: Endpoints, tmp_path: Path
 ) -> None:
-    with running(broken.broken_robot, endpoints, broken.in_g, CommandGate, 1):
+    with running(broken.broken_robot, endpoints, (broken.in_g,), CommandGate, 1):
         words = ["--connect", *endpoints.connect, "--wait", PATIENCE_S]
         words += ["--robot", patient_robot_file(tmp_path, **JUDGED)]
         done = surefoot("check-robot", *words, "--only", "sensors")
