@@ -45,7 +45,8 @@ class Absences(NamedTuple):
             return ""
         times = "" if self.times == 1 else f" in {self.times} places"
         gone = " and did not come back" if self.is_lasting else ""
-        return f"the link to the robot was lost for {self.total_s:.1f} s{times}{gone}"
+        span = f"{self.total_s:.1f} s or longer"  # it shows after the lease
+        return f"the link to the robot was lost for {span}{times}{gone}"
 
 
 class ReadOnlyClient(ABC):
