@@ -28,7 +28,7 @@ PRIOR_N, PRIOR_NM = 1000.0, 100.0
 load along a straight leg, is not blown up beyond it."""
 OFFSET_EVERY_S, OFFSET_CUTOFF_HZ = 0.02, 5.0
 """A force along the sole is compared so often, and so slowly followed."""
-OFFSET_MEMORY_S, OFFSET_COUNT = 1.0, 10
+OFFSET_MEMORY_S, OFFSET_COUNT = 1.0, 4
 """Over which it is averaged, and the fewest comparisons that tell."""
 OFFSET_SHARE = 0.2
 """Of the weight: less may be friction in the joints, or the model's error [1]."""
