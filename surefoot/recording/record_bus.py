@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+import gc
 import time
 from collections import deque
 from collections.abc import Callable
@@ -10,12 +12,17 @@ from itertools import islice
 from surefoot.recording.write import McapFile
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import Observer, Sample
+from surefoot.robot_io.realtime import quiet_interpreter
 
 RING_DEPTH = 4096
 """Messages that Zenoh keeps per channel until they are taken, each with all of the
 batch of 64 KiB it came in: a second and a half at 3000 ticks a second."""
 KEPT_BYTES = 128 * 2**20
-"""Taken and not yet written; with more, what comes is left to the rings."""
+"""Taken and not yet written; with more, what comes is lost, which the record tells."""
+MUCH_BYTES = 4 * 2**20
+"""So much is half a second of a bus in real time; after more memory is given back."""
+TIDY_S = 60.0
+"""The collector, which would go through all that waits, has its turn so often [s]."""
 SLICE = 500
 """Messages written before the rings are emptied again: some ten milliseconds."""
 PERIOD_S = 0.02
@@ -30,15 +37,19 @@ class _Backlog:
     def __init__(self, observer: Observer, file: McapFile) -> None:
         self._observer, self._file = observer, file
         self._samples: deque[Sample] = deque()
-        self._bytes = 0
+        self._bytes = self._most = 0
+        self._tidied_s = time.monotonic()
 
     def take(self, *, timeout_s: float = 0.0) -> bool:
-        """Copy what the rings hold; whether there was anything."""
-        if self._bytes >= KEPT_BYTES:
-            return False
+        """Copy what the rings hold; whether there was anything.
+
+        Always all of it: what waits there pins the batches that it came in.
+        """
         samples = self._observer.take(timeout_s=timeout_s)
-        self._samples.extend(samples)
-        self._bytes += sum(len(sample.data) for sample in samples)
+        if self._bytes < KEPT_BYTES:
+            self._samples.extend(samples)
+            self._bytes += sum(len(sample.data) for sample in samples)
+            self._most = max(self._most, self._bytes)
         return bool(samples)
 
     def write(self) -> bool:
@@ -48,7 +59,18 @@ class _Backlog:
             self._samples.popleft()
             self._bytes -= len(sample.data)
         self._file.add(some)
+        if not self._samples:
+            self._tidy()
         return bool(self._samples)
+
+    def _tidy(self) -> None:
+        """Give memory back, once nothing waits."""
+        if self._most > MUCH_BYTES or time.monotonic() > self._tidied_s + TIDY_S:
+            self._most, self._tidied_s = 0, time.monotonic()
+            gc.collect()
+            trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+            if trim is not None:  # glibc keeps what is freed for what comes
+                trim(0)
 
 
 def record_bus(
@@ -71,7 +93,7 @@ def record_bus(
     """
     backlog = _Backlog(observer, file)
     is_ready = False
-    with stop.on_signals():
+    with stop.on_signals(), quiet_interpreter():
         while not observer.has_left() and not stop.is_set:
             backlog.take()
             has_more = backlog.write()

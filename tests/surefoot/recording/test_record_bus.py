@@ -1,0 +1,64 @@
+"""What comes faster than it is written is lost in order, and told; never in memory."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from surefoot.recording import record_bus
+from surefoot.recording.write import McapFile
+from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.client_side.observer import Sample
+from surefoot.schemas.codec import encode
+from tests.robot_io.sensor_messages import message
+
+BURSTS, MESSAGES = 6, 2000
+
+
+class Flood:
+    """An observer's place: a bus that says more at a time than may wait."""
+
+    robot_is_here = False
+
+    def __init__(self) -> None:
+        self.left = BURSTS
+        self.tick = 0
+
+    def take(self, *, timeout_s: float = 0.0) -> list[Sample]:
+        del timeout_s
+        if not self.left:
+            return []
+        self.left -= 1
+        ticks = range(self.tick, self.tick + MESSAGES)
+        self.tick += MESSAGES
+        return [Sample("imu", encode(message("imu", tick)), 0) for tick in ticks]
+
+    def has_left(self) -> bool:
+        return not self.left
+
+
+def test_more_than_may_wait_is_lost_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    size = len(encode(message("imu", 0)))
+    monkeypatch.setattr(record_bus, "KEPT_BYTES", size * MESSAGES // 2)
+    path = tmp_path / "run.mcap"
+    with McapFile(
+        path,
+        channels=["imu", "status"],
+        keys={"imu": "i", "status": "s"},
+        attachments=[],
+        raw=True,
+    ) as file:
+        record_bus.record_bus(
+            Flood(),  # type: ignore[arg-type]  # what it uses of one
+            file,
+            on_ready=lambda: None,
+            stop=StopRequest(),
+        )
+    counts = file.counts["imu"]
+    assert MESSAGES <= counts.messages < BURSTS * MESSAGES
+    assert counts.gaps
+    assert counts.messages + counts.missing == counts.last + 1
+    assert counts.messages % MESSAGES == 0
