@@ -12,7 +12,7 @@ import pytest
 from tests.browser.conftest import PAGE_READY_MS
 from tests.browser.pictures import pixels_changed
 from tests.support import wait_until
-from tests.surefoot.report.runs import make_report, make_run
+from tests.surefoot.report.runs import shared_page
 
 MOVED_PIXELS = 60
 PANELS = 20
@@ -28,11 +28,7 @@ LEGS = {"x": 130, "y": 170, "width": 140, "height": 80}
 @pytest.fixture(scope="module")
 def report(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Path:
     del chromium  # without a browser nothing is made
-    folder = tmp_path_factory.mktemp("report")
-    runs = [make_run(folder, "bus"), make_run(folder, "--controller", "zmp", "zmp")]
-    done = make_report(*runs, "--out", folder / "page")
-    assert done.returncode == 0, done.stderr
-    return folder / "page"
+    return shared_page(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")

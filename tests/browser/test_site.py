@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from tests.docs.test_site import build
+from tests.docs.test_site import build_well
+from tests.once import made_once
 
 FONT = "STIX Two Math"
 DESKTOP = {"width": 1280, "height": 800}
@@ -15,11 +16,9 @@ DESKTOP = {"width": 1280, "height": 800}
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    done = build(folder)
-    assert done.returncode == 0, done.stderr
-    return folder
+def site(tmp_path_factory: pytest.TempPathFactory, chromium: Any) -> Path:
+    del chromium  # without a browser nothing is built
+    return made_once(tmp_path_factory, "site", build_well)
 
 
 def test_formulas_are_drawn_in_the_font_that_comes_along(page: Any, site: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from docs.site_build import generated_pages, source_links
+from tests.once import made_once
 
 ROOT = Path(__file__).parents[2]
 LOADED = re.compile(r'<(?:script|img|link|iframe)[^>]+(?:src|href)="([^"]+)"')
@@ -36,12 +37,14 @@ def build(site: Path, *, docs: Path | None = None) -> subprocess.CompletedProces
     )
 
 
+def build_well(site: Path) -> None:
+    done = build(site)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("site")
-    done = build(folder)
-    assert done.returncode == 0, done.stderr
-    return folder
+    return made_once(tmp_path_factory, "site", build_well)
 
 
 def test_every_page_is_there(site: Path) -> None:

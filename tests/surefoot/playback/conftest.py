@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from tests.command import Surefoot, cut_short, run_surefoot
+from tests.once import made_once
 
 NOISE = """
 [sensors]
@@ -35,8 +36,11 @@ def record_of(folder: Path, scenario: Path, *words: object) -> Path:
 @pytest.fixture(scope="session")
 def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The moving platform in lockstep, shortened; for tests that do not change it."""
-    folder = tmp_path_factory.mktemp("recorded")
-    return record_of(folder, cut_short("moving-platform-fast", folder, 1.0))
+
+    def make(folder: Path) -> None:
+        record_of(folder, cut_short("moving-platform-fast", folder, 1.0))
+
+    return made_once(tmp_path_factory, "recorded", make) / "run" / "run.mcap"
 
 
 @pytest.fixture

@@ -5,7 +5,10 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from tests.command import run_surefoot
+from tests.once import made_once
 
 SCENARIO = """
 name = "heaving ground"
@@ -40,6 +43,29 @@ def make_run(folder: Path, *words: str) -> Path:
     done = run_surefoot("run", scenario, "--out", folder / name, *options)
     assert done.returncode in (0, 5), (done.returncode, done.stderr)
     return folder / name
+
+
+def shared_runs(folders: pytest.TempPathFactory) -> Path:
+    """Run ``bus``, ``inline`` and ``zmp`` of one scenario, for who only reads them."""
+
+    def make(folder: Path) -> None:
+        make_run(folder, "--set", "tsid.base_kp=120", "bus")
+        make_run(folder, "--inline", "inline")
+        make_run(folder, "--inline", "--controller", "zmp", "zmp")
+
+    return made_once(folders, "runs", make)
+
+
+def shared_page(folders: pytest.TempPathFactory) -> Path:
+    """The page about ``bus`` and ``zmp`` of these runs, for who only looks at it."""
+
+    def make(folder: Path) -> None:
+        runs, out = shared_runs(folders), folder / "page"
+        done = make_report(runs / "bus", runs / "zmp", "--out", out)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.strip() == str(out / "index.html")
+
+    return made_once(folders, "report", make) / "page"
 
 
 def make_report(*words: object) -> subprocess.CompletedProcess[str]:

@@ -22,7 +22,8 @@ from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.metrics import COM_FROM_S
-from tests.surefoot.report.runs import make_report, make_run
+from tests.command import Surefoot
+from tests.surefoot.report.runs import make_report, shared_page, shared_runs
 
 MM = 1e3
 SAME_MM = 1e-6
@@ -32,12 +33,7 @@ CALIBRATED_S = ControllerSettings().estimator.calibration_s
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run ``bus``, ``inline`` and ``zmp`` of one scenario."""
-    folder = tmp_path_factory.mktemp("runs")
-    make_run(folder, "--set", "tsid.base_kp=120", "bus")
-    make_run(folder, "--inline", "inline")
-    make_run(folder, "--inline", "--controller", "zmp", "zmp")
-    return folder
+    return shared_runs(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
@@ -136,11 +132,8 @@ def test_the_scene_shows_the_controllers_forces(bus: RunData) -> None:
     np.testing.assert_array_equal(state.q, bus.signals["q"][700])
 
 
-def test_one_page_about_two_runs(folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "page"
-    done = make_report(folder / "bus", folder / "zmp", "--out", out)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == str(out / "index.html")
+def test_one_page_about_two_runs(tmp_path_factory: pytest.TempPathFactory) -> None:
+    out = shared_page(tmp_path_factory)
     files = {path.name for path in out.iterdir()}
     assert files == {
         *("index.html", "data.js", "report.js", "plotly.min.js", "report.json"),
@@ -156,7 +149,7 @@ def test_one_page_about_two_runs(folder: Path, tmp_path: Path) -> None:
         "whole-body",
         "zmp",
     ]
-    assert [path for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+    assert [path.name for path in out.parent.iterdir()] == ["page"]
 
 
 @pytest.mark.parametrize(
@@ -173,9 +166,11 @@ def test_what_is_missing_is_named(broken: Path, file: str, words: str) -> None:
     _refused([broken], words)
 
 
-def test_a_refusal_is_a_usage_error_and_leaves_nothing(broken: Path) -> None:
+def test_a_refusal_is_a_usage_error_and_leaves_nothing(
+    broken: Path, surefoot_here: Surefoot
+) -> None:
     (broken / "ticks.mcap").unlink()
-    done = make_report(broken)
+    done = surefoot_here("report", broken)
     assert done.returncode == 2
     assert "kept no ticks" in done.stderr
     assert "Traceback" not in done.stderr
