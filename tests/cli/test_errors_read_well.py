@@ -220,10 +220,10 @@ def mount(tmp_path: Path) -> Iterator[Mount]:
     ids=lambda words: words[0],
 )
 def test_an_unwritable_out_folder(
-    surefoot: Surefoot, mount: Mount, words: list[str]
+    surefoot_here: Surefoot, mount: Mount, words: list[str]
 ) -> None:
     place = mount("ro,size=1m")
-    told = complaint(surefoot(*words, "--out", place / "run"), 3)
+    told = complaint(surefoot_here(*words, "--out", place / "run"), 3)
     assert f"--out {place / 'run'}: cannot write in " in told
     assert "Read-only file system" in told
     assert "name a folder that can be written to" in told

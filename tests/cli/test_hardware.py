@@ -14,9 +14,10 @@ from tests.command import command, environment
 from tests.support import PATIENCE_S, free_port
 
 Start = Callable[..., subprocess.Popen[str]]
-SHORT = """
+TICKS = 800
+SHORT = f"""
 name = "short and rocking"
-duration_s = 1.5
+duration_s = {TICKS}e-3
 [[platform]]
 foot = "both"
   [[platform.motion]]
@@ -106,7 +107,7 @@ def test_the_real_keys_over_tls_are_the_same_run(
     assert not hardware["fell"]
     assert hardware["fell"] == simulated["fell"]
     assert hardware["log_sha256"] == simulated["log_sha256"]
-    assert hardware["ticks"] == 1500
+    assert hardware["ticks"] == TICKS
 
 
 def test_robot_and_stabilizer_meet_at_a_router(
@@ -119,7 +120,7 @@ def test_robot_and_stabilizer_meet_at_a_router(
         [scenario, "--endpoints", file("robot")],
         ["--controller", "hold", "--endpoints", file("stabilizer")],
     )
-    assert run["ticks"] == 1500
+    assert run["ticks"] == TICKS
     assert run["deadline_misses"] == 0
     router.terminate()
     router.communicate(timeout=PATIENCE_S)
@@ -142,7 +143,7 @@ def test_a_relay_over_tls_dials_as_the_stabilizer_and_listens_as_the_robot(
     out, _ = robot.communicate(timeout=PATIENCE_S)
     stabilizer.communicate(timeout=PATIENCE_S)
     assert (robot.returncode, stabilizer.returncode) == (0, 0)
-    assert json.loads(out)["ticks"] == 1500
+    assert json.loads(out)["ticks"] == TICKS
     relay.terminate()
     told, _ = relay.communicate(timeout=PATIENCE_S)
     assert relay.returncode == 130

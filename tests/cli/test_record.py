@@ -26,7 +26,7 @@ from tests.surefoot.recording.mcap_reading import (
     metadata,
 )
 
-TICKS = 5_000
+TICKS = 3_000
 PROCESS = re.compile(r"recorder, process (\d+)")
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from surefoot.studies.store import RUNS, read_rows
-from tests.command import command, environment, run_surefoot
+from tests.command import Surefoot, command, environment, run_surefoot
 from tests.support import wait_until
 
 SCENARIO = """
@@ -31,7 +31,9 @@ def sweep(folder: Path, *more: object) -> list[object]:
     return ["sweep", scenario(folder), *varied, "--out", folder / "out", *more]
 
 
-def test_sweep_gives_the_runs_that_run_gives(tmp_path: Path) -> None:
+def test_sweep_gives_the_runs_that_run_gives(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
     done = run_surefoot(*sweep(tmp_path, "--json"))
     assert done.returncode == 0, done.stderr
     groups: list[dict[str, Any]] = json.loads(done.stdout)
@@ -42,7 +44,7 @@ def test_sweep_gives_the_runs_that_run_gives(tmp_path: Path) -> None:
     single = scenario(tmp_path)
     single.write_text("friction = 0.9\n" + SCENARIO)
     alone = json.loads(
-        run_surefoot("run", single, "--inline", "--seed", 1, "--json").stdout
+        surefoot_here("run", single, "--inline", "--seed", 1, "--json").stdout
     )
     (same,) = (
         row
@@ -66,14 +68,16 @@ def test_killed_sweep_goes_on_where_it_was(tmp_path: Path) -> None:
     process.send_signal(signal.SIGKILL)
     process.wait()
     before = {row["key"]: row for row in read_rows(tmp_path / "out")}
-    done = run_surefoot(*sweep(tmp_path))
+    done = run_surefoot(*sweep(tmp_path, "--jobs", 1))
     assert done.returncode == 0, done.stderr
     after = {row["key"]: row for row in read_rows(tmp_path / "out")}
     assert before.items() <= after.items()
 
 
-def test_unknown_path_is_a_usage_error_before_anything_runs(tmp_path: Path) -> None:
-    done = run_surefoot(
+def test_unknown_path_is_a_usage_error_before_anything_runs(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
+    done = surefoot_here(
         "sweep", "standing", "--vary", "frction=1", "--out", tmp_path / "out"
     )
     assert done.returncode == 2
@@ -81,9 +85,11 @@ def test_unknown_path_is_a_usage_error_before_anything_runs(tmp_path: Path) -> N
     assert not list(read_rows(tmp_path / "out"))
 
 
-def test_a_refused_sweep_leaves_nothing(tmp_path: Path) -> None:
+def test_a_refused_sweep_leaves_nothing(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
     words = ("--vary", "friction=nan,1", "--out", tmp_path / "out")
-    done = run_surefoot("sweep", scenario(tmp_path), *words)
+    done = surefoot_here("sweep", scenario(tmp_path), *words)
     assert done.returncode == 2
     assert "friction: got nan" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.tuning.trials import Trials
-from tests.command import command, environment, run_surefoot
+from tests.command import Surefoot, command, environment, run_surefoot
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.tuning.searches import still
 
@@ -56,9 +56,9 @@ def finished(journal: Path) -> int:
 
 
 def test_what_cannot_be_searched_is_a_usage_error_before_anything_runs(
-    tmp_path: Path,
+    tmp_path: Path, surefoot_here: Surefoot
 ) -> None:
-    done = run_surefoot(*tune(tmp_path, "--sampler", "cma"))
+    done = surefoot_here(*tune(tmp_path, "--sampler", "cma"))
     assert done.returncode == 2
     assert "expected tpe or nsga2" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -17,7 +17,7 @@ import pytest
 from surefoot.cli.app import app
 from surefoot.errors import ExitCode
 from surefoot.sim_robot.catalogue import find_scenario
-from tests.command import environment
+from tests.command import Surefoot, environment
 from tests.support import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
@@ -41,16 +41,15 @@ def commands() -> list[list[str]]:
     return [shlex.split(line) for line in lines if line not in MADE_BEFORE]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
     """Where the commands are run one after the other, with the reader's scenario."""
-    place = tmp_path_factory.mktemp("tutorial")
     (scenario,) = blocks("toml")
     shipped = find_scenario(SHIPPED).read_text(encoding="utf-8")
     for name, text in ((SCENARIO_FILE, scenario), (f"{SHIPPED}.toml", shipped)):
         shorter = LASTS.sub(f"duration_s = {SHORT_S}", text, count=1)
-        (place / name).write_text(shorter, encoding="utf-8")
-    return place
+        (tmp_path / name).write_text(shorter, encoding="utf-8")
+    return tmp_path
 
 
 def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
@@ -74,6 +73,27 @@ def known() -> set[str]:
     return names | {group.name or "" for group in app.registered_groups}
 
 
+def check_command(folder: Path, words: list[str]) -> None:
+    assert words[1] in known()
+    if "--view" in words:
+        pytest.importorskip("viser")
+        words = [*words, "--view-port", "0"]
+    words = [f"{word}.toml" if word == SHIPPED else word for word in words]
+    done = run(folder, words)
+    told = f"{shlex.join(words)}: {done.stderr}"
+    if "--realtime" in words and done.returncode != ExitCode.OK:
+        # Answered too late, the robot holds, stops in a fault or falls, and says why.
+        assert done.returncode in (ExitCode.FAILED, ExitCode.FELL), told
+        assert "machine too slow" in done.stdout
+    else:
+        assert done.returncode == ExitCode.OK, told
+        assert words[1] != "run" or "stood" in done.stdout
+    if "--out" in words:
+        assert (folder / words[words.index("--out") + 1]).is_dir()
+    if "--view" in words:
+        assert "live page: http://127.0.0.1:" in done.stderr
+
+
 def test_the_demo_is_what_make_demo_runs() -> None:
     done = subprocess.run(
         ["make", "--dry-run", "--always-make", "demo"],
@@ -86,28 +106,10 @@ def test_the_demo_is_what_make_demo_runs() -> None:
     assert "make demo" in PAGE
 
 
-@pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_each_command_does_what_it_should(folder: Path, words: list[str]) -> None:
-    assert words[1] in known()
-    if "--view" in words:
-        pytest.importorskip("viser")
-        words = [*words, "--view-port", "0"]
-    words = [f"{word}.toml" if word == SHIPPED else word for word in words]
-    done = run(folder, words)
-    if "--realtime" in words and done.returncode != ExitCode.OK:
-        # Answered too late, the robot holds, stops in a fault or falls, and says why.
-        assert done.returncode in (ExitCode.FAILED, ExitCode.FELL), done.stderr
-        assert "machine too slow" in done.stdout
-    else:
-        assert done.returncode == ExitCode.OK, done.stderr
-        assert words[1] != "run" or "stood" in done.stdout
-    if "--out" in words:
-        assert (folder / words[words.index("--out") + 1]).is_dir()
-    if "--view" in words:
-        assert "live page: http://127.0.0.1:" in done.stderr
-
-
-def test_files_the_tutorial_names_are_there(folder: Path) -> None:
+def test_each_command_does_what_it_should(folder: Path) -> None:
+    """One test, since each command needs what those before it have left."""
+    for words in commands():
+        check_command(folder, words)
     there = {path.name for path in (folder / "out/mine").iterdir()}
     named = {"result.json", "ticks.mcap", "run.mcap", "settings.toml", "scenario.toml"}
     assert named <= there
@@ -115,12 +117,15 @@ def test_files_the_tutorial_names_are_there(folder: Path) -> None:
         assert f"`{name}`" in PAGE
 
 
-def test_a_hard_push_makes_the_robot_fall(folder: Path) -> None:
+def test_a_hard_push_makes_the_robot_fall(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
     (scenario,) = blocks("toml")
     assert "900 N" in PAGE
     assert PUSH in scenario
     harder = scenario.replace(PUSH, PUSH.replace("150.0", "900.0"))
-    (folder / "harder.toml").write_text(harder, encoding="utf-8")
-    done = run(folder, ["surefoot", "run", "harder.toml", "--inline"])
+    path = tmp_path / "harder.toml"
+    path.write_text(harder, encoding="utf-8")
+    done = surefoot_here("run", path, "--inline")
     assert done.returncode == 5, done.stderr
     assert "fell" in done.stdout

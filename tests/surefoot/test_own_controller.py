@@ -12,6 +12,7 @@ import pytest
 
 import surefoot as sf
 from surefoot.stabilizer import factory
+from tests.command import Surefoot
 from tests.surefoot import own_controllers as own
 
 HERE = Path(__file__).parent
@@ -90,17 +91,21 @@ def test_a_wrong_answer_is_refused_in_words() -> None:
         sf.simulate("walker", SCENARIO, controller=own.TooShort())
 
 
-def test_the_command_line_takes_it_everywhere(tmp_path: Path, held: str) -> None:
+def test_the_command_line_takes_it_everywhere(
+    tmp_path: Path, held: str, surefoot_here: Surefoot
+) -> None:
     scenario, out = tmp_path / "own.toml", tmp_path / "run"
     scenario.write_text('name = "own"\nduration_s = 0.3\n', encoding="utf-8")
-    inline = surefoot("run", scenario, "--inline", "--json", "--controller", STAY)
+    inline = surefoot_here("run", scenario, "--inline", "--json", "--controller", STAY)
     assert json.loads(inline.stdout)["log_sha256"] == held
     bus = surefoot("run", scenario, "--json", "--controller", STAY, "--out", out)
     assert bus.returncode == 0, bus.stderr
     assert json.loads(bus.stdout)["log_sha256"] == held
-    replayed = surefoot("replay", "--controller", out / "run.mcap", "--json")
+    replayed = surefoot_here("replay", "--controller", out / "run.mcap", "--json")
     assert json.loads(replayed.stdout)["is_equal"], replayed.stderr
-    law = surefoot("replay", "--controller", out / "run.mcap", "--law", STAY, "--json")
+    law = surefoot_here(
+        "replay", "--controller", out / "run.mcap", "--law", STAY, "--json"
+    )
     assert json.loads(law.stdout)["is_equal"], law.stderr
     sweep = surefoot(
         *("sweep", scenario, "--controllers", f"hold,{STAY}", "--seeds", "0:1"),
@@ -108,7 +113,7 @@ def test_the_command_line_takes_it_everywhere(tmp_path: Path, held: str) -> None
     )
     assert sweep.returncode == 0, sweep.stderr
     assert {row["controller"] for row in json.loads(sweep.stdout)} == {"hold", STAY}
-    wrong = surefoot("run", scenario, "--inline", "--controller", f"{STAY}s")
+    wrong = surefoot_here("run", scenario, "--inline", "--controller", f"{STAY}s")
     assert wrong.returncode == 2
     assert "did you mean 'Stay'" in wrong.stderr
 

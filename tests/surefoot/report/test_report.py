@@ -215,6 +215,7 @@ def test_other_mistakes_are_told(folder: Path, tmp_path: Path) -> None:
     assert [path.name for path in taken.iterdir()] == ["mine.txt"]
 
 
+@pytest.mark.usual("--video")
 @pytest.mark.parametrize("option", ["--video", "--animation"])
 def test_without_opengl_nothing_is_written(
     folder: Path, tmp_path: Path, option: str, monkeypatch: pytest.MonkeyPatch
