@@ -122,12 +122,29 @@ def needs_process(item: pytest.Item) -> bool:
     return not FIXTURES_OF_PROCESSES.isdisjoint(fixtures)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def check_usual_cases(items: list[pytest.Item]) -> None:
+    """A usual case that is not there would leave all of a test's cases slow, unseen."""
+    left: dict[str, set[str]] = {}
+    for item in items:
+        usual = item.get_closest_marker("usual")
+        if usual is not None:
+            cases = left.setdefault(item.nodeid.partition("[")[0], set(usual.args))
+            cases.discard(item.callspec.id if hasattr(item, "callspec") else "")
+    wrong = {test: cases for test, cases in left.items() if cases}
+    if wrong:
+        raise pytest.UsageError(f"usual cases that are not there: {wrong}")
+
+
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> None:
     """Mark what meets others on a bus, starts processes or a browser, by its place.
 
     Everything else answers within a minute: ``-m "not (closed_loop or process or
     browser)"``. Of a test with usual cases, the others are slow.
     """
+    if not any("::" in word for word in config.args):
+        check_usual_cases(items)
     for item in items:
         usual = item.get_closest_marker("usual")
         case = getattr(item, "callspec", None)

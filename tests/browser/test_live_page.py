@@ -199,8 +199,10 @@ def test_both_sides_have_kept_what_was_asked(visit: Visit) -> None:
     controller = msgspec.json.decode(
         visit.stabilizer.communicate(timeout=PATIENCE_S)[0], type=ControllerResult
     )
-    (change,) = controller.settings_changes
-    assert change.after == {"tsid.com_kp": [31.0] * 3}
+    # A slider may tell a value that it has told before once more.
+    asked = [change.after for change in controller.settings_changes]
+    assert asked
+    assert all(after == {"tsid.com_kp": [31.0] * 3} for after in asked)
     visit.robot.terminate()
     plant = msgspec.json.decode(
         visit.robot.communicate(timeout=PATIENCE_S)[0], type=PlantResult

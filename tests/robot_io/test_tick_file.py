@@ -156,14 +156,15 @@ def test_every_prefix_is_read_as_far_as_its_blocks_are_whole(
     assert set(read) == {0, BLOCK_TICKS, 2 * BLOCK_TICKS, TICKS}
 
 
+@pytest.mark.parametrize("copies", [100, pytest.param(300, marks=pytest.mark.slow)])
 def test_damage_costs_what_it_hits_and_is_never_read_as_numbers(
-    whole: Path, kept: MemoryTicks, tmp_path: Path
+    whole: Path, kept: MemoryTicks, tmp_path: Path, copies: int
 ) -> None:
     data = whole.read_bytes()
     rng = np.random.default_rng(0)
     path = tmp_path / "damaged.mcap"
     refused = 0
-    for _ in range(300):
+    for _ in range(copies):
         damaged = bytearray(data)
         at = int(rng.integers(len(data)))
         length = int(rng.choice([1, 4, 64]))
@@ -182,7 +183,7 @@ def test_damage_costs_what_it_hits_and_is_never_read_as_numbers(
             values, true = table.read(name), kept.read(name)[ticks]
             missing = np.isnan(values) if layout.dtype == "float64" else values < 0
             assert (missing | (values == true)).all(), name
-    assert refused < 30
+    assert refused < 0.1 * copies
 
 
 @pytest.mark.parametrize("content", [b"", b"something else", bytes(5000)])

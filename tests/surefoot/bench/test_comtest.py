@@ -26,7 +26,7 @@ from surefoot.bench.sway_results import sway_result
 from surefoot.errors import UsageError
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.state_view import PlantTruth, PlatformPose
-from tests.command import run_surefoot
+from tests.command import Surefoot
 
 HEIGHT_M = 0.8
 ME = Under("hold", "ideal")
@@ -109,12 +109,13 @@ def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
 
 
 @pytest.mark.closed_loop
-@pytest.mark.process
-def test_a_stiff_robot_goes_with_the_ground_and_files_say_so(tmp_path: Path) -> None:
+def test_a_stiff_robot_goes_with_the_ground_and_files_say_so(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
     """Its servos hold the posture; its weight makes it lean somewhat further."""
     out = tmp_path / "comtest"
     arguments = ["--controllers", "hold", "--servo-profile", "ideal", "--json"]
-    done = run_surefoot(
+    done = surefoot_here(
         *("bench", "comtest", *arguments, "--protocols", "prts", "--axes", "pitch"),
         *("--sizes", "0.5", "--speed", f"{SPEED:g}", "--jobs", "1", "--out", str(out)),
     )
