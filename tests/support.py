@@ -13,7 +13,8 @@ PATIENCE_S = 300.0 * float(os.environ.get("SUREFOOT_TEST_PATIENCE", "1"))
 """How long anything that must happen is waited for: the one bound in seconds of all
 tests. It only ends what is broken, so it is far beyond what a slow machine beside other
 work needs: nothing is measured by it."""
-_PAUSE_S = 0.002
+_PAUSE_S = 0.01
+"""Asked more often, what only waits would take the processor from what it waits for."""
 
 
 def wait_until(

@@ -29,18 +29,18 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_port_in_use_is_the_environments_fault(surefoot: Surefoot) -> None:
+def test_a_port_in_use_is_the_environments_fault(surefoot_here: Surefoot) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        done = surefoot("view", "--port", port)
+        done = surefoot_here("view", "--port", port)
     assert done.returncode == 3
     assert f"127.0.0.1:{port}" in done.stderr
     assert "--port" in done.stderr
     assert "Traceback" not in done.stderr
 
 
-def test_a_malformed_locator_is_told_at_once(surefoot: Surefoot) -> None:
-    done = surefoot("view", "--port", 0, "--connect", "nonsense")
+def test_a_malformed_locator_is_told_at_once(surefoot_here: Surefoot) -> None:
+    done = surefoot_here("view", "--port", 0, "--connect", "nonsense")
     assert done.returncode == 2
     assert "nonsense" in done.stderr
 
