@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.command import run_surefoot
+
 
 def made_once(
     folders: pytest.TempPathFactory, name: str, make: Callable[[Path], object]
@@ -32,3 +34,16 @@ def made_once(
             make(folder)
             made.touch()
     return folder
+
+
+def short_run(folders: pytest.TempPathFactory) -> Path:
+    """A folder of a run of 300 ticks on the bus under the controller that holds."""
+
+    def make(folder: Path) -> None:
+        scenario = folder / "short.toml"
+        scenario.write_text('name = "short"\nduration_s = 0.3\n')
+        words = ("--controller", "hold", "--out", folder / "run")
+        done = run_surefoot("run", scenario, *words)
+        assert done.returncode == 0, done.stderr
+
+    return made_once(folders, "short", make) / "run"

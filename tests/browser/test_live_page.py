@@ -80,8 +80,9 @@ class Visit:
 
     def _start(self, name: str, *words: object) -> subprocess.Popen[bytes]:
         with (self.folder / f"{name}.log").open("w") as log:
+            # Beside the browser: flat out, the run would keep the page from being drawn.
             return subprocess.Popen(
-                command(name, *words),
+                ["nice", "-n", "5", *command(name, *words)],
                 env=environment(),
                 stdout=subprocess.PIPE,
                 stderr=log,

@@ -11,19 +11,15 @@ import pyarrow.parquet
 import pytest
 
 from surefoot.signals import read_signals
-from tests.command import Surefoot, run_surefoot
+from tests.command import Surefoot
+from tests.once import short_run
 from tests.surefoot.recording.mcap_reading import messages
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run's record; not to be changed."""
-    folder = tmp_path_factory.mktemp("recorded")
-    scenario, out = folder / "short.toml", folder / "run"
-    scenario.write_text('name = "short"\nduration_s = 0.3\n')
-    done = run_surefoot("run", scenario, "--controller", "hold", "--out", out)
-    assert done.returncode == 0, done.stderr
-    return out / "run.mcap"
+    return short_run(tmp_path_factory) / "run.mcap"
 
 
 def positions(path: Path) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import resource
+import shutil
 import struct
 import subprocess
 import sys
@@ -20,6 +21,7 @@ from surefoot.report.run_data import load_run, read_heard
 from tests.command import environment
 from tests.files.commands import assert_refused_in_one_line, run_here
 from tests.files.damage import FOREIGN, damaged, foreign_record
+from tests.once import short_run
 from tests.support import PATIENCE_S, free_port
 
 COPIES = 12
@@ -30,20 +32,9 @@ PLAYED_EVERY = 10
 
 @pytest.fixture(scope="module")
 def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("run")
-    scenario = folder / "short.toml"
-    scenario.write_text('name = "short"\nduration_s = 0.3\n')
-    subprocess.run(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", scenario),
-            *("--controller", "hold", "--out", folder / "run"),
-        ],
-        env=environment(),
-        check=True,
-        capture_output=True,
-        timeout=PATIENCE_S,
-    )
-    return folder / "run"
+    """Of a run, to be damaged: a copy."""
+    own = tmp_path_factory.mktemp("damaged") / "run"
+    return Path(shutil.copytree(short_run(tmp_path_factory), own))
 
 
 @pytest.fixture(scope="module")
