@@ -74,6 +74,8 @@ def ends_clean(process: subprocess.Popen[str]) -> tuple[str, str]:
     return stdout, stderr
 
 
+# Each command once by default, dialing or listening: both take the same way.
+@pytest.mark.usual("topics", "stabilizer", "check-robot")
 @pytest.mark.parametrize("name", DIALING)
 def test_while_it_dials(tmp_path: Path, name: str) -> None:
     """Somebody answers the call there, and then says nothing."""
@@ -89,6 +91,7 @@ def test_while_it_dials(tmp_path: Path, name: str) -> None:
         assert stdout == ""
 
 
+@pytest.mark.usual("record", "echo", "hz")
 @pytest.mark.parametrize("name", LISTENING)
 def test_while_it_listens(tmp_path: Path, endpoints: Endpoints, name: str) -> None:
     seen: list[str] = []

@@ -60,6 +60,8 @@ def is_gone(process: int) -> bool:
     return False
 
 
+# SIGINT to such a run: test_out_folder.py.
+@pytest.mark.usual("15")
 @pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
 def test_interrupting_a_run_stops_both_and_keeps_what_there_is(
     endless_run: tuple[subprocess.Popen[str], Path], sent: signal.Signals
