@@ -283,7 +283,7 @@ def check_out(out: Path, *, overwrite: bool) -> None:
     """
     check_replaceable(out, signature=SIGNATURE, overwrite=overwrite)
     if not out.parent.is_dir():
-        raise UsageError(f"{out}: there is no folder {out.parent}")
+        raise UsageError(f"--out {out}: there is no folder {out.parent}")
 
 
 def write_profile(

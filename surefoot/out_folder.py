@@ -36,7 +36,7 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
         EnvironmentFailedError: it cannot be made or written to.
     """
     if folder.is_symlink() and not folder.exists():
-        raise UsageError(f"{out}: is a link to nothing; name a folder")
+        raise UsageError(f"--out {out}: is a link to nothing; name a folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -44,11 +44,11 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
     except (FileExistsError, NotADirectoryError) as error:
         file = next((above for above in folder.parents if above.is_file()), folder)
         raise UsageError(
-            f"{out}: {file} is not a folder; name a folder, or a new one"
+            f"--out {out}: {file} is not a folder; name a folder, or a new one"
         ) from error
     except OSError as error:
         raise EnvironmentFailedError(
-            f"{out}: cannot write in {folder} ({error.strerror or error}); name "
+            f"--out {out}: cannot write in {folder} ({error.strerror or error}); name "
             "a folder that can be written to, on a disk with room"
         ) from error
 
@@ -68,7 +68,7 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
         return
     if not overwrite:
         raise UsageError(
-            f"{path}: is there already; name another place, or overwrite it "
+            f"--out {path}: is there already; name another place, or overwrite it "
             "(--overwrite)"
         )
     try:
@@ -78,7 +78,7 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
         is_ours = False
     if not is_ours:
         raise UsageError(
-            f"{path}: is there, and its first line does not say {signature!r}; "
+            f"--out {path}: is there, and its first line does not say {signature!r}; "
             "it is left as it is, name another place"
         )
 
@@ -99,7 +99,7 @@ def new_file(path: Path, *, overwrite: bool) -> Iterator[IO[bytes]]:
             yield file
     except FileExistsError as error:
         raise UsageError(
-            f"{path}: another command wrote it meanwhile, and it is left as it "
+            f"--out {path}: another command wrote it meanwhile, and it is left as it "
             "is; name another place"
         ) from error
 
@@ -120,7 +120,7 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
     """
     if path.exists() and not overwrite:
         raise UsageError(
-            f"{path}: is there already; name another file, or overwrite it "
+            f"--out {path}: is there already; name another file, or overwrite it "
             "(--overwrite)"
         )
     partial = path.with_name(path.name + ".partial")
@@ -130,13 +130,13 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         if file.tell() and not overwrite:
             raise UsageError(
-                f"{path}: {partial} is what a command that was cut off left; "
+                f"--out {path}: {partial} is what a command that was cut off left; "
                 "take it elsewhere, name another file, or overwrite it (--overwrite)"
             )
     except BlockingIOError as error:
         file.close()
         raise UsageError(
-            f"{path}: another command is writing it now; name another file"
+            f"--out {path}: another command is writing it now; name another file"
         ) from error
     except UsageError:
         file.close()
@@ -233,7 +233,7 @@ class OutFolder:
         except BlockingIOError as error:
             self._release()
             raise UsageError(
-                f"{self.out}: another command is writing there now; name "
+                f"--out {self.out}: another command is writing there now; name "
                 "another folder, or wait for it"
             ) from error
         except OSError:  # a file system without locks
@@ -249,12 +249,12 @@ class OutFolder:
             return
         if not (self.path / self._marker).is_file():
             raise UsageError(
-                f"{self.out}: holds other files than {self._content} of "
+                f"--out {self.out}: holds other files than {self._content} of "
                 "surefoot; name an empty or new folder"
             )
         if not self._overwrite:
             raise UsageError(
-                f"{self.out}: holds {self._content} already; name another "
+                f"--out {self.out}: holds {self._content} already; name another "
                 "folder, or overwrite its files (--overwrite)"
             )
         self._remove_ours()

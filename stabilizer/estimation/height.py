@@ -51,14 +51,6 @@ SUDDEN_M_S2 = 0.05
 """No sensor's drift: the robot carries something, is held or hit [m/s^2]."""
 ODD_FOR_S = 1.0
 """After so long what came suddenly is the new usual."""
-BRAKING_M_S2 = 0.5
-"""Ground that would have to be stopped harder than this within what is left of the
-stroke takes the level along [m/s^2]."""
-LASTING_S = 0.1
-"""Low-pass of the ground's speed: one that stops sooner, as of a drop, is borne."""
-LEAST_ROOM_M = 1e-3
-HARDEST_BRAKING_M_S2 = 4.0
-"""Well below gravity: the feet stay pressed down [m/s^2]."""
 AT_END = 0.2
 """Part of the pull that is left at the stroke's end: the error tells nothing there."""
 
@@ -79,8 +71,8 @@ class HeightFilter:
     greater, and the robot rides with the ground the more, the less is known.
 
     The ground is taken to be level on average, within the legs' stroke: ground that
-    goes farther takes the level along, from where it has to be braked to stop at the
-    stroke's end, and from there the pull leads back without swinging over.
+    goes farther takes the level along, and from the stroke's end the pull leads back
+    without swinging over.
 
     Attributes:
         height: over level ground [m].
@@ -119,7 +111,6 @@ class HeightFilter:
         self._is_at_end = False
         self._felt_speed = self._leg_mean = self._speed_mean = 0.0
         self._ground_speed = 0.0
-        self._lasting = 0.0
 
     def calibrate(
         self,
@@ -190,15 +181,6 @@ class HeightFilter:
         self.bias -= dt * k_3 * error
         ground = self._height - over
         lowest, highest = self._stroke
-        speed = self._rate - rate
-        self._lasting += dt / LASTING_S * (speed - self._lasting)
-        if speed * self._lasting > 0.0:
-            room = highest - ground if speed > 0.0 else ground - lowest
-            slower = min(abs(speed), abs(self._lasting))
-            braking = slower * slower / (2.0 * max(room, LEAST_ROOM_M))
-            if braking > BRAKING_M_S2:
-                braking = min(braking, HARDEST_BRAKING_M_S2)
-                self._rate -= dt * math.copysign(braking, speed)
         within = min(max(ground, lowest), highest)
         self._height += within - ground
         self._is_at_end = within != ground

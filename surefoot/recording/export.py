@@ -225,12 +225,12 @@ def _check_place(path: Path, names: Iterable[str], *, overwrite: bool) -> None:
         return
     if not overwrite:
         raise UsageError(
-            f"{path}: is there already; name another place, or overwrite it "
+            f"--out {path}: is there already; name another place, or overwrite it "
             "(--overwrite)"
         )
     if path.is_symlink() or _names_in(path) != list(names):
         raise UsageError(
-            f"{path}: is there, and not what an export of this would be; it is "
+            f"--out {path}: is there, and not what an export of this would be; it is "
             "left as it is, name another place"
         )
 
@@ -253,7 +253,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (FileExistsError, NotADirectoryError) as error:
-        raise UsageError(f"{folder}: expected a folder or a new name") from error
+        raise UsageError(f"--out {folder}: expected a folder or a new name") from error
 
 
 def _export_tables(

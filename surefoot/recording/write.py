@@ -341,6 +341,6 @@ def _refuse_foreign(path: Path) -> None:
         is_ours = False
     if not is_ours:
         raise UsageError(
-            f"{path}: is there, and no record of surefoot; it is left as it is, "
+            f"--out {path}: is there, and no record of surefoot; it is left as it is, "
             "name another file"
         )

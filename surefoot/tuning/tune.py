@@ -260,6 +260,6 @@ def _claim(folder: Path, journal: Path) -> None:
     """See that the folder is new, or that of a former search."""
     known = (folder / OUTCOME).is_file() or journal.is_file()
     if folder.is_dir() and any(folder.iterdir()) and not known:
-        raise UsageError(f"{folder}: holds something else; name another folder")
+        raise UsageError(f"--out {folder}: holds something else; name another folder")
     make_out_folder(folder, out=folder)
     make_out_folder(journal.parent, out=journal)

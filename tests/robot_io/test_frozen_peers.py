@@ -39,7 +39,7 @@ with Bus(endpoints, Role.ROBOT, namespace="walker") as bus:
         publisher.put(bytes(2000))
         time.sleep(0.001)
         came = channel.poll() is not None
-        silent = 0 if came else silent + 1
+        silent = 0 if came or not gone else silent + 1
         longest = max(longest, silent)
         left -= came and len(gone) >= {frozen}
     say(longest)

@@ -35,7 +35,8 @@ SENSOR_FAULTS = [
         {"joints.position", "joints.range", "imu.gravity", "right_ankle_ft.alive"},
     ),
     ((broken.tick_stands_still,), {f"{name}.tick" for name in broken.CHANNELS}),
-    ((broken.stuck_imu, broken.not_finite), {"imu.alive", "joints.format"}),
+    ((broken.stuck_imu,), {"imu.alive"}),
+    ((broken.not_finite,), {"joints.format"}),
 ]
 """Faults of different sensors, or of what is told of them, on one robot."""
 GATE_FAULTS = [

@@ -66,7 +66,7 @@ def inputs(cell: Cell, *overrides: str) -> str:
 
 def test_code_of_a_run_is_plant_controller_and_settings() -> None:
     code = code_of_a_run()
-    computing = ("sim_robot.servos", "stabilizer.control.dik", "schemas.settings")
+    computing = ("sim_robot.plant", "stabilizer.control.dik", "schemas.settings")
     beside = ("cli", "report", "view", "studies", "recording", "robot_io.bus")
     assert all(f"surefoot.{name}" in code for name in computing)
     assert not [
