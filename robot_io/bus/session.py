@@ -63,6 +63,7 @@ the control loop its core and its caches. Who listens has more, which sleep."""
 LISTENING_WORKERS = 64
 """One is stuck for half a minute with each peer that stands still for longer than the
 lease, or whose cable is pulled; one that comes and goes makes several of them."""
+_will_listen = False
 RETRY_GROWTH = 2
 RETRY_MAX_FACTOR = 4
 POLL_S = 0.1
@@ -111,7 +112,6 @@ def open_session(
         RobotUnreachableError: nobody answers where it dials.
     """
     _check(endpoints, role)
-    set_up_runtime(is_listening=listens(endpoints, role))
     config = session_config(
         endpoints,
         role,
@@ -121,7 +121,8 @@ def open_session(
         wait_before_drop_s=wait_before_drop_s,
     )
     try:
-        session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
+        with _threads(is_listening=listens(endpoints, role)):
+            session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
         raise _open_error(endpoints, role, error, timeout_s) from error
     try:
@@ -130,14 +131,28 @@ def open_session(
         _close(session)
 
 
-def set_up_runtime(*, is_listening: bool) -> None:
-    """Choose how many threads Zenoh gets; what comes first in a process holds.
+def expect_to_listen() -> None:
+    """Say that this process will listen, though its first session dials."""
+    global _will_listen
+    _will_listen = True
 
-    Args:
-        is_listening: whether this process will listen.
+
+@contextmanager
+def _threads(*, is_listening: bool) -> Iterator[None]:
+    """Choose how many threads Zenoh gets, where the user does not.
+
+    Zenoh looks at its variable once, at the first session of a process. It is taken
+    away again, lest a process that this one starts have threads for another role.
     """
-    workers = LISTENING_WORKERS if is_listening else 1
-    os.environ.setdefault(RUNTIME_VARIABLE, RUNTIME.format(workers))
+    if RUNTIME_VARIABLE in os.environ:
+        yield
+        return
+    workers = LISTENING_WORKERS if is_listening or _will_listen else 1
+    os.environ[RUNTIME_VARIABLE] = RUNTIME.format(workers)
+    try:
+        yield
+    finally:
+        del os.environ[RUNTIME_VARIABLE]
 
 
 def listens(endpoints: Endpoints, role: Role) -> bool:

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.session import Role, set_up_runtime, unreachable
+from surefoot.robot_io.bus.session import Role, expect_to_listen, unreachable
 from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
@@ -132,7 +132,7 @@ class Relay:
             RobotMismatchError: the robot has another description, or there are two.
             RobotIoError: it cannot send any more.
         """
-        set_up_runtime(is_listening=True)  # it dials first
+        expect_to_listen()
         place = listening or endpoints
         pause = threading.Event()  # never set: a signal may come in the midst of a wait
         dispatcher = Dispatcher()
