@@ -25,7 +25,6 @@ from surefoot.schemas.settings import (
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller, ForeignController
 from surefoot.stabilizer.errors import ControllerError
-from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 CONTROLLERS = ("whole-body", "zmp", "hold")
 """Names of the shipped controllers."""
@@ -49,7 +48,9 @@ def check_settings(
         FileFormatError: two settings, or a setting and the robot or the run,
             contradict each other; the message names both.
     """
-    _check_forces(settings, weight=RobotModel(robot).mass * GRAVITY)
+    from surefoot.stabilizer.model import RobotModel  # names need no dynamics
+
+    _check_forces(settings, weight=RobotModel(robot).weight)
     _check_margin(settings.dik.limit_margin_rad, robot)
     calibration_s = settings.estimator.calibration_s
     # A run shorter than the usual calibration is no mistake of the settings.

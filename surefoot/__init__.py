@@ -62,7 +62,7 @@ _HOMES = {
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
     "recording.read": ("Record", "read_record"),
-    "playback.play": ("ReplayOutcome", "replay"),
+    "playback.replay": ("ReplayOutcome", "replay"),
     "studies.study": ("Study", "study"),
     "tuning.outcome": ("Tuned",),
     "tuning.tune": ("tune",),
@@ -101,8 +101,8 @@ if TYPE_CHECKING:
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
     from surefoot.loop_margins import compute_margins as compute_margins
-    from surefoot.playback.play import ReplayOutcome as ReplayOutcome
-    from surefoot.playback.play import replay as replay
+    from surefoot.playback.recompute import ReplayOutcome as ReplayOutcome
+    from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record
     from surefoot.recording.read import read_record as read_record
     from surefoot.robot_io.errors import RobotFileError as RobotFileError

@@ -20,9 +20,8 @@ or not at all.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from surefoot.run_plan import RunPlan
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause, Outcome, in_words, plain
 from surefoot.schemas.result import (
@@ -33,6 +32,9 @@ from surefoot.schemas.result import (
     RunResult,
     WalkReport,
 )
+
+if TYPE_CHECKING:
+    from surefoot.run_plan import RunPlan
 
 LARGEST_UNSOLVED_SHARE = 0.5
 """Share of ticks in which nothing was balanced, above which nobody was in control."""
