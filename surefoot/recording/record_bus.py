@@ -21,7 +21,7 @@ KEPT_BYTES = 128 * 2**20
 """Taken and not yet written; with more, what comes is lost, which the record tells."""
 MUCH_BYTES = 4 * 2**20
 """So much is half a second of a bus in real time; after more memory is given back."""
-TIDY_S = 60.0
+TIDY_S = 10.0
 """The collector, which would go through all that waits, has its turn so often [s]."""
 SLICE = 500
 """Messages written before the rings are emptied again: some ten milliseconds."""
