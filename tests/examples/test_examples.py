@@ -21,8 +21,8 @@ SHORT = 'name = "short"\nduration_s = 1.5\n[sensors]\nforce_noise_n = 2.0\n'
 PNG = b"\x89PNG\r\n"
 SHORTER = ("duration_s=2.0", "duration_s=1.2")
 """Of the notebook's scenario, run seven times: errors are counted from one second."""
-SWAY_S = 3.5
-"""Four and a half of the ground's sways: holding still falls in the first ones."""
+SWAY_S = 5.0
+"""Holding still falls after 4.2 s."""
 LEAST_BYTES = 5000
 """A plot with axes and curves is larger, an empty one is not."""
 

@@ -51,7 +51,7 @@ def shared_runs(folders: pytest.TempPathFactory) -> Path:
     def make(folder: Path) -> None:
         make_run(folder, "--set", "tsid.base_kp=120", "bus")
         make_run(folder, "--inline", "inline")
-        make_run(folder, "--inline", "--controller", "zmp", "zmp")
+        make_run(folder, "--controller", "zmp", "zmp")
 
     return made_once(folders, "runs", make)
 
