@@ -31,14 +31,13 @@ def main() -> None:
             code = ExitCode.INTERRUPTED
         if code is None:
             raise
-        if code is ExitCode.INTERRUPTED:
-            # Plainly: what prints in colours may be what was being loaded.
-            sys.stderr.write(f"{ERROR_PREFIX} interrupted{interruption.by}\n")
-        else:
+        if code is not ExitCode.INTERRUPTED:
             from surefoot.cli.console import print_error
 
             print_error(error)
         sys.exit(code)
+    finally:  # typer makes an exit of a KeyboardInterrupt, without a word
+        interruption.tell()
 
 
 class _Interruption:
@@ -55,6 +54,17 @@ class _Interruption:
         self.by = ""
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._come)
+
+    def tell(self) -> None:
+        """Say which signal has ended the command; nothing when none did.
+
+        Plainly: what prints in colours may be what was being loaded.
+        """
+        if self.has_come:
+            # One that came while a text was executed, as dataclasses do when they are
+            # made, is kept in mind, and ends Python by the signal; this forgets it.
+            exec("")
+            sys.stderr.write(f"{ERROR_PREFIX} interrupted{self.by}\n")
 
     def _come(self, signum: int, frame: FrameType | None) -> None:
         self.has_come = True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -18,9 +19,8 @@ import surefoot.cli.__main__ as entry
 
 def app(prog_name):
     try:
-        os.kill(os.getpid(), signal.{name})
-        while True:
-            pass
+        # As a text, as dataclasses are made: Python keeps that in mind.
+        exec("os.kill(os.getpid(), signal.{name})\\nwhile True: pass")
     except KeyboardInterrupt as error:
         raise {error} from error
 
@@ -33,10 +33,15 @@ entry.main()
     "error", ["ImportError('numpy')", "RuntimeError('odd')", "error"]
 )
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGINT"])
-def test_a_library_that_turns_it_into_its_own_error(name: str, error: str) -> None:
+def test_a_library_that_turns_it_into_its_own_error(
+    tmp_path: Path, name: str, error: str
+) -> None:
     assert hasattr(signal, name)
+    script = SCRIPT.format(name=name, error=error)
+    (tmp_path / "interrupted.py").write_text(script)
     done = subprocess.run(
-        [sys.executable, "-c", SCRIPT.format(name=name, error=error)],
+        [sys.executable, "-m", "interrupted"],
+        cwd=tmp_path,
         capture_output=True,
         text=True,
         timeout=PATIENCE_S,
