@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from surefoot.sim_robot.catalogue import SCENARIOS_DIR
-from surefoot.sim_robot.synthetic_ground import (
+from surefoot.sim_robot.recorded import (
     passenger_pulse,
     strong_motion,
     write_ground,

@@ -25,7 +25,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.scenario import Scenario
-from surefoot.schemas.sensing import Delay, Sensors
+from surefoot.schemas.scenario_robot import Delay, Sensors
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController

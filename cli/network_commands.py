@@ -99,8 +99,7 @@ def relay(
     from surefoot.cli.summary import relay_table
     from surefoot.processes.child import begin_as_child, report_ready
     from surefoot.robot_io.bus.stop_request import StopRequest
-    from surefoot.robot_io.relay.catalogue import find_plan
-    from surefoot.robot_io.relay.relay import Relay
+    from surefoot.robot_io.relay.relay import Relay, find_plan
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_folder import write_struct
     from surefoot.schemas.relay_plan import load_relay_plan

@@ -15,8 +15,14 @@ from msgspec.structs import replace
 from surefoot.schemas.arrays import Floats3, Pair
 from surefoot.schemas.motions import Motion, RecordedMotion
 from surefoot.schemas.robot_file import NonNegative, Positive
-from surefoot.schemas.scenario_robot import ModelError, Payload, Rod, Start
-from surefoot.schemas.sensing import Delay, Sensors
+from surefoot.schemas.scenario_robot import (
+    Delay,
+    ModelError,
+    Payload,
+    Rod,
+    Sensors,
+    Start,
+)
 from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS

@@ -19,7 +19,7 @@ from msgspec.structs import fields
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.motions import ROTATIONS
 from surefoot.schemas.scenario import Scenario, scenario_from_table
-from surefoot.schemas.sensing import SensorDelays
+from surefoot.schemas.scenario_robot import SensorDelays
 
 Table = dict[str, Any]
 _PACE, _TILT_RATE = "pace", "tilt_rate_deg_s"

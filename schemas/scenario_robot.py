@@ -1,4 +1,4 @@
-"""What a scenario says of the robot itself, and of rods that touch it."""
+"""What a scenario says of the robot itself, its sensors, and rods that touch it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 
 from surefoot.schemas.arrays import Floats3, Pair
-from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.robot_file import NonNegative, Positive, Side
 from surefoot.schemas.toml_file import FileStruct
 
 PerJoint = NonNegative | dict[str, NonNegative]
@@ -120,3 +120,137 @@ class StrikeRod(_Rod, frozen=True, kw_only=True, tag="strike", tag_field="kind")
 
 
 Rod = ForceRod | DisplacementRod | StrikeRod
+
+
+Deviations3 = Annotated[list[NonNegative], msgspec.Meta(min_length=3, max_length=3)]
+Axes = float | Floats3
+"""One number for all axes, or x, y and z."""
+DeviationAxes = NonNegative | Deviations3
+
+
+class Sides(FileStruct, frozen=True, kw_only=True):
+    """A value for each side; 0 where it is not given."""
+
+    left: Axes = 0.0
+    """Of the left foot."""
+    right: Axes = 0.0
+    """Of the right foot."""
+
+
+class DeviationSides(FileStruct, frozen=True, kw_only=True):
+    """A standard deviation for each side; 0 where it is not given."""
+
+    left: DeviationAxes = 0.0
+    """Of the left foot."""
+    right: DeviationAxes = 0.0
+    """Of the right foot."""
+
+
+class ScaleSides(FileStruct, frozen=True, kw_only=True):
+    """A scale for each side; 1 where it is not given."""
+
+    left: Axes = 1.0
+    """Of the left foot."""
+    right: Axes = 1.0
+    """Of the right foot."""
+
+
+class SensorDelays(FileStruct, frozen=True, kw_only=True):
+    """A delay for each kind of sensor [ms]."""
+
+    imu: NonNegative = 0.0
+    """Of the IMU."""
+    force_torque: NonNegative = 0.0
+    """Of both ankle sensors."""
+    joints: NonNegative = 0.0
+    """Of positions, velocities and efforts."""
+
+
+class Sensors(FileStruct, frozen=True, kw_only=True):
+    """Errors and rates of the sensors; without any of it they are exact.
+
+    Errors are a number for all axes and sides, ``[x, y, z]`` in the sensor's own frame,
+    or, for the ankles, ``{ left = ..., right = ... }`` of either. A sensor reports
+    scale x truth + bias + drift x time + noise. A sensor with a rate measures so often,
+    repeats its reading in between, and stamps it with the time it was measured at.
+    """
+
+    force_noise_n: DeviationAxes | DeviationSides = 0.0
+    """Ankle forces: standard deviation per sample."""
+    moment_noise_nm: DeviationAxes | DeviationSides = 0.0
+    """Ankle moments: standard deviation per sample."""
+    gyro_noise_rad_s: DeviationAxes = 0.0
+    """Gyroscope: standard deviation per sample."""
+    accel_noise_m_s2: DeviationAxes = 0.0
+    """Accelerometer: standard deviation per sample."""
+    gyro_bias_rad_s: Axes = 0.0
+    """Gyroscope: constant offset."""
+    accel_bias_m_s2: Axes = 0.0
+    """Accelerometer: constant offset."""
+    force_bias_n: Axes | Sides = 0.0
+    """Ankle forces: constant offset."""
+    moment_bias_nm: Axes | Sides = 0.0
+    """Ankle moments: constant offset."""
+    force_scale: Axes | ScaleSides = 1.0
+    """Ankle forces: reading over truth [1]."""
+    moment_scale: Axes | ScaleSides = 1.0
+    """Ankle moments: reading over truth [1]."""
+    gyro_scale: Axes = 1.0
+    """Gyroscope: reading over truth [1]."""
+    accel_scale: Axes = 1.0
+    """Accelerometer: reading over truth [1]."""
+    force_drift_n_min: Axes | Sides = 0.0
+    """Ankle forces: how the offset grows [N/min]."""
+    moment_drift_nm_min: Axes | Sides = 0.0
+    """Ankle moments: how the offset grows [N m/min]."""
+    gyro_drift_rad_s_min: Axes = 0.0
+    """Gyroscope: how the offset grows [rad/s/min]."""
+    accel_drift_m_s2_min: Axes = 0.0
+    """Accelerometer: how the offset grows [m/s^2/min]."""
+    encoder_resolution_rad: NonNegative = 0.0
+    """Joint positions come in steps of this size."""
+    encoder_offset_rad: float | dict[str, float] = 0.0
+    """Reading less true position: of all joints, or by joint."""
+    force_torque_rate_hz: Positive | None = None
+    """Ankle sensors; absent: every tick."""
+    imu_rate_hz: Positive | None = None
+    """Gyroscope, accelerometer and attitude; absent: every tick. The accelerometer
+    tells the mean since its last reading."""
+    joints_rate_hz: Positive | None = None
+    """Positions, velocities and efforts; absent: every tick."""
+
+    def axes(self, key: str, side: Side | None) -> list[float]:
+        """Return x, y and z of a key.
+
+        Args:
+            key: of this struct.
+            side: of the foot; None for what belongs to no foot.
+        """
+        value = getattr(self, key)
+        if isinstance(value, (Sides, DeviationSides, ScaleSides)):
+            value = value.left if side == "left" else value.right
+        return list(value) if isinstance(value, list) else [float(value)] * 3
+
+
+class Delay(FileStruct, frozen=True, kw_only=True):
+    """Transport delays, in whole ticks of the robot."""
+
+    sensor_ms: NonNegative | SensorDelays = 0.0
+    """From measuring to sending: of all sensors, or ``{ imu = ..., force_torque = ...,
+    joints = ... }``."""
+    jitter_ms: NonNegative = 0.0
+    """Each kind of sensor is late by up to so much more, evenly at random; a reading
+    never overtakes the one before."""
+    command_ms: NonNegative | None = None
+    """From a tick's sensors to the servos; absent: one tick of the robot."""
+
+    def of(self, kind: str) -> float:
+        """Return the delay of a kind of sensor [ms].
+
+        Args:
+            kind: ``imu``, ``force_torque`` or ``joints``.
+        """
+        if isinstance(self.sensor_ms, SensorDelays):
+            value: float = getattr(self.sensor_ms, kind)
+            return value
+        return self.sensor_ms

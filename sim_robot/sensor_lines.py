@@ -14,7 +14,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import ForceTorque, ImuState, JointState
 from surefoot.schemas.scenario import SensorFault
-from surefoot.schemas.sensing import Delay, Sensors
+from surefoot.schemas.scenario_robot import Delay, Sensors
 from surefoot.schemas.sensors import SENSORS, Sensor, sensor
 from surefoot.sim_robot.conventions import whole_ticks
 from surefoot.sim_robot.errors import ScenarioError

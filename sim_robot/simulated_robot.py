@@ -15,10 +15,15 @@ from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantRe
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.conventions import whole_ticks
 from surefoot.sim_robot.errors import CommandError, ScenarioError
-from surefoot.sim_robot.metrics import Fall, PlantMetrics, WalkMetrics
+from surefoot.sim_robot.metrics import (
+    Fall,
+    PlantMetrics,
+    RobotRecorder,
+    RunDigest,
+    WalkMetrics,
+)
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.recorded import recorded_ground
-from surefoot.sim_robot.run_record import RobotRecorder, RunDigest
 from surefoot.sim_robot.sensor_lines import SensorFaults
 from surefoot.sim_robot.state_view import PlantTruth
 

@@ -37,10 +37,10 @@ _HOMES = {
         *("SensorFault", "Tile"),
     ),
     "schemas.scenario_robot": (
+        *("Sensors", "Delay"),
         *("DisplacementRod", "ForceRod", "ModelError", "Payload", "Start"),
         "StrikeRod",
     ),
-    "schemas.sensing": ("Sensors", "Delay"),
     "schemas.motions": (
         *("SineMotion", "RampMotion", "DropMotion"),
         *("PrtsMotion", "SpectrumMotion", "RecordedMotion"),
@@ -56,8 +56,10 @@ _HOMES = {
         *("UnknownSignalError",),
     ),
     "schemas.margins": ("AxisMargin", "LoopMargins"),
-    "loop_margins": ("compute_margins",),
-    "controllers": ("make_controller", "list_controllers", "drive"),
+    "controllers": (
+        *("make_controller", "list_controllers", "drive"),
+        "compute_margins",
+    ),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
@@ -90,6 +92,7 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from surefoot import bench as bench
+    from surefoot.controllers import compute_margins as compute_margins
     from surefoot.controllers import drive as drive
     from surefoot.controllers import list_controllers as list_controllers
     from surefoot.controllers import make_controller as make_controller
@@ -100,7 +103,6 @@ if TYPE_CHECKING:
     from surefoot.errors import TuneInterrupted as TuneInterrupted
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
-    from surefoot.loop_margins import compute_margins as compute_margins
     from surefoot.playback.recompute import ReplayOutcome as ReplayOutcome
     from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record
@@ -134,14 +136,14 @@ if TYPE_CHECKING:
     from surefoot.schemas.scenario import Scenario as Scenario
     from surefoot.schemas.scenario import SensorFault as SensorFault
     from surefoot.schemas.scenario import Tile as Tile
+    from surefoot.schemas.scenario_robot import Delay as Delay
     from surefoot.schemas.scenario_robot import DisplacementRod as DisplacementRod
     from surefoot.schemas.scenario_robot import ForceRod as ForceRod
     from surefoot.schemas.scenario_robot import ModelError as ModelError
     from surefoot.schemas.scenario_robot import Payload as Payload
+    from surefoot.schemas.scenario_robot import Sensors as Sensors
     from surefoot.schemas.scenario_robot import Start as Start
     from surefoot.schemas.scenario_robot import StrikeRod as StrikeRod
-    from surefoot.schemas.sensing import Delay as Delay
-    from surefoot.schemas.sensing import Sensors as Sensors
     from surefoot.schemas.settings import ControllerSettings as ControllerSettings
     from surefoot.signals import Signals as Signals
     from surefoot.signals import read_signals as read_signals

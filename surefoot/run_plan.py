@@ -14,7 +14,7 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.robot_files.judge import warnings_of
 from surefoot.robot_files.scenario_fit import scale_to_robot as fitted
-from surefoot.robot_io.relay.catalogue import find_plan
+from surefoot.robot_io.relay.relay import find_plan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan

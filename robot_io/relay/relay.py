@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import difflib
 import threading
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from pathlib import Path
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role, expect_to_listen, unreachable
@@ -22,6 +24,7 @@ from surefoot.robot_io.relay.forwarder import (
 from surefoot.robot_io.relay.lane import Lane, PlanClock
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan
 from surefoot.schemas.result import RelayResult
 from surefoot.schemas.topics import (
@@ -31,6 +34,36 @@ from surefoot.schemas.topics import (
     TOPICS,
     Direction,
 )
+
+PLANS_DIR = Path(__file__).parent / "plans"
+
+
+def list_plans() -> list[str]:
+    """Return the names of the shipped plans, sorted."""
+    return sorted(path.stem for path in PLANS_DIR.glob("*.toml"))
+
+
+def find_plan(name_or_path: str) -> Path:
+    """Return the path of a plan, given a shipped name or a path.
+
+    Raises:
+        FileFormatError: there is no such plan; the message names the nearest.
+    """
+    path = Path(name_or_path)
+    if path.suffix == ".toml":
+        if path.is_file():
+            return path
+        raise FileFormatError(f"{path}: no such relay plan")
+    names = list_plans()
+    if name_or_path in names:
+        return PLANS_DIR / f"{name_or_path}.toml"
+    near = difflib.get_close_matches(name_or_path, names, n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    raise FileFormatError(
+        f"no relay plan named {name_or_path!r}; {hint}shipped are "
+        f"{', '.join(names)}, or give the path of a plan (.toml)"
+    )
+
 
 POLL_S = 0.1
 DIAL_S = 0.5

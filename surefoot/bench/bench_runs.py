@@ -17,7 +17,7 @@ from surefoot.errors import UsageError
 from surefoot.progress import CountBar
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import Scenario
-from surefoot.schemas.sensing import Sensors
+from surefoot.schemas.scenario_robot import Sensors
 from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
 from surefoot.studies.cell import Row, figures_of, find_variant, plan_in

@@ -9,9 +9,9 @@ from typing import Any
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.cell import Row
+from surefoot.tuning.ask import Spec
 from surefoot.tuning.objectives import Objective, is_up, mean_figures
 from surefoot.tuning.parameters import Value, overrides_of
-from surefoot.tuning.spec import Spec
 
 NOTICEABLE = 0.005
 """Relative change below which a value or a figure counts as the same."""

@@ -25,7 +25,7 @@ from optuna.trial import FrozenTrial, Trial, TrialState
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.out_folder import make_out_folder
-from surefoot.tuning.spec import Spec
+from surefoot.tuning.ask import Spec
 
 STUDY = "surefoot-tune"
 SPEC, PLACE, WORKER = "spec", "place", "worker"

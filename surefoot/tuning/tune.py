@@ -19,12 +19,11 @@ from surefoot.studies.cell import Row
 from surefoot.studies.execute import run_tasks
 
 try:
-    from surefoot.tuning.ask import Params, held_out_cells, make_spec
+    from surefoot.tuning.ask import Params, Sampler, held_out_cells, make_spec
     from surefoot.tuning.objectives import TuneCell
     from surefoot.tuning.outcome import Candidate, Tuned, choose, compare
     from surefoot.tuning.page import OUTCOME, write_outcome
     from surefoot.tuning.parameters import rounded
-    from surefoot.tuning.spec import Sampler
     from surefoot.tuning.trials import MOST_LOSSES, PLACE, Trials
     from surefoot.tuning.worker import ROWS, STOPPED
 except ModuleNotFoundError as missing:

@@ -16,8 +16,8 @@ from surefoot.errors import ExitCode, exit_code_of
 from surefoot.robot_io.bus import session
 from surefoot.robot_io.bus.session import Role, session_config
 from surefoot.robot_io.errors import LocatorError, RobotFileError
-from surefoot.robot_io.relay.catalogue import PLANS_DIR
 from surefoot.robot_io.relay.lane import Lane
+from surefoot.robot_io.relay.relay import PLANS_DIR
 from surefoot.robot_io.robot import ROBOTS_DIR, load_robot
 from surefoot.run_plan import resolve_settings, settings_text
 from surefoot.schemas.endpoints import load_endpoints

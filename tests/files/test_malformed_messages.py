@@ -28,8 +28,8 @@ from surefoot.robot_io.client_side.observer import (
     Sample,
 )
 from surefoot.robot_io.errors import RobotIoError
-from surefoot.robot_io.relay.catalogue import find_plan, list_plans
 from surefoot.robot_io.relay.lane import Lane
+from surefoot.robot_io.relay.relay import find_plan, list_plans
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import Head, decode, decode_head, decode_map
 from surefoot.schemas.endpoints import Endpoints

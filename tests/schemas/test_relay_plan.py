@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.robot_io.relay.catalogue import find_plan, list_plans
+from surefoot.robot_io.relay.relay import find_plan, list_plans
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import load_relay_plan, relay_plan_from_table
 from surefoot.schemas.topics import TOPICS

@@ -12,7 +12,7 @@ from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.json_schema import field_docs
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.scenario import Scenario, SensorFault
-from surefoot.schemas.sensing import Sensors
+from surefoot.schemas.scenario_robot import Sensors
 from surefoot.schemas.sensors import (
     PER_JOINT,
     SENSORS,

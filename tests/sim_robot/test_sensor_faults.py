@@ -11,7 +11,7 @@ import pytest
 from surefoot.robot_io.snapshot import Snapshot, readings
 from surefoot.schemas.scenario import SensorFault
 from surefoot.schemas.sensors import SENSORS, SNAPSHOT_FIELDS, Sensor
-from surefoot.sim_robot.run_record import RunDigest
+from surefoot.sim_robot.metrics import RunDigest
 from surefoot.sim_robot.sensor_lines import SensorFaults
 from tests.robot_io.sensor_messages import JOINTS, snapshot_at
 

@@ -12,7 +12,7 @@ import surefoot as sf
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
-from surefoot.schemas.sensing import Delay, SensorDelays, Sensors
+from surefoot.schemas.scenario_robot import Delay, SensorDelays, Sensors
 
 pytestmark = pytest.mark.closed_loop
 

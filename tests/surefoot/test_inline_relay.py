@@ -9,7 +9,7 @@ import pytest
 
 from surefoot.outcome import Sides
 from surefoot.relayed_simulation import RelayedSimulation
-from surefoot.robot_io.relay.catalogue import find_plan
+from surefoot.robot_io.relay.relay import find_plan
 from surefoot.run_plan import RunPlan, make_plan
 from surefoot.runs import run_inline
 from surefoot.schemas.messages import RobotMode

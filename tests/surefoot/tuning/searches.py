@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from surefoot.tuning.ask import make_spec
-from surefoot.tuning.spec import Spec
+from surefoot.tuning.ask import Spec, make_spec
 
 STILL = 'name = "still"\nduration_s = 0.02\n'
 PARAMS = {"tsid.com_kp": (10, 80), "dik.com_gain": (0.5, 8.0)}

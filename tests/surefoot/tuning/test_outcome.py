@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from surefoot.tuning.ask import Spec
 from surefoot.tuning.outcome import Candidate, Tuned, choose
-from surefoot.tuning.spec import Spec
 from tests.surefoot.tuning.searches import spec_of, still
 
 

@@ -16,7 +16,7 @@ from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from surefoot.studies.cell import Group, Task
-from surefoot.tuning.ask import make_spec
+from surefoot.tuning.ask import Spec, make_spec
 from surefoot.tuning.objectives import (
     BEYOND,
     SCORE,
@@ -28,7 +28,6 @@ from surefoot.tuning.objectives import (
     mean_figures,
     stimulus_of,
 )
-from surefoot.tuning.spec import Spec
 from tests.surefoot.tuning.searches import still
 
 TILT = Stimulus("prts", "pitch", 4.0)
