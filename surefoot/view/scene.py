@@ -124,6 +124,7 @@ class Scene:
     def show_ghost(self, wanted: bool) -> None:
         """Show or hide the commanded posture."""
         self._ghost.visible = wanted
+        _place(self._ghost_at(self._state))
 
     def show_forces(self, wanted: bool) -> None:
         """Show or hide the wrench arrows."""
@@ -131,15 +132,14 @@ class Scene:
 
     def update(self, state: SceneState) -> None:
         """Move everything to a state."""
-        _place(self._base, state.base)
-        _place(self._ghost, state.base)
+        self._state = state
         links = self._shape.poses(state.q)
-        for link, node in self._links.items():
-            _place(node, links[link])
-        ghost = self._shape.poses(state.q_command)
-        for link, node in self._ghost_links.items():
-            _place(node, ghost[link])
-        self._move_platforms(state.platforms)
+        placed = [(self._base, state.base)]
+        placed += [(node, links[link]) for link, node in self._links.items()]
+        if self._ghost.visible:
+            placed += self._ghost_at(state)
+        placed += self._platforms_at(state.platforms)
+        _place(placed)
         self._lay_ground(state.ground)
         left, right = (
             state.base @ links[foot.sole_frame] for foot in self._robot.file.foot
@@ -149,6 +149,11 @@ class Scene:
         self._walk.update(state, (left, right))
         x, y = self._walk.middle
         self._world.position = (-x, -y, 0.0)
+
+    def _ghost_at(self, state: SceneState) -> list[tuple[Any, Mat]]:
+        links = self._shape.poses(state.q_command)
+        nodes = [(node, links[link]) for link, node in self._ghost_links.items()]
+        return [(self._ghost, state.base), *nodes]
 
     def _draw_forces(self, state: SceneState, soles: tuple[Mat, Mat]) -> None:
         if state.F_meas is not None:
@@ -179,7 +184,7 @@ class Scene:
             # some frames later, when the ground is somewhere else.
             ground = soles[0].copy()
             ground[:3, 3] = 0.5 * (soles[0][:3, 3] + soles[1][:3, 3])
-            _place(self._stance, ground)
+            _place([(self._stance, ground)])
             lifted = edges + np.array([0.0, 0.0, POLYGON_LIFT_M])
             self._polygon.points = (lifted - ground[:3, 3]) @ ground[:3, :3]
         zmp = None
@@ -195,12 +200,11 @@ class Scene:
         if state.com_reference is not None:
             self._reference.position = tuple(state.com_reference)
 
-    def _move_platforms(self, poses: list[Mat]) -> None:
+    def _platforms_at(self, poses: list[Mat]) -> list[tuple[Any, Mat]]:
         while len(self._platforms) < len(poses):
             name = f"/world/ground/platform_{len(self._platforms)}"
             self._platforms.append(self._scene.add_frame(name, show_axes=False))
-        for node, platform in zip(self._platforms, poses, strict=False):
-            _place(node, platform)
+        return list(zip(self._platforms, poses, strict=False))
 
     def _lay_ground(self, blocks: list[GroundBlock]) -> None:
         """Draw all blocks, once it is known which there are."""
@@ -253,10 +257,13 @@ class Scene:
         )
 
 
-def _place(node: Any, T: Mat) -> None:
-    x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
-    node.wxyz = (w, x, y, z)
-    node.position = tuple(T[:3, 3])
+def _place(placed: list[tuple[Any, Mat]]) -> None:
+    """Move nodes to their poses, converted all at once: one by one takes longer."""
+    poses = np.array([T for _, T in placed])
+    turns = Rotation.from_matrix(poses[:, :3, :3]).as_quat(scalar_first=True)
+    for (node, T), turn in zip(placed, turns, strict=True):
+        node.wxyz = turn
+        node.position = T[:3, 3]
 
 
 def _arrows(wrenches: Array, soles: tuple[Mat, Mat], *, beside: float) -> Array:
