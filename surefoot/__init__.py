@@ -56,10 +56,8 @@ _HOMES = {
         *("UnknownSignalError",),
     ),
     "schemas.margins": ("AxisMargin", "LoopMargins"),
-    "controllers": (
-        *("make_controller", "list_controllers", "drive"),
-        "compute_margins",
-    ),
+    "loop_margins": ("compute_margins",),
+    "controllers": ("make_controller", "list_controllers", "drive"),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
@@ -92,7 +90,6 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from surefoot import bench as bench
-    from surefoot.controllers import compute_margins as compute_margins
     from surefoot.controllers import drive as drive
     from surefoot.controllers import list_controllers as list_controllers
     from surefoot.controllers import make_controller as make_controller
@@ -103,6 +100,7 @@ if TYPE_CHECKING:
     from surefoot.errors import TuneInterrupted as TuneInterrupted
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
+    from surefoot.loop_margins import compute_margins as compute_margins
     from surefoot.playback.recompute import ReplayOutcome as ReplayOutcome
     from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record
