@@ -13,7 +13,7 @@ from surefoot.cli import options
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-    from surefoot.bench.bench_files import TextTable
+    from surefoot.bench.bench_files import Findings, TextTable
 
 bench = typer.Typer(
     name="bench",
@@ -93,8 +93,7 @@ def comtest(
     YAML files. Whole, it takes hours; ended early, it goes on where it was.
     """
     from surefoot.bench import comtest as measure
-    from surefoot.bench.sway_results import sway_tables
-    from surefoot.cli.console import count_bar, print_json, print_note, print_table
+    from surefoot.cli.console import count_bar
 
     found = measure(
         robot,
@@ -112,11 +111,7 @@ def comtest(
         out=out,
         bar=count_bar,
     )
-    if as_json:
-        print_json(found.as_dict())
-    else:
-        print_table(_tables(sway_tables(found.results)))
-        print_note(f"open {out / 'index.html'}")
+    _show(found, as_json=as_json)
 
 
 @bench.command(cls=options.Command)
@@ -168,8 +163,7 @@ def dysturbance(
     EUROBENCH's YAML files. Whole, it takes hours; ended early, it goes on where it was.
     """
     from surefoot.bench import dysturbance as measure
-    from surefoot.bench.push_results import push_tables
-    from surefoot.cli.console import count_bar, print_json, print_note, print_table
+    from surefoot.cli.console import count_bar
 
     found = measure(
         robot,
@@ -186,11 +180,18 @@ def dysturbance(
         out=out,
         bar=count_bar,
     )
+    _show(found, as_json=as_json)
+
+
+def _show(found: Findings[Any], *, as_json: bool) -> None:
+    from surefoot.cli.console import print_json, print_note, print_table
+
     if as_json:
         print_json(found.as_dict())
-    else:
-        print_table(_tables(push_tables(found.results)))
-        print_note(f"open {out / 'index.html'}")
+        return
+    print_table(_tables(found.tables()))
+    if found.folder is not None:
+        print_note(f"open {found.folder / 'index.html'}")
 
 
 def _names(text: str | None) -> list[str] | None:

@@ -6,6 +6,8 @@ import os
 import platform
 import shutil
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -98,8 +100,11 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     return result
 
 
-def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
-    """Figures of a finished run, and what was run.
+def read_ends(folder: Path) -> tuple[RunResult, dict[str, Any]]:
+    """Figures of a finished run, and what was noted at its start.
+
+    Returns:
+        The result; and robot, servo profile, controller, seed, versions and the like.
 
     Raises:
         UsageError: it is no finished run, or damaged.
@@ -120,9 +125,21 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
             f"why; `surefoot log info {folder}` shows what was recorded, `surefoot log "
             f"export {folder}` takes it"
         )
-    try:
+    with _naming_damage(folder):
         result = read_struct(folder / RESULT, RunResult)
         about: dict[str, Any] = msgspec.json.decode((folder / MARKER).read_bytes())
+        about["robot"], about["servo_profile"], about["packages"]
+    return result, about
+
+
+def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
+    """Figures of a finished run, and what was run.
+
+    Raises:
+        UsageError: it is no finished run, or damaged.
+    """
+    result, about = read_ends(folder)
+    with _naming_damage(folder):
         plan = make_plan(
             folder / SCENARIO,
             robot=about["robot"],
@@ -132,12 +149,18 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
             seed=about["seed"],
         )
         plan = replace(plan, mode=about["mode"], scenario_name=about["scenario"])
+    return result, plan
+
+
+@contextmanager
+def _naming_damage(folder: Path) -> Iterator[None]:
+    try:
+        yield
     except (msgspec.DecodeError, KeyError, TypeError) as error:
         raise UsageError(
             f"{folder}: {RESULT} or {MARKER} is damaged, or of another version of "
             f"surefoot ({error}); make the run again"
         ) from error
-    return result, plan
 
 
 def write_struct(path: Path, value: msgspec.Struct) -> None:

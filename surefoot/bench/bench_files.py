@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 import logging
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
+
+import msgspec
 
 from surefoot.bench.bench_runs import Subject, Under
 from surefoot.robot_io.atomic_file import atomic_file
@@ -81,6 +85,75 @@ class TextTable(NamedTuple):
             *("| " + " | ".join(row) + " |" for row in self.rows),
         ]
         return f"### {self.title}\n\n" + "\n".join(lines) + "\n"
+
+
+class BenchResult(Protocol):
+    """A result of a benchmark."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as built-in types, for JSON."""
+
+
+R = TypeVar("R", bound=BenchResult)
+
+
+@dataclass(frozen=True)
+class Findings(ABC, Generic[R]):
+    """What a benchmark found.
+
+    Attributes:
+        robot: shipped name or path of its file.
+        subject: its measures.
+        results: in the order in which they were asked for.
+        folder: that keeps everything; None when nothing is kept.
+    """
+
+    NAME: ClassVar[str]
+    """Of the benchmark, as on the command line."""
+    robot: str
+    subject: Subject
+    results: list[R]
+    folder: Path | None = None
+
+    @abstractmethod
+    def tables(self) -> list[TextTable]:
+        """Return the results as tables."""
+
+    @abstractmethod
+    def _write_yaml(self, folder: Path) -> None:
+        """Write EUROBENCH's files: a folder for each run, one file a figure."""
+
+    @abstractmethod
+    def _write_page(self, folder: Path) -> None:
+        """Write index.html."""
+
+    def table(self) -> str:
+        """Return the results as Markdown tables."""
+        return "\n".join(table.markdown() for table in self.tables())
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as built-in types, for JSON."""
+        return {
+            "benchmark": self.NAME,
+            "robot": self.robot,
+            "subject": vars(self.subject),
+            "results": [result.as_dict() for result in self.results],
+            "out": None if self.folder is None else str(self.folder),
+        }
+
+    def write(self) -> None:
+        """Write the figures for programs, for EUROBENCH and as a page, if kept."""
+        folder = self.folder
+        if folder is None:
+            return
+        data = msgspec.json.format(msgspec.json.encode(self.as_dict()))
+        tables = self.table().encode()
+        for name, content in ((f"{self.NAME}.json", data), ("results.md", tables)):
+            with atomic_file(folder / name) as file:
+                file.write(content)
+        self._write_yaml(folder / "eurobench")
+        if can_draw():
+            self._write_page(folder)
 
 
 def text(value: float | None, form: str) -> str:

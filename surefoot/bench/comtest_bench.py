@@ -6,17 +6,18 @@ EUROBENCH.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from surefoot.bench.bench_files import can_draw, write_scalar, write_vector
+from surefoot.bench.bench_files import (
+    Findings,
+    TextTable,
+    write_scalar,
+    write_vector,
+)
 from surefoot.bench.bench_runs import (
-    Subject,
     bench_runs,
     everyone,
     known_names,
@@ -32,10 +33,14 @@ from surefoot.bench.sway_cells import (
     sway_cell,
 )
 from surefoot.bench.sway_response import FrequencyResponse, numbers
-from surefoot.bench.sway_results import SwayResult, sway_result, sway_tables
+from surefoot.bench.sway_results import (
+    SwayResult,
+    sway_result,
+    sway_tables,
+    write_sway_page,
+)
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
-from surefoot.robot_io.atomic_file import atomic_file
 
 _STEP = {
     "sway_peak": "largest sway over the step of the ground [deg/deg]",
@@ -59,24 +64,6 @@ QUICK_AXES: tuple[SwayAxis, ...] = ("pitch", "x")
 LEAST_CYCLES = 3
 
 
-def write_sway_yaml(folder: Path, results: Iterable[SwayResult]) -> None:
-    """Write a folder for each controller and run, one file a figure.
-
-    Args:
-        folder: made if need be; files of the same runs are replaced.
-        results: of the runs.
-    """
-    for result in results:
-        place = folder / plain(result.under.label) / plain(result.stimulus.case)
-        write_scalar(place / "fall.yaml", float(not result.is_up), label="fell [1]")
-        if result.response is not None:
-            _write_response(place, result.response, result.score)
-        names = _STEP if result.stimulus.protocol == "transient" else _SINE
-        for name, label in names.items():
-            if result.stimulus.protocol != "prts" and result.seen:
-                write_scalar(place / f"{name}.yaml", result.seen[name], label=label)
-
-
 def _write_response(
     place: Path, response: FrequencyResponse, score: float | None
 ) -> None:
@@ -94,35 +81,28 @@ def _write_response(
         write_scalar(place / "score.yaml", score, label="D, distance from people [1]")
 
 
-@dataclass(frozen=True)
-class Comtest:
-    """What COMTEST found.
+class Comtest(Findings[SwayResult]):
+    """What COMTEST found, one result a run."""
 
-    Attributes:
-        robot: shipped name or path of its file.
-        subject: its measures.
-        results: one a run.
-        folder: that keeps everything; None when nothing is kept.
-    """
+    NAME = "comtest"
 
-    robot: str
-    subject: Subject
-    results: list[SwayResult]
-    folder: Path | None = None
+    def tables(self) -> list[TextTable]:
+        """Return a table for each protocol."""
+        return sway_tables(self.results)
 
-    def table(self) -> str:
-        """Return the results as Markdown tables."""
-        return "\n".join(t.markdown() for t in sway_tables(self.results))
+    def _write_yaml(self, folder: Path) -> None:
+        for result in self.results:
+            place = folder / plain(result.under.label) / plain(result.stimulus.case)
+            write_scalar(place / "fall.yaml", float(not result.is_up), label="fell [1]")
+            if result.response is not None:
+                _write_response(place, result.response, result.score)
+            names = _STEP if result.stimulus.protocol == "transient" else _SINE
+            for name, label in names.items():
+                if result.stimulus.protocol != "prts" and result.seen:
+                    write_scalar(place / f"{name}.yaml", result.seen[name], label=label)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return everything as built-in types, for JSON."""
-        return {
-            "benchmark": "comtest",
-            "robot": self.robot,
-            "subject": vars(self.subject),
-            "results": [result.as_dict() for result in self.results],
-            "out": None if self.folder is None else str(self.folder),
-        }
+    def _write_page(self, folder: Path) -> None:
+        write_sway_page(folder, self.results, robot=self.robot, subject=self.subject)
 
 
 def comtest(
@@ -203,8 +183,7 @@ def comtest(
         rows = runs.rows(cells, title="comtest")
     results = [sway_result(cell, row) for cell, row in zip(cells, rows, strict=True)]
     found = Comtest(robot, subject, results, None if out is None else Path(out))
-    if found.folder is not None:
-        _write(found, found.folder)
+    found.write()
     return found
 
 
@@ -224,16 +203,3 @@ def _stimuli(
             yield Stimulus(protocol, axis, size, speed=speed, cycles=cycles)
         else:
             yield Stimulus(protocol, axis, size)
-
-
-def _write(found: Comtest, folder: Path) -> None:
-    """Write the figures for programs, for EUROBENCH and as a page."""
-    text = msgspec.json.format(msgspec.json.encode(found.as_dict()))
-    for name, data in (("comtest.json", text), ("results.md", found.table().encode())):
-        with atomic_file(folder / name) as file:
-            file.write(data)
-    write_sway_yaml(folder / "eurobench", found.results)
-    if can_draw():
-        from surefoot.bench.sway_results import write_sway_page
-
-        write_sway_page(folder, found.results, robot=found.robot, subject=found.subject)

@@ -7,17 +7,18 @@ ways and slow forces.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
-from surefoot.bench.bench_files import can_draw, write_scalar, write_vector
+from surefoot.bench.bench_files import (
+    Findings,
+    TextTable,
+    write_scalar,
+    write_vector,
+)
 from surefoot.bench.bench_runs import (
     BenchRuns,
-    Subject,
     bench_runs,
     everyone,
     known_names,
@@ -38,10 +39,10 @@ from surefoot.bench.push_results import (
     impedances,
     push_result,
     push_tables,
+    write_push_page,
 )
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
-from surefoot.robot_io.atomic_file import atomic_file
 from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import Row
 
@@ -51,36 +52,54 @@ FREQUENCIES_HZ = (0.5, 1.0, 2.0, 4.0)
 QUICK_FREQUENCIES_HZ = (1.0,)
 
 
-@dataclass(frozen=True)
-class Dysturbance:
-    """What DYSTURBANCE found.
+class Dysturbance(Findings[PushResult]):
+    """What DYSTURBANCE found: for each push, direction, frequency and controller."""
 
-    Attributes:
-        robot: shipped name or path of its file.
-        subject: its measures.
-        results: one a kind of push, direction, frequency and controller.
-        folder: that keeps everything; None when nothing is kept.
-    """
+    NAME = "dysturbance"
 
-    robot: str
-    subject: Subject
-    results: list[PushResult]
-    folder: Path | None = None
-
-    def table(self) -> str:
-        """Return the results as Markdown tables."""
-        return "\n".join(t.markdown() for t in push_tables(self.results))
+    def tables(self) -> list[TextTable]:
+        """Return the tables of margins and impedances."""
+        return push_tables(self.results)
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as built-in types, for JSON."""
-        return {
-            "benchmark": "dysturbance",
-            "robot": self.robot,
-            "subject": vars(self.subject),
-            "results": [result.as_dict() for result in self.results],
-            "impedances": [found.as_dict() for found in impedances(self.results)],
-            "out": None if self.folder is None else str(self.folder),
-        }
+        found = [impedance.as_dict() for impedance in impedances(self.results)]
+        return {**super().as_dict(), "impedances": found}
+
+    def _write_page(self, folder: Path) -> None:
+        write_push_page(folder, self.results, robot=self.robot, subject=self.subject)
+
+    def _write_yaml(self, folder: Path) -> None:
+        for result in self.results:
+            unit = result.unit
+            place = folder / plain(result.under.label) / plain(result.disturbance.words)
+            write_vector(
+                place / "stability_margin.yaml",
+                [result.margin, result.normalised],
+                labels=[
+                    f"stability margin [{unit}]",
+                    f"normalised stability margin [{unit}]",
+                ],
+            )
+            write_vector(
+                place / "absorbed_energy.yaml",
+                [result.energy_j, result.normalised_energy_j],
+                labels=["absorbed energy [J]", "normalised absorbed energy [J]"],
+            )
+            if result.absorbed is not None:
+                words = "absorbed share of the energy [1]"
+                write_scalar(
+                    place / "absorbed_share.yaml", result.absorbed, label=words
+                )
+        for found in impedances(self.results):
+            if found.impedance is not None:
+                words = f"{found.kind} {found.direction_deg:g} deg"
+                place = folder / plain(found.under.label) / plain(words)
+                write_vector(
+                    place / "equivalent_impedance.yaml",
+                    found.impedance,
+                    labels=["inertia [kg]", "damping [N s/m]", "stiffness [N/m]"],
+                )
 
 
 def dysturbance(
@@ -173,8 +192,7 @@ def dysturbance(
         for key, search in searches.items()
     ]
     found = Dysturbance(robot, subject, results, None if out is None else Path(out))
-    if found.folder is not None:
-        _write(found, found.folder)
+    found.write()
     return found
 
 
@@ -189,54 +207,3 @@ def _search(
         rows = runs.rows(cells, title=f"round {count}")
         for search, row in zip(open_ones.values(), rows, strict=True):
             search.tell(stood=Outcome(row["outcome"]).is_up)
-
-
-def _write(found: Dysturbance, folder: Path) -> None:
-    """Write the figures for programs, for EUROBENCH and as a page."""
-    text = msgspec.json.format(msgspec.json.encode(found.as_dict()))
-    tables = found.table().encode()
-    for name, data in (("dysturbance.json", text), ("results.md", tables)):
-        with atomic_file(folder / name) as file:
-            file.write(data)
-    _write_yaml(folder / "eurobench", found.results)
-    if can_draw():
-        from surefoot.bench.push_results import write_push_page
-
-        write_push_page(folder, found.results, robot=found.robot, subject=found.subject)
-
-
-def _write_yaml(folder: Path, results: Sequence[PushResult]) -> None:
-    """Write a folder for each controller and push, one file a figure.
-
-    Args:
-        folder: made if need be; files of the same pushes are replaced.
-        results: of all pushes.
-    """
-    for result in results:
-        unit = result.unit
-        place = folder / plain(result.under.label) / plain(result.disturbance.words)
-        write_vector(
-            place / "stability_margin.yaml",
-            [result.margin, result.normalised],
-            labels=[
-                f"stability margin [{unit}]",
-                f"normalised stability margin [{unit}]",
-            ],
-        )
-        write_vector(
-            place / "absorbed_energy.yaml",
-            [result.energy_j, result.normalised_energy_j],
-            labels=["absorbed energy [J]", "normalised absorbed energy [J]"],
-        )
-        if result.absorbed is not None:
-            label = "absorbed share of the energy [1]"
-            write_scalar(place / "absorbed_share.yaml", result.absorbed, label=label)
-    for found in impedances(results):
-        if found.impedance is not None:
-            words = f"{found.kind} {found.direction_deg:g} deg"
-            place = folder / plain(found.under.label) / plain(words)
-            write_vector(
-                place / "equivalent_impedance.yaml",
-                found.impedance,
-                labels=["inertia [kg]", "damping [N s/m]", "stiffness [N/m]"],
-            )

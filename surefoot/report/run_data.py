@@ -17,13 +17,11 @@ from surefoot.errors import UsageError
 from surefoot.recording.read import Record, read_record, with_nan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.run_folder import (
-    MARKER,
     RECORD,
-    RESULT,
     SCENARIO,
     SETTINGS,
     TICKS,
-    read_struct,
+    read_ends,
 )
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.codec import Head
@@ -225,7 +223,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
     """
     from surefoot.sim_robot.plant import Plant
 
-    result, about = _read_ends(folder)
+    result, about = read_ends(folder)
     signals = read_signals(folder)
     if "q" not in signals:
         raise UsageError(
@@ -273,34 +271,6 @@ def _labels(folders: list[Path]) -> list[str]:
     if len(set(names)) == len(names):
         return names
     return [str(folder) for folder in folders]
-
-
-def _read_ends(folder: Path) -> tuple[RunResult, dict[str, Any]]:
-    if not folder.is_dir():
-        raise UsageError(
-            f"{folder}: no such folder; `surefoot run SCENARIO --out {folder}` makes "
-            "one"
-        )
-    if not (folder / MARKER).is_file():
-        raise UsageError(
-            f"{folder}: not the folder of a run, {MARKER} is missing; name what "
-            "`surefoot run --out` was given"
-        )
-    if not (folder / RESULT).is_file():
-        raise UsageError(
-            f"{folder}: the run did not finish, {RESULT} is missing; its logs "
-            "(*.log) say why"
-        )
-    try:
-        result = read_struct(folder / RESULT, RunResult)
-        about: dict[str, Any] = msgspec.json.decode((folder / MARKER).read_bytes())
-        about["robot"], about["servo_profile"], about["packages"]
-    except (msgspec.DecodeError, KeyError, TypeError) as error:
-        raise UsageError(
-            f"{folder}: {RESULT} or {MARKER} is damaged, or of another version of "
-            f"surefoot ({error}); make the run again"
-        ) from error
-    return result, about
 
 
 def _find_record(folder: Path) -> BusColumns | None:

@@ -34,24 +34,24 @@ def check_posture(model: RobotModel) -> None:
     assert np.all(model.nominal <= model.upper)
 
 
-QUICK = ("jvrc-legs", "icub")
-"""Run by default: the smallest, and the one with the most awkward frames."""
-
-
 @pytest.mark.parametrize("name", ["jvrc", "talos"])
 def test_its_posture_is_one_to_stand_in(name: str, tmp_path: Path) -> None:
     check_posture(RobotModel(make_humanoid(name, tmp_path).robot))
 
 
 @pytest.mark.closed_loop
-@pytest.mark.parametrize(
-    "name",
-    [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in HUMANOIDS],
-)
-def test_it_stands(name: str, tmp_path: Path) -> None:
+@pytest.mark.process
+@pytest.mark.usual("jvrc-legs", "icub")  # the smallest, and the most awkward frames
+@pytest.mark.parametrize("name", HUMANOIDS)
+def test_it_stands_and_its_run_is_the_same_over_the_bus(
+    name: str, tmp_path: Path
+) -> None:
     robot = make_humanoid(name, tmp_path).robot
     check_posture(RobotModel(robot))
-    run = sf.simulate(robot, SHORT)
-    assert run.outcome is Outcome.STOOD
-    assert run.result.base_tilt_max_deg < 1.0
-    assert max(run.result.force_peak_n) < 0.7 * 9.81 * RobotModel(robot).mass
+    alone = sf.simulate(robot, SHORT)
+    assert alone.outcome is Outcome.STOOD
+    assert alone.result.base_tilt_max_deg < 1.0
+    assert max(alone.result.force_peak_n) < 0.7 * 9.81 * RobotModel(robot).mass
+    over_bus = sf.run(robot, SHORT)
+    assert over_bus.outcome is Outcome.STOOD
+    assert over_bus.result.log_sha256 == alone.result.log_sha256
