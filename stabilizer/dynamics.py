@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 import pinocchio as pin
 
@@ -12,6 +14,24 @@ SOLE_ROWS = (slice(0, 6), slice(6, 12))
 """Rows of left and right sole in every stacked contact quantity."""
 NORMAL = 2
 """Index of the normal force in a sole wrench."""
+
+
+class SolesAndCom(Protocol):
+    """Centre of mass and soles at one state.
+
+    Attributes:
+        p_com: (3,) centre of mass in the world [m].
+        v_com: (3,) its velocity [m/s].
+        v_sole: (12,) sole twists, sole frames.
+        R_world_sole: rotation of each sole.
+        p_sole: position of each sole in the world [m].
+    """
+
+    p_com: Vec3
+    v_com: Vec3
+    v_sole: Array
+    R_world_sole: list[Mat]
+    p_sole: list[Vec3]
 
 
 class Dynamics:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
+from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import yaw_from
 from surefoot.stabilizer.walking.feet import Feet, FootState
@@ -29,6 +30,18 @@ DEEPEST_KEPT_S = 6.0
 """Time constant with which a deep place of the ground is forgotten [s]."""
 STEEPEST = 0.3
 """No ground is expected to slope by more than this [rad]."""
+
+
+class GroundMotion(Protocol):
+    """How the soles move, and how much of it is their ground's.
+
+    Attributes:
+        share: the ground's part, of left and right foot [1].
+        ground_twist: (12,) low-passed sole twists.
+    """
+
+    share: list[float]
+    ground_twist: Array
 
 
 class ExpectedGround:
@@ -78,12 +91,12 @@ class ExpectedGround:
         self._in_sole: Vec3 = _UP.copy()
 
     def update(
-        self, dynamics: Dynamics, law: ForceFeedback, F_meas: Array, *, feet: Feet
+        self, soles: SolesAndCom, law: GroundMotion, F_meas: Array, *, feet: Feet
     ) -> None:
         """Go on for a tick.
 
         Args:
-            dynamics: quantities at the present state.
+            soles: at the present state.
             law: tells how the soles move, and how much of it is the ground's.
             F_meas: (12,) wrenches of the ground on the soles.
             feet: what they are doing.
@@ -93,11 +106,11 @@ class ExpectedGround:
         if off is None and FootState.LEAVING in feet.states:
             off = feet.states.index(FootState.LEAVING)
         if off is None:
-            self.from_both(dynamics)
+            self.from_both(soles)
         else:
             if self._off != off:
-                self.stand_on(dynamics, support=1 - off)
-            self.from_one(dynamics, law, F_meas, support=1 - off)
+                self.stand_on(soles, support=1 - off)
+            self.from_one(soles, law, F_meas, support=1 - off)
         self._off = off
         if self.under is None:
             self.middle_over_support = 0.0
@@ -117,37 +130,37 @@ class ExpectedGround:
         twist[:3] += (missing * self.velocity) * R[2]
         twist[3:] += missing * (self.turn @ R)
 
-    def from_both(self, dynamics: Dynamics) -> None:
+    def from_both(self, soles: SolesAndCom) -> None:
         """Look at both soles, which stand."""
-        left, right = (R[:, 2] for R in dynamics.R_world_sole)
+        left, right = (R[:, 2] for R in soles.R_world_sole)
         mean = left + right
         mean /= math.sqrt(mean @ mean)
-        line = dynamics.p_sole[1] - dynamics.p_sole[0]
+        line = soles.p_sole[1] - soles.p_sole[0]
         apart = left - right
         slope = (line @ mean) / max(math.sqrt(line @ line), 1e-3)
         trust = math.exp(-(apart @ apart + slope * slope) / self._agreement**2)
-        w_left, w_right = dynamics.v_sole[3:6], dynamics.v_sole[9:12]
-        turn = dynamics.R_world_sole[0] @ w_left + dynamics.R_world_sole[1] @ w_right
+        w_left, w_right = soles.v_sole[3:6], soles.v_sole[9:12]
+        turn = soles.R_world_sole[0] @ w_left + soles.R_world_sole[1] @ w_right
         self.normal += (0.5 * trust * self._dt) * np.cross(turn, self.normal)
         self.normal += self._blend * (_UP + trust * (mean - _UP) - self.normal)
         self._normalise()
         self.velocity = 0.0
         self.turn[:] = 0.0
 
-    def stand_on(self, dynamics: Dynamics, *, support: int) -> None:
+    def stand_on(self, soles: SolesAndCom, *, support: int) -> None:
         """From now on one sole alone shows the ground.
 
         Args:
-            dynamics: quantities at the present state.
+            soles: at the present state.
             support: the foot that stands.
         """
-        self._in_sole[:] = self.normal @ dynamics.R_world_sole[support]
+        self._in_sole[:] = self.normal @ soles.R_world_sole[support]
         self.edge_share[:] = 1.0, 1.0
 
     def from_one(
         self,
-        dynamics: Dynamics,
-        law: ForceFeedback,
+        soles: SolesAndCom,
+        law: GroundMotion,
         F_meas: Array,
         *,
         support: int,
@@ -155,12 +168,12 @@ class ExpectedGround:
         """Go on with the ground under one sole.
 
         Args:
-            dynamics: quantities at the present state.
+            soles: at the present state.
             law: tells how the soles move, and how much of it is the ground's.
             F_meas: (12,) wrenches of the ground on the soles.
             support: the foot that stands.
         """
-        R, blend = dynamics.R_world_sole[support], self._blend
+        R, blend = soles.R_world_sole[support], self._blend
         rows = SOLE_ROWS[support]
         twist = law.share[support] * law.ground_twist[rows]
         v_x, v_y, v_z, w_x, w_y, _ = twist.tolist()
@@ -179,7 +192,7 @@ class ExpectedGround:
         turn = self.turn
         turn[:] = R @ (roll * w_x, pitch * w_y, 0.0)
         turn[2] = 0.0
-        across = dynamics.p_sole[1 - support] - dynamics.p_sole[support]
+        across = soles.p_sole[1 - support] - soles.p_sole[support]
         vertical = R[2] @ (v_x, v_y, v_z)
         self.velocity = float(vertical + turn[0] * across[1] - turn[1] * across[0])
         self.normal += self._dt * np.cross(turn, self.normal)
@@ -233,7 +246,7 @@ class HeightReference:
         self,
         stance: Stance,
         state: ObservedState,
-        dynamics: Dynamics,
+        soles: SolesAndCom,
         ground: ExpectedGround,
     ) -> None:
         """Advance by one tick.
@@ -241,13 +254,13 @@ class HeightReference:
         Args:
             stance: gets the height.
             state: tells the height of the ground that carries.
-            dynamics: quantities at the present state.
+            soles: at the present state.
             ground: its height between the feet.
         """
         carries = state.ground_height
         middle = carries + ground.middle_over_support
         if ground.under is None:
-            left, right = dynamics.p_sole
+            left, right = soles.p_sole
             low = middle - 0.5 * abs(left.item(2) - right.item(2))
         else:
             low = min(carries, carries + 2.0 * ground.middle_over_support)
@@ -271,6 +284,7 @@ class SwingFoot:
 
     Attributes:
         ground: that it is expected to meet.
+        references: where left and right foot should be while they are in the air.
         tasks: of left and right foot, for both QPs.
     """
 
@@ -293,10 +307,10 @@ class SwingFoot:
         self._settings, self._lead_s, self._dt = settings, lead_s, period_s
         self.ground = ExpectedGround(settings, half_sizes=half_sizes, period_s=period_s)
         self._path = SwingPath(settings)
-        self._references = (SwingReference(), SwingReference())
+        self.references = (SwingReference(), SwingReference())
         self.tasks = [
             SwingTask(side, reference, settings)
-            for side, reference in enumerate(self._references)
+            for side, reference in enumerate(self.references)
         ]
 
     @property
@@ -304,22 +318,22 @@ class SwingFoot:
         """Heading of the path [rad]."""
         return self._path.yaw
 
-    def lift(self, move: Move, dynamics: Dynamics, *, rise: float) -> None:
+    def lift(self, move: Move, soles: SolesAndCom, *, rise: float) -> None:
         """Begin a step.
 
         Args:
             move: the step.
-            dynamics: quantities at the present state.
+            soles: at the present state.
             rise: of the foothold over the other foot's [m].
         """
         side = move.side
-        p = dynamics.p_sole[side]
+        p = soles.p_sole[side]
         slope_x, slope_y = self.ground.slope()
-        across = p - dynamics.p_sole[1 - side]
+        across = p - soles.p_sole[1 - side]
         level = slope_x * across[0] + slope_y * across[1]
         self._path.begin(
             xy=(float(p[0]), float(p[1])),
-            yaw=yaw_from(dynamics.R_world_sole[side], 0.0),
+            yaw=yaw_from(soles.R_world_sole[side], 0.0),
             height=float(across[2] - level),
             target=(move.place.x, move.place.y),
             target_yaw=move.place.yaw,
@@ -329,18 +343,18 @@ class SwingFoot:
         )
 
     def go_on(
-        self, side: int, dynamics: Dynamics, *, t: float, shift: tuple[float, float]
+        self, side: int, soles: SolesAndCom, *, t: float, shift: tuple[float, float]
     ) -> None:
         """Follow the path.
 
         Args:
             side: the foot.
-            dynamics: quantities at the present state.
+            soles: at the present state.
             t: since lift-off [s].
             shift: of its goal, by step adjustment [m].
         """
-        path, ground, reference = self._path, self.ground, self._references[side]
-        support = dynamics.p_sole[1 - side]
+        path, ground, reference = self._path, self.ground, self.references[side]
+        support = soles.p_sole[1 - side]
         slope_x, slope_y = ground.slope()
         path.advance(t, shift=shift, dt=self._dt)
         x, y = path.xy
@@ -357,19 +371,19 @@ class SwingFoot:
         self._turn(reference)
 
     def go_down(
-        self, side: int, dynamics: Dynamics, xy: tuple[float, float], yaw: float
+        self, side: int, soles: SolesAndCom, xy: tuple[float, float], yaw: float
     ) -> None:
         """Go straight down where the foot bounced.
 
         Args:
             side: the foot.
-            dynamics: quantities at the present state.
+            soles: at the present state.
             xy: where it is to stay [m].
             yaw: with which heading [rad].
         """
-        reference = self._references[side]
+        reference = self.references[side]
         self._path.stay(xy, yaw)
-        reference.p[:] = *xy, dynamics.p_sole[side][2]
+        reference.p[:] = *xy, soles.p_sole[side][2]
         reference.v[:] = 0.0, 0.0, self.ground.velocity - self._settings.late_m_s
         reference.v_ahead[:] = reference.v
         reference.a[:] = 0.0

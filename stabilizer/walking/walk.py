@@ -17,7 +17,12 @@ from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
+from surefoot.stabilizer.dynamics import (
+    NORMAL,
+    SOLE_ROWS,
+    Dynamics,
+    SolesAndCom,
+)
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY
@@ -26,7 +31,11 @@ from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
 from surefoot.stabilizer.walking.footsteps import Foothold, mean_yaw, turned
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
-from surefoot.stabilizer.walking.swing_foot import HeightReference, SwingFoot
+from surefoot.stabilizer.walking.swing_foot import (
+    GroundMotion,
+    HeightReference,
+    SwingFoot,
+)
 
 LEAVING_FROM = 0.3
 """Planned share of the weight under which a foot that is to leave is the walk's."""
@@ -43,6 +52,7 @@ class Walk:
         queue: steps to come.
         state: how the walk goes; None before there was a plan.
         swing_tasks: of left and right foot, for the first QP.
+        swing_references: where left and right foot should be while they are in the air.
     """
 
     def __init__(
@@ -100,6 +110,7 @@ class Walk:
             period_s=period_s,
         )
         self.swing_tasks = self._swing.tasks
+        self.swing_references = self._swing.references
         self._adjustment = StepAdjustment(settings, omega=omega, period_s=period_s)
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
@@ -150,27 +161,30 @@ class Walk:
     def update(
         self,
         state: ObservedState,
-        dynamics: Dynamics,
+        soles: SolesAndCom,
         stance: Stance,
         *,
-        law: ForceFeedback,
+        law: GroundMotion,
         tick: int,
+        commanded: SolesAndCom | None = None,
     ) -> None:
         """Write the references of this tick.
 
         Args:
             state: of the robot.
-            dynamics: quantities at it.
+            soles: as measured.
             stance: gets centre of mass, base, footholds and planned load.
             law: tells how the soles move, and how much of it is the ground's.
             tick: of the robot.
+            commanded: soles that the swing foot's path goes on from; as measured when
+                None.
         """
         if not self.is_walking and not self._begins(state, stance, tick):
             if self.queue.last is not None:
-                self._height.follow(stance, state, dynamics, self._swing.ground)
+                self._follow_height(stance, state, soles, commanded)
             return
         normals = (state.F_meas.item(NORMAL), state.F_meas.item(6 + NORMAL))
-        self._go_on(normals, dynamics)
+        self._go_on(normals, commanded or soles)
         if not self.is_walking:
             self._stand(stance)
             return
@@ -181,15 +195,15 @@ class Walk:
         is_due = is_single and gait.left_s == 0.0
         if move is not None and is_due and self._blind[move.side]:
             self.feet.set_down(move.side)
-        self._note_touchdowns(dynamics)
-        self._swing.ground.update(dynamics, law, state.F_meas, feet=self.feet)
+        self._note_touchdowns(soles)
+        self._swing.ground.update(soles, law, state.F_meas, feet=self.feet)
         self._told.ahead = self._ahead()
         self.gait.advance(self._footholds(), self._told.ahead)
-        self._adjust(dynamics)
-        self._height.follow(stance, state, dynamics, self._swing.ground)
+        self._adjust(soles)
+        self._follow_height(stance, state, soles, commanded)
         self._write_stance(stance, state)
         if (airborne := self.feet.airborne) is not None:
-            self._write_swing(airborne, dynamics)
+            self._write_swing(airborne, commanded or soles)
         self._tell()
 
     def swing_twist(self, dynamics: Dynamics, law: ForceFeedback) -> None:
@@ -207,6 +221,17 @@ class Walk:
             self.swing_tasks[airborne].twist(dynamics, twist)
         else:
             self._swing.ground.carry(dynamics, law)
+
+    def _follow_height(
+        self,
+        stance: Stance,
+        state: ObservedState,
+        soles: SolesAndCom,
+        commanded: SolesAndCom | None,
+    ) -> None:
+        """Have the height follow the ground; feet that are commanded carry it along."""
+        if commanded is None:
+            self._height.follow(stance, state, soles, self._swing.ground)
 
     def _footholds(self) -> list[Foothold]:
         """Where the feet are; of the one on its way, where it is being set.
@@ -249,7 +274,7 @@ class Walk:
         self._waited_s = 0.0
         return True
 
-    def _go_on(self, normals: tuple[float, float], dynamics: Dynamics) -> None:
+    def _go_on(self, normals: tuple[float, float], soles: SolesAndCom) -> None:
         """Go on to the next phase when this one is over."""
         gait, feet = self.gait, self.feet
         phase = gait.phase
@@ -276,7 +301,7 @@ class Walk:
             support = gait.support
             stands = self._contacts.in_contact[support]
             if not waits and stands and not feet.is_airborne(support):
-                self._lift(leaving, dynamics)
+                self._lift(leaving, soles)
         elif phase is Phase.SINGLE:
             if gait.left_s > 0.0:
                 return
@@ -293,7 +318,7 @@ class Walk:
             if is_down and rests and all(self._contacts.in_contact):
                 gait.stand()
 
-    def _lift(self, side: int, dynamics: Dynamics) -> None:
+    def _lift(self, side: int, soles: SolesAndCom) -> None:
         """Begin the next step."""
         move = self.queue.begin(self._footholds())
         assert move.side == side
@@ -302,12 +327,12 @@ class Walk:
         self._adjustment.begin()
         level = self._anchors.level
         rise, level[side] = move.place.z - level[1 - side], move.place.z
-        self._swing.lift(move, dynamics, rise=rise)
+        self._swing.lift(move, soles, rise=rise)
         self.gait.begin_single(move)
         self._told.step, self._told.moved = move.id, side
         self._told.last_step = self.queue.begun
 
-    def _note_touchdowns(self, dynamics: Dynamics) -> None:
+    def _note_touchdowns(self, soles: SolesAndCom) -> None:
         move = self._move
         if move is None:
             return
@@ -315,17 +340,17 @@ class Walk:
         if self.feet.touched[side] and self.gait.phase is Phase.SINGLE:
             x, y = self._adjustment.shift
             self._adjustment.stop()
-            p = dynamics.p_sole[side]
+            p = soles.p_sole[side]
             self._told.touch(
                 off=math.hypot(p[0] - move.place.x - x, p[1] - move.place.y - y),
                 late_s=self.gait.t - self.gait.duration_s,
             )
 
-    def _adjust(self, dynamics: Dynamics) -> None:
+    def _adjust(self, soles: SolesAndCom) -> None:
         """Compare the DCM with its reference; shift the step where it left it."""
         gait, told = self.gait, self._told
-        np.divide(dynamics.v_com[:2], gait.omega, out=told.dcm)
-        told.dcm += dynamics.p_com[:2]
+        np.divide(soles.v_com[:2], gait.omega, out=told.dcm)
+        told.dcm += soles.p_com[:2]
         told.dcm_reference[:] = gait.dcm
         told.zmp_reference[:] = gait.zmp
         told.add_error()
@@ -371,15 +396,13 @@ class Walk:
                 early = self._settings.early_share
                 stance.load[side], stance.load[1 - side] = early, 1.0 - early
 
-    def _write_swing(self, side: int, dynamics: Dynamics) -> None:
+    def _write_swing(self, side: int, soles: SolesAndCom) -> None:
         """Write where the foot in the air should be."""
         if self.feet.states[side] is FootState.RELANDING:
             x, y, _ = self._anchors.p[side]
-            self._swing.go_down(side, dynamics, (x, y), self._anchors.yaw[side])
+            self._swing.go_down(side, soles, (x, y), self._anchors.yaw[side])
         else:
-            self._swing.go_on(
-                side, dynamics, t=self.gait.t, shift=self._adjustment.shift
-            )
+            self._swing.go_on(side, soles, t=self.gait.t, shift=self._adjustment.shift)
 
     def _tell(self) -> None:
         """Bring what is told of the walk up to date."""

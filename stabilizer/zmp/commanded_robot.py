@@ -24,8 +24,10 @@ import pinocchio as pin
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.settings import DikSettings
 from surefoot.schemas.zmp_settings import ZmpSettings
-from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.dynamics import SOLE_ROWS
+from surefoot.stabilizer.model import N_BASE_V, RobotModel, yaw_from
 from surefoot.stabilizer.qp import DenseQp, QpSolution
+from surefoot.stabilizer.walking.swing import SwingReference
 
 CONTACT_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 200.0, 10.0
 BASE_STIFFNESS = 10.0
@@ -78,6 +80,9 @@ class Kinematics:
         self.v_com[:] = data.vcom[0]
         self.Jdot_v_com[:] = data.acom[0]
         for side, frame in enumerate(self._soles):
+            rows = SOLE_ROWS[side]
+            twist = pin.getFrameVelocity(self._pin, data, frame, pin.LOCAL)
+            self.v_sole[rows] = twist.vector
             placement = pin.updateFramePlacement(self._pin, data, frame)
             self.R_world_sole[side] = placement.rotation.copy()
             self.p_sole[side] = placement.translation.copy()
@@ -117,6 +122,8 @@ class CommandedRobot:
         v: (n_v,) velocity.
         kinematics: at that state.
         qp: the last problem.
+        p_stance: where the soles return to [m].
+        swings: whether the left and the right foot follow a path through the air.
     """
 
     def __init__(
@@ -169,6 +176,50 @@ class CommandedRobot:
         """Make the present soles the ones to return to."""
         self._R_stance = [R.copy() for R in self.kinematics.R_world_sole]
         self.p_stance = [p.copy() for p in self.kinematics.p_sole]
+        self.swings = [False, False]
+
+    def stand_at(self, side: int, *, p: Vec3, yaw: float) -> None:
+        """Move the whole commanded robot such that a sole is at a place.
+
+        What it steps on slips and gives way a little; without this the commanded
+        feet would ever more be beside those of the robot.
+
+        Args:
+            side: the foot.
+            p: (3,) where its sole is [m].
+            yaw: with which heading [rad].
+        """
+        R, there = self.kinematics.R_world_sole[side], self.kinematics.p_sole[side]
+        turn = pin.exp3(np.array([0.0, 0.0, -yaw_from(R, yaw)]))
+        self.q[:3] = p + turn @ (self.q[:3] - there)
+        base = pin.Quaternion(turn) * pin.Quaternion(self.q[3:7])
+        self.q[3:7] = base.coeffs()
+        self.p_stance = [p + turn @ (place - there) for place in self.p_stance]
+        self._R_stance = [turn @ place for place in self._R_stance]
+        self.kinematics.update_jacobians(self.q, self.v)
+
+    def swing(self, side: int, reference: SwingReference, twist: Array) -> None:
+        """Have a foot in the air follow its path.
+
+        Args:
+            side: the foot.
+            reference: where it should be, in the world of the commanded robot.
+            twist: (12,) desired sole twists; those of the foot are written.
+        """
+        R = self.kinematics.R_world_sole[side]
+        self.swings[side] = True
+        self.p_stance[side][:] = reference.p
+        self._R_stance[side][:] = reference.R
+        start = 6 * side
+        twist[start : start + 3] = reference.v @ R
+        twist[start + 3 : start + 6] = reference.w @ R
+
+    def set_down(self, side: int) -> None:
+        """Have a foot that has swung return to where it is now from now on."""
+        if self.swings[side]:
+            self.swings[side] = False
+            self.p_stance[side][:] = self.kinematics.p_sole[side]
+            self._R_stance[side][:] = self.kinematics.R_world_sole[side]
 
     def solve(
         self,
@@ -250,13 +301,14 @@ class CommandedRobot:
         alone = in_contact[0] != in_contact[1]
         for side in (0, 1):
             R, p = self.kinematics.R_world_sole[side], self.kinematics.p_sole[side]
-            is_stiff = alone and in_contact[side]
+            is_stiff = (alone and in_contact[side]) or self.swings[side]
             linear = SINGLE_SUPPORT_STIFFNESS if is_stiff else self._stiffness
+            angular = SINGLE_SUPPORT_STIFFNESS if self.swings[side] else self._stiffness
             start = 6 * side
             offset = self.p_stance[side] - p
             turn = pin.log3(R.T @ self._R_stance[side])
             t[start : start + 3] += linear * (offset @ R)
-            t[start + 3 : start + 6] += self._stiffness * turn
+            t[start + 3 : start + 6] += angular * turn
 
     def _set_limits(self) -> None:
         """Set velocity limits, with a damper before each end of the joint range."""

@@ -15,6 +15,7 @@ import pinocchio as pin
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.balance_controller import BalanceController
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.errors import QpStatus
@@ -23,7 +24,9 @@ from surefoot.stabilizer.estimation.observer import (
     Observer,
     StateEstimator,
 )
-from surefoot.stabilizer.model import GRAVITY, N_BASE_V
+from surefoot.stabilizer.model import GRAVITY, N_BASE_V, yaw_from
+from surefoot.stabilizer.walking.gait import Phase
+from surefoot.stabilizer.walking.walk import Walk
 from surefoot.stabilizer.zmp.commanded_robot import (
     CommandedRobot,
     ComTarget,
@@ -44,6 +47,15 @@ from surefoot.stabilizer.zmp.foot_admittance import FootAdmittance, ZmpCompensat
 
 GROUND_SPEED_LAG_S = 0.02
 """Low-pass of the ground's vertical speed, for a level height [s]."""
+
+
+class UnknownGround:
+    """Ground of which nothing is known but what stands on it: taken to be at rest."""
+
+    def __init__(self) -> None:
+        """Have no part in how the soles move."""
+        self.share = [0.0, 0.0]
+        self.ground_twist: Array = np.zeros(12)
 
 
 class ZmpController(BalanceController):
@@ -88,13 +100,34 @@ class ZmpController(BalanceController):
         self.commanded = CommandedRobot(
             self.model, zmp, settings.dik, period_s=robot.period_s
         )
+        self.walk = Walk(
+            settings.walk,
+            self.stance,
+            contacts=self.observer.contacts,
+            anchors=self.observer.anchors,
+            weight=self.model.mass * GRAVITY,
+            largest_force=self.model.mass * GRAVITY,
+            half_sizes=self.model.half_sizes,
+            drive_speed=robot.servo_profile.velocity_limit_rad_s,
+            com_rise=self.model.com_travel[1],
+            servo_lag_s=0.0,
+            period_s=robot.period_s,
+        )
+        self._ground = UnknownGround()
         self._velocity: Vec3 = np.zeros(3)
         self._twist: Array = np.zeros(12)
         self._wanted: Array | None = None
         self._velocity_blend = min(1.0, self._dt / zmp.com_velocity_cutoff_period_s)
         self._height = self.stance.com_height
+        self._level = 0.0
+        self._level_blend = min(1.0, self._dt / settings.walk.height_s)
+        self._is_placed = False
         self._lift = 0.0
         self._lift_rate = 0.0
+
+    def follow_plan(self, plan: WalkPlan) -> None:
+        """Walk by a plan from the next step on; see :class:`Walks`."""
+        self.walk.follow(plan)
 
     def _take_over(self, q_command: Array) -> None:
         self.commanded.start(q_command)
@@ -102,6 +135,15 @@ class ZmpController(BalanceController):
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
         """Apply all laws and integrate; nothing moves while calibrating."""
         self._velocity += self._velocity_blend * (self.measured.v_com - self._velocity)
+        self._stand_on_support()
+        self.walk.update(
+            state,
+            self.measured,
+            self.stance,
+            law=self._ground,
+            tick=self._tick,
+            commanded=self.commanded.kinematics,
+        )
         self._follow_height(state.ground_height)
         if state.is_calibrating:
             return QpStatus.OK, QpStatus.OK
@@ -109,6 +151,9 @@ class ZmpController(BalanceController):
         target = self.stance.com.copy()
         target[2] = self._height
         self.pendulum.update(target)
+        if self.walk.is_walking:
+            gait = self.walk.gait
+            self.pendulum.follow(self.stance, zmp=gait.zmp, omega=gait.omega)
         status = self._distribute(state)
         if status is not QpStatus.OK:
             return status, QpStatus.NOT_TRIED
@@ -121,6 +166,7 @@ class ZmpController(BalanceController):
             p_commanded=commanded.kinematics.p_sole,
             p_stance=commanded.p_stance,
         )
+        self._swing(twist)
         ik = commanded.solve(
             twist=twist,
             in_contact=in_contact,
@@ -135,11 +181,41 @@ class ZmpController(BalanceController):
         commanded.integrate(ik.x, measured, fade=self._fade(state))
         return QpStatus.OK, QpStatus.OK
 
+    def _stand_on_support(self) -> None:
+        """Have the commanded robot stand where the real one does, once a step."""
+        gait = self.walk.gait
+        is_due = gait.phase in (Phase.SHIFT, Phase.DOUBLE) and gait.left_s == 0.0
+        if is_due and not self._is_placed:
+            side, measured = gait.support, self.measured
+            p = measured.p_sole[side].copy()
+            p[2] = self._levels()[side]
+            yaw = yaw_from(measured.R_world_sole[side], 0.0)
+            self.commanded.stand_at(side, p=p, yaw=yaw)
+        self._is_placed = is_due
+
+    def _levels(self) -> list[float]:
+        """Heights of the footholds, as planned [m]."""
+        anchors = self.observer.anchors
+        return [0.0, 0.0] if anchors is None else anchors.level
+
+    def _swing(self, twist: Array) -> None:
+        """Lead a foot in the air by its path, and set it down where it lands."""
+        airborne = self.walk.feet.airborne
+        for side, reference in enumerate(self.walk.swing_references):
+            if side == airborne:
+                self.commanded.swing(side, reference, twist)
+            else:
+                self.commanded.set_down(side)
+
     def _follow_height(self, ground: float) -> None:
         """Follow the ground: how far the CoM is to be from its height over the feet."""
         stance, travel = self.stance, self.model.com_travel
+        if self.walk.state is not None:
+            left, right = self._levels()
+            self._level += self._level_blend * (0.5 * (left + right) - self._level)
+            stance.com_height = stance.com_nominal + self._level
         # Over the feet first, then where it is in the world, each within reach.
-        stance.limit_height(0.0, travel=travel)
+        stance.limit_height(self._level, travel=travel)
         self._height = stance.com.item(2)
         stance.limit_height(ground, travel=travel)
         share = self._settings.zmp.level_height
@@ -169,7 +245,12 @@ class ZmpController(BalanceController):
         wanted = np.zeros(6)
         wanted[:3] = self.model.mass * (acceleration - GRAVITY_VECTOR)
         solution = self.distribution.solve(
-            wanted, R_world_sole=R, p_sole=p, point=com, in_contact=in_contact
+            wanted,
+            R_world_sole=R,
+            p_sole=p,
+            point=com,
+            in_contact=in_contact,
+            left_share=self.stance.load[0],
         )
         if solution is not None and not solution.ok:
             self._keep_failure(solution)
@@ -207,6 +288,7 @@ class ZmpController(BalanceController):
             F_id=self._wanted,
             com=self.measured.p_com,
             r=self._twist,
+            walk=self.walk.state,
         )
 
 

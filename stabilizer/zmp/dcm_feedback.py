@@ -8,7 +8,9 @@ import numpy as np
 
 from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.model import GRAVITY
+from surefoot.stabilizer.walking.dcm import Point
 
 ORIGINAL_PERIOD_S = 0.005
 """Period of the published standard deviations [s]."""
@@ -174,6 +176,21 @@ class StandingPendulum:
         self.zmp = self.com + (GRAVITY_VECTOR - self.acceleration) / stiffness
         self.com += dt * self.velocity + (0.5 * dt * dt) * self.acceleration
         self.velocity += dt * self.acceleration
+
+    def follow(self, stance: Stance, *, zmp: Point, omega: float) -> None:
+        """Be where a walk has the centre of mass.
+
+        Args:
+            stance: of the walk.
+            zmp: wanted zero-moment point [m].
+            omega: of the walk's pendulum [rad/s].
+        """
+        self.com[:2] = stance.com[:2]
+        self.velocity[:2] = stance.com_velocity[:2]
+        self.acceleration = self.acceleration.copy()
+        self.acceleration[:2] = stance.com_acceleration[:2]
+        self.zmp[:2] = zmp
+        self.omega = omega
 
 
 class ExponentialMovingAverage:
