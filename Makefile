@@ -5,7 +5,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 ROS2_VENV := .venv-ros2
 OUT ?= out/demo
-JOBS ?= 2
+# One more than two processors: tests that wait leave them to others.
+JOBS ?= 3
 
 # Small matrices: threads in the linear algebra only cost time and its tail.
 export OPENBLAS_NUM_THREADS := 1
@@ -18,7 +19,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 help:
 	@echo "make demo    install into .venv and run the moving-platform demo"
 	@echo "make test    install into .venv, check style, types and layers, run the tests"
-	@echo "             (two at a time; JOBS=1 one by one)"
+	@echo "             (three at a time; JOBS=1 one by one)"
 	@echo "make quick   the tests without closed loops, processes and browser: a minute"
 	@echo "make lint    style, types and layers only"
 	@echo "make format  let ruff rewrite the code"
