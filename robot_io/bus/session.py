@@ -64,6 +64,9 @@ LISTENING_WORKERS = 64
 """One is stuck for half a minute with each peer that stands still for longer than the
 lease, or whose cable is pulled; one that comes and goes makes several of them."""
 _will_listen = False
+_opening = 0
+"""Sessions of this process that are being opened, by whichever thread."""
+_opening_lock = threading.Lock()
 RETRY_GROWTH = 2
 RETRY_MAX_FACTOR = 4
 POLL_S = 0.1
@@ -142,17 +145,24 @@ def _threads(*, is_listening: bool) -> Iterator[None]:
     """Choose how many threads Zenoh gets, where the user does not.
 
     Zenoh looks at its variable once, at the first session of a process. It is taken
-    away again, lest a process that this one starts have threads for another role.
+    away again, lest a process that this one starts have threads for another role; by
+    the last of the threads that open sessions at the same time.
     """
-    if RUNTIME_VARIABLE in os.environ:
-        yield
-        return
-    workers = LISTENING_WORKERS if is_listening or _will_listen else 1
-    os.environ[RUNTIME_VARIABLE] = RUNTIME.format(workers)
+    global _opening
+    with _opening_lock:
+        is_users = not _opening and RUNTIME_VARIABLE in os.environ
+        if not is_users:
+            _opening += 1
+            workers = LISTENING_WORKERS if is_listening or _will_listen else 1
+            os.environ[RUNTIME_VARIABLE] = RUNTIME.format(workers)
     try:
         yield
     finally:
-        del os.environ[RUNTIME_VARIABLE]
+        if not is_users:
+            with _opening_lock:
+                _opening -= 1
+                if not _opening:
+                    del os.environ[RUNTIME_VARIABLE]
 
 
 def listens(endpoints: Endpoints, role: Role) -> bool:

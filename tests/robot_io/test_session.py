@@ -1,12 +1,17 @@
 from __future__ import annotations
 
+import os
 import socket
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 import zenoh
 from zenoh.handlers import RingChannel
 
-from surefoot.robot_io.bus.session import Role, open_session
+from surefoot.robot_io.bus import session
+from surefoot.robot_io.bus.session import RUNTIME_VARIABLE, Role, open_session
 from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
 from surefoot.schemas.endpoints import Endpoints
 from tests.support import wait_until
@@ -122,3 +127,34 @@ def test_a_host_that_never_speaks_is_no_robot() -> None:
             ),
         ):
             pass
+
+
+def test_threads_may_open_sessions_at_the_same_time(
+    endpoints: Endpoints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each sees the variable neither half set nor taken away by another one."""
+    count = 8
+    together = threading.Barrier(count)
+
+    class Slow(dict[str, str]):
+        """Environment in which each look takes so long that all look at once."""
+
+        def __contains__(self, key: object) -> bool:
+            is_there = super().__contains__(key)
+            if key == RUNTIME_VARIABLE:
+                time.sleep(0.05)  # the slow look itself
+            return is_there
+
+    monkeypatch.setattr(session.os, "environ", Slow(os.environ))
+
+    def dial(_: int) -> None:
+        together.wait()
+        with (
+            pytest.raises(RobotUnreachableError),
+            open_session(endpoints, Role.CLIENT, namespace="walker", timeout_s=0.05),
+        ):
+            pass
+
+    with ThreadPoolExecutor(max_workers=count) as pool:
+        list(pool.map(dial, range(count)))
+    assert RUNTIME_VARIABLE not in session.os.environ
