@@ -156,7 +156,7 @@ def test_one_page_about_two_runs(tmp_path_factory: pytest.TempPathFactory) -> No
     ("file", "words"),
     [
         ("ticks.mcap", "kept no ticks"),
-        ("result.json", "did not finish"),
+        ("result.json", "was cut off"),
         ("run.json", "not the folder of a run"),
     ],
 )
