@@ -114,7 +114,7 @@ class Loop:
                 if not is_time:
                     continue
             end = self._why_end(time.monotonic() - heard_s, q_held)
-            if end is not None:
+            if end is not None and not self._is_owed_an_answer(reading):
                 return end if self._leave_by_s is None else _stopped(stop)
         return _stopped(stop)
 
@@ -275,6 +275,20 @@ class Loop:
             detail = f"no news from {names} for {silence_s:.1f} s"
             return End(EndReason.ROBOT_SILENT, detail, may_return=True)
         return None
+
+    def _is_owed_an_answer(self, reading: SnapshotReading | None) -> bool:
+        """Whether a robot that is off has sent ticks after this one, still to be read.
+
+        Its last words may overtake our reading: it waits for no answer to its last
+        ticks. Nothing more came when there is no reading at all.
+        """
+        status = self._client.status()
+        return (
+            reading is not None
+            and status is not None
+            and status.mode is RobotMode.OFF
+            and reading.snapshot.tick < status.tick
+        )
 
     def _is_held_too_long(self, status: RobotStatus) -> bool:
         """Whether the robot holds by itself and does not take up our commands."""

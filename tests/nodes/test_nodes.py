@@ -14,6 +14,7 @@ from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.ticks.recorder import BLOCK_TICKS, Block, BlockFormat
 from surefoot.runs import simulate
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
@@ -23,8 +24,10 @@ from surefoot.schemas.messages import (
     Truth,
 )
 from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
+from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.topics import topic
+from surefoot.stabilizer import loop
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, ProcessError, robot, running, stabilizer
@@ -91,6 +94,49 @@ def test_lockstep_is_the_same_run_every_time_and_without_a_bus(
         assert answered.end_detail == run.result.end_detail == "0.5 s"
         hashes.add(run.result.log_sha256)
     assert hashes == {in_one_process(table)}
+
+
+def held_up_before_the_last_tick(endpoints: Endpoints) -> ControllerResult:
+    """A stabilizer that looks after the robot a tick too early, when it is off."""
+    walker = load_robot("walker")
+    # It looks as often as a block is full, which is when the sink holds it up.
+    loop.STATUS_RATE_HZ = 1.0 / (BLOCK_TICKS * walker.period_s)
+
+    class Busy:
+        """A sink that takes its block only when the robot is off."""
+
+        def open(self, form: BlockFormat) -> Block:
+            return Block(form.width)
+
+        def put(self, block: Block) -> Block:
+            when(lambda s: s.mode is RobotMode.OFF, what="the end")
+            return Block(block.rows.shape[1])
+
+    with observer(endpoints) as when:
+        return run_stabilizer(
+            lambda settings: HoldController(walker.n_a),
+            walker,
+            endpoints=endpoints,
+            pace=Pace.LOCKSTEP,
+            connect_timeout_s=PATIENCE_S,
+            ticks=Busy(),
+        )
+
+
+def test_the_last_ticks_are_answered_though_the_robot_waits_for_no_answer(
+    endpoints: Endpoints,
+) -> None:
+    table = {
+        "duration_s": (BLOCK_TICKS + 1) * 1e-3,
+        "delay": {"command_ms": 1.0},
+    }
+    with (
+        running(robot, endpoints, table, Pace.LOCKSTEP) as plant,
+        running(held_up_before_the_last_tick, endpoints) as controller,
+    ):
+        run, answered = plant.result(), controller.result()
+    assert run.result.ticks == answered.ticks == BLOCK_TICKS + 1
+    assert answered.end is EndReason.RUN_OVER
 
 
 def test_real_time_goes_by_the_clock_and_measures_itself(endpoints: Endpoints) -> None:
