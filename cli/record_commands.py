@@ -61,6 +61,8 @@ def record(
     ] = 10.0,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
+    cpu: options.CpuOption = None,
+    realtime_priority: options.PriorityOption = None,
     as_json: options.JsonOption = False,
     child: options.ChildOption = False,
 ) -> None:
@@ -88,6 +90,7 @@ def record(
         begin_as_child()
     if out.suffix != ".mcap" or not out.absolute().parent.is_dir():
         raise UsageError(f"--out {out}: expected a name .mcap in a folder that exists")
+    options.claim_processor(cpu=cpu, priority=realtime_priority)
     model = load_robot(robot, servo_profile=servo_profile)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
     kept = attachments(model, attach or [])

@@ -34,6 +34,9 @@ DEADLINE_S = 5.0
 """Lockstep: longest wait for an answer [s]."""
 FIRST_DEADLINE_S = 15.0
 """The same for the first answer, while a controller may still build its model [s]."""
+LAST_ANSWER_S = 0.2
+"""The same once the run was asked to end: with the answer, what it has recorded is the
+beginning of the whole run [s]."""
 TRUTH_EVERY_TICKS = 20
 
 
@@ -155,6 +158,7 @@ class RobotLoop:
         """The answer to a tick, requests served meanwhile; None if it will not come."""
         patience_s = DEADLINE_S if self._is_answered else FIRST_DEADLINE_S
         deadline = time.monotonic() + patience_s
+        is_last = False
         while True:
             answer = self._server.answer(due, now_s=now_s, deadline=deadline)
             if isinstance(answer, CommandResult):
@@ -162,8 +166,11 @@ class RobotLoop:
             if answer is NoAnswer.OVERTAKEN:
                 return None
             self._server.serve_requests(now_s=now_s)
+            now = time.monotonic()
+            if stop.is_set and not is_last:
+                is_last, deadline = True, min(deadline, now + LAST_ANSWER_S)
             is_active = self._gate.mode is RobotMode.ACTIVE
-            if not is_active or stop.is_set or time.monotonic() >= deadline:
+            if not is_active or stop.is_urgent or now >= deadline:
                 return None
 
     def _take_newest(self, tick: int, now_s: float) -> None:

@@ -34,6 +34,7 @@ from surefoot.stabilizer.estimation.observer import (
 )
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 from surefoot.stabilizer.qp import PiqpSolver, QpSolver
+from surefoot.stabilizer.walking.ground import HeightReference
 from surefoot.stabilizer.walking.walk import Walk
 
 
@@ -82,15 +83,17 @@ class WholeBodyController(BalanceController):
         self.walk = Walk(
             settings.walk,
             self.stance,
+            robot=robot,
+            model=self.model,
             contacts=self.observer.contacts,
             anchors=self.observer.anchors,
-            weight=weight,
             largest_force=largest_force,
-            half_sizes=self.model.half_sizes,
-            drive_speed=robot.servo_profile.velocity_limit_rad_s,
-            com_rise=self.model.com_travel[1],
+            height=HeightReference(
+                settings.walk,
+                com_rise=self.model.com_travel[1],
+                period_s=robot.period_s,
+            ),
             servo_lag_s=lag_s + _damping_lag(robot, self.model),
-            period_s=robot.period_s,
         )
         self.tsid = Tsid(
             self.model,

@@ -23,9 +23,12 @@ from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.result import WalkReport
 from surefoot.schemas.walk_plan import WalkStatus
 from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
+from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.walking.footsteps import SIDES, Foothold
-from surefoot.stabilizer.walking.gait import Phase
+from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.step_queue import Move
 
 MM_PER_M = 1e3
@@ -80,13 +83,27 @@ class WalkState:
         self._largest = [0.0, 0.0]
         self._ticks = 0
 
-    def add_error(self) -> None:
-        """Take in the DCM's error at a tick of the walk."""
+    def compare(self, soles: SolesAndCom, gait: Gait) -> tuple[float, float]:
+        """Take in the DCM of a tick.
+
+        Args:
+            soles: tells centre of mass and its velocity.
+            gait: tells where the DCM and the ZMP should be.
+
+        Returns:
+            How far the DCM is ahead of its reference, and to the left of it [m].
+        """
+        np.divide(soles.v_com[:2], gait.omega, out=self.dcm)
+        self.dcm += soles.p_com[:2]
+        self.dcm_reference[:] = gait.dcm
+        self.zmp_reference[:] = gait.zmp
         self._ticks += 1
-        for axis in range(2):
-            error = abs(self.dcm.item(axis) - self.dcm_reference.item(axis))
+        off = (self.dcm - self.dcm_reference).tolist()
+        for axis, error in enumerate(map(abs, off)):
             self._squares[axis] += error * error
             self._largest[axis] = max(self._largest[axis], error)
+        ahead, left = off
+        return ahead, left
 
     def touch(self, *, off: float, late_s: float) -> None:
         """Take in a touchdown of the step under way.
@@ -194,6 +211,7 @@ class Feet:
         contacts: ContactMonitor,
         anchors: Anchors,
         *,
+        weight: float,
         largest_force: float,
         period_s: float,
     ) -> None:
@@ -203,12 +221,13 @@ class Feet:
             settings: thresholds and times.
             contacts: told which feet it does not own, and whether these stand.
             anchors: told which feet are where they were set down.
+            weight: of the robot [N].
             largest_force: to be asked of a foot that stands [N].
             period_s: time between two updates [s].
         """
         self._settings = settings
         self._contacts, self._anchors = contacts, anchors
-        self._largest, self._dt = largest_force, period_s
+        self._weight, self._largest, self._dt = weight, largest_force, period_s
         self.states = [FootState.PLANTED, FootState.PLANTED]
         self.since_s = [0.0, 0.0]
         self.touched = [False, False]
@@ -285,6 +304,28 @@ class Feet:
             and self.since_s[side] >= self._settings.landing_s
         ):
             self.give_back(side)
+
+    def share_load(self, left: float, stance: Stance, state: ObservedState) -> None:
+        """Write the planned load; what a foot that is to leave may carry shrinks along.
+
+        Args:
+            left: planned share of the left foot [1].
+            stance: gets the shares.
+            state: gets the forces that may be asked for.
+        """
+        settings, load = self._settings, stance.load
+        load[:] = left, 1.0 - left
+        for side, foot in enumerate(self.states):
+            if foot is FootState.LEAVING:
+                margin = settings.leaving_margin * min(1.0, 4.0 * load[side])
+                state.allowed[side] = (load[side] + margin) * self._weight
+
+    def carry_early(self, stance: Stance) -> None:
+        """Have a foot that has landed early carry a little, not what was planned."""
+        if FootState.LANDING in self.states:
+            side = self.states.index(FootState.LANDING)
+            early = self._settings.early_share
+            stance.load[side], stance.load[1 - side] = early, 1.0 - early
 
     def _feel_for_ground(self, side: int, normal: float) -> None:
         pressed = normal > self._settings.touchdown_n

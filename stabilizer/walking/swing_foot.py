@@ -3,287 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Protocol
 
-import numpy as np
-
-from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.zmp_settings import WalkSettings
-from surefoot.stabilizer.control.force_feedback import ForceFeedback
-from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom
-from surefoot.stabilizer.estimation.observer import ObservedState
+from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
-from surefoot.stabilizer.walking.feet import Feet, FootState
+from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
 from surefoot.stabilizer.walking.swing import SwingPath, SwingReference, SwingTask
-
-_UP = np.array([0.0, 0.0, 1.0])
-EDGE = (0.93, 0.98)
-"""A sole pressed farther out than this begins to tip, and tips [1]."""
-LEAST_FORCE_N = 20.0
-"""Below it a centre of pressure is noise."""
-HEIGHT_RESERVE_M = 0.03
-"""Kept between the centre of mass and the highest that the legs can do [m]."""
-DEEPEST_KEPT_S = 6.0
-"""Time constant with which a deep place of the ground is forgotten [s]."""
-STEEPEST = 0.3
-"""No ground is expected to slope by more than this [rad]."""
-
-
-class GroundMotion(Protocol):
-    """How the soles move, and how much of it is their ground's.
-
-    Attributes:
-        share: the ground's part, of left and right foot [1].
-        ground_twist: (12,) low-passed sole twists.
-    """
-
-    share: list[float]
-    ground_twist: Array
-
-
-class ExpectedGround:
-    """Normal and motion of the ground: a plane through the standing sole.
-
-    With both feet planted the normal is the mean of the soles', as far as these agree
-    with each other and with the line between them: a platform is followed, stones
-    that each lie as they please count as level. From when one foot leaves until it has
-    landed, the ground turns with the other one's sole, about each axis for as long as
-    the pressure keeps off its edge: a sole that tips stands on that very edge.
-
-    Attributes:
-        normal: (3,) unit, world.
-        velocity: vertical speed at the swing foot [m/s].
-        turn: (3,) angular velocity, about the level axes only [rad/s].
-        under: the foot in the air, or that lands, whose ground the other one shows.
-        middle_over_support: height between the feet over that of the one that stands,
-            while the other one is none that shows the ground [m].
-        edge_share: part of the sole's roll and pitch that is the ground's [1].
-    """
-
-    def __init__(
-        self,
-        settings: WalkSettings,
-        *,
-        half_sizes: Sequence[tuple[float, float]],
-        period_s: float,
-    ) -> None:
-        """Begin level and at rest.
-
-        Args:
-            settings: filter and agreement.
-            half_sizes: half length and half width of left and right sole [m].
-            period_s: time between two updates [s].
-        """
-        self._dt = period_s
-        self._blend = -math.expm1(-period_s / settings.normal_filter_s)
-        self._agreement = settings.normal_agreement
-        self.normal: Vec3 = _UP.copy()
-        self.velocity = 0.0
-        self.turn: Vec3 = np.zeros(3)
-        self.under: int | None = None
-        self._off: int | None = None
-        self.middle_over_support = 0.0
-        self.edge_share = [1.0, 1.0]
-        self._half_sizes = half_sizes
-        self._in_sole: Vec3 = _UP.copy()
-
-    def update(
-        self, soles: SolesAndCom, law: GroundMotion, F_meas: Array, *, feet: Feet
-    ) -> None:
-        """Go on for a tick.
-
-        Args:
-            soles: at the present state.
-            law: tells how the soles move, and how much of it is the ground's.
-            F_meas: (12,) wrenches of the ground on the soles.
-            feet: what they are doing.
-        """
-        self.under = feet.arriving
-        off = self.under
-        if off is None and FootState.LEAVING in feet.states:
-            off = feet.states.index(FootState.LEAVING)
-        if off is None:
-            self.from_both(soles)
-        else:
-            if self._off != off:
-                self.stand_on(soles, support=1 - off)
-            self.from_one(soles, law, F_meas, support=1 - off)
-        self._off = off
-        if self.under is None:
-            self.middle_over_support = 0.0
-
-    def carry(self, dynamics: Dynamics, law: ForceFeedback) -> None:
-        """Have a foot that lands move with its ground.
-
-        Args:
-            dynamics: quantities at the present state.
-            law: the twists of the soles, written in place.
-        """
-        if self.under is None:
-            return
-        R, rows = dynamics.R_world_sole[self.under], SOLE_ROWS[self.under]
-        missing = 1.0 - law.share[self.under]
-        twist = law.r[rows]
-        twist[:3] += (missing * self.velocity) * R[2]
-        twist[3:] += missing * (self.turn @ R)
-
-    def from_both(self, soles: SolesAndCom) -> None:
-        """Look at both soles, which stand."""
-        left, right = (R[:, 2] for R in soles.R_world_sole)
-        mean = left + right
-        mean /= math.sqrt(mean @ mean)
-        line = soles.p_sole[1] - soles.p_sole[0]
-        apart = left - right
-        slope = (line @ mean) / max(math.sqrt(line @ line), 1e-3)
-        trust = math.exp(-(apart @ apart + slope * slope) / self._agreement**2)
-        w_left, w_right = soles.v_sole[3:6], soles.v_sole[9:12]
-        turn = soles.R_world_sole[0] @ w_left + soles.R_world_sole[1] @ w_right
-        self.normal += (0.5 * trust * self._dt) * np.cross(turn, self.normal)
-        self.normal += self._blend * (_UP + trust * (mean - _UP) - self.normal)
-        self._normalise()
-        self.velocity = 0.0
-        self.turn[:] = 0.0
-
-    def stand_on(self, soles: SolesAndCom, *, support: int) -> None:
-        """From now on one sole alone shows the ground.
-
-        Args:
-            soles: at the present state.
-            support: the foot that stands.
-        """
-        self._in_sole[:] = self.normal @ soles.R_world_sole[support]
-        self.edge_share[:] = 1.0, 1.0
-
-    def from_one(
-        self,
-        soles: SolesAndCom,
-        law: GroundMotion,
-        F_meas: Array,
-        *,
-        support: int,
-    ) -> None:
-        """Go on with the ground under one sole.
-
-        Args:
-            soles: at the present state.
-            law: tells how the soles move, and how much of it is the ground's.
-            F_meas: (12,) wrenches of the ground on the soles.
-            support: the foot that stands.
-        """
-        R, blend = soles.R_world_sole[support], self._blend
-        rows = SOLE_ROWS[support]
-        twist = law.share[support] * law.ground_twist[rows]
-        v_x, v_y, v_z, w_x, w_y, _ = twist.tolist()
-        _, _, normal, m_x, m_y, _ = F_meas[rows].tolist()
-        half_length, half_width = self._half_sizes[support]
-        pressed = max(normal, LEAST_FORCE_N)
-        x = min(max(-m_y / pressed, -half_length), half_length)
-        y = min(max(m_x / pressed, -half_width), half_width)
-        roll_room, pitch_room = _room(abs(y) / half_width), _room(abs(x) / half_length)
-        shares = self.edge_share
-        shares[0] += blend * (roll_room - shares[0])
-        shares[1] += blend * (pitch_room - shares[1])
-        roll, pitch = shares
-        # What a sole that tips leaves on the ground is the point it is pressed at.
-        v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
-        turn = self.turn
-        turn[:] = R @ (roll * w_x, pitch * w_y, 0.0)
-        turn[2] = 0.0
-        across = soles.p_sole[1 - support] - soles.p_sole[support]
-        vertical = R[2] @ (v_x, v_y, v_z)
-        self.velocity = float(vertical + turn[0] * across[1] - turn[1] * across[0])
-        self.normal += self._dt * np.cross(turn, self.normal)
-        slope_x, slope_y = self.slope()
-        self.middle_over_support = 0.5 * float(
-            slope_x * across[0] + slope_y * across[1]
-        )
-        off = self._in_sole - self.normal @ R
-        off *= (blend * pitch_room, blend * roll_room, 0.0)
-        self.normal += R @ off
-        self._normalise()
-
-    def slope(self) -> tuple[float, float]:
-        """Return how the plane rises ahead and to the left [1]."""
-        x, y, z = self.normal.tolist()
-        return -x / z, -y / z
-
-    def _normalise(self) -> None:
-        x, y, z = self.normal.tolist()
-        level = math.hypot(x, y)
-        if level > STEEPEST:
-            x, y = x * STEEPEST / level, y * STEEPEST / level
-            z = 1.0
-        length = math.sqrt(x * x + y * y + z * z)
-        self.normal[:] = x / length, y / length, z / length
-
-
-class HeightReference:
-    """The height asked for: over the ground, and its deepest place in reach.
-
-    A robot that has walked may stand far from where its ground turns. There it sinks
-    deeper, and a leg that is straight by then cannot follow it.
-    """
-
-    def __init__(
-        self, settings: WalkSettings, *, com_rise: float, period_s: float
-    ) -> None:
-        """Begin on level ground.
-
-        Args:
-            settings: time constant.
-            com_rise: highest centre of mass over the soles, from nominal [m].
-            period_s: time between two updates [s].
-        """
-        self._rise = com_rise - HEIGHT_RESERVE_M
-        self._blend = period_s / settings.height_s
-        self._forget = period_s / DEEPEST_KEPT_S
-        self._deepest = 0.0
-
-    def follow(
-        self,
-        stance: Stance,
-        state: ObservedState,
-        soles: SolesAndCom,
-        ground: ExpectedGround,
-    ) -> None:
-        """Advance by one tick.
-
-        Args:
-            stance: gets the height.
-            state: tells the height of the ground that carries.
-            soles: at the present state.
-            ground: its height between the feet.
-        """
-        carries = state.ground_height
-        middle = carries + ground.middle_over_support
-        if ground.under is None:
-            left, right = soles.p_sole
-            low = middle - 0.5 * abs(left.item(2) - right.item(2))
-        else:
-            low = min(carries, carries + 2.0 * ground.middle_over_support)
-        self._deepest = min(low, self._deepest + self._forget * (low - self._deepest))
-        highest = self._deepest + self._rise
-        stance.approach_ground(middle, highest=highest, share=self._blend)
-
-
-def _room(outward: float) -> float:
-    """Return 1 while the pressure is off the sole's edge, 0 at it [1].
-
-    Args:
-        outward: centre of pressure from the sole's middle (0) to its edge (1).
-    """
-    begins, ends = EDGE
-    return min(max((ends - outward) / (ends - begins), 0.0), 1.0)
 
 
 class SwingFoot:
     """Writes where a foot in the air should be, in the world.
 
     Attributes:
-        ground: that it is expected to meet.
         references: where left and right foot should be while they are in the air.
         tasks: of left and right foot, for both QPs.
     """
@@ -291,8 +24,8 @@ class SwingFoot:
     def __init__(
         self,
         settings: WalkSettings,
+        ground: ExpectedGround,
         *,
-        half_sizes: Sequence[tuple[float, float]],
         lead_s: float,
         period_s: float,
     ) -> None:
@@ -300,12 +33,12 @@ class SwingFoot:
 
         Args:
             settings: of walking.
-            half_sizes: half length and half width of left and right sole [m].
+            ground: read, not advanced.
             lead_s: by which the velocity is ahead: the lag of the servos [s].
             period_s: time between two updates [s].
         """
         self._settings, self._lead_s, self._dt = settings, lead_s, period_s
-        self.ground = ExpectedGround(settings, half_sizes=half_sizes, period_s=period_s)
+        self._ground = ground
         self._path = SwingPath(settings)
         self.references = (SwingReference(), SwingReference())
         self.tasks = [
@@ -328,7 +61,7 @@ class SwingFoot:
         """
         side = move.side
         p = soles.p_sole[side]
-        slope_x, slope_y = self.ground.slope()
+        slope_x, slope_y = self._ground.slope()
         across = p - soles.p_sole[1 - side]
         level = slope_x * across[0] + slope_y * across[1]
         self._path.begin(
@@ -353,7 +86,7 @@ class SwingFoot:
             t: since lift-off [s].
             shift: of its goal, by step adjustment [m].
         """
-        path, ground, reference = self._path, self.ground, self.references[side]
+        path, ground, reference = self._path, self._ground, self.references[side]
         support = soles.p_sole[1 - side]
         slope_x, slope_y = ground.slope()
         path.advance(t, shift=shift, dt=self._dt)
@@ -384,16 +117,16 @@ class SwingFoot:
         reference = self.references[side]
         self._path.stay(xy, yaw)
         reference.p[:] = *xy, soles.p_sole[side][2]
-        reference.v[:] = 0.0, 0.0, self.ground.velocity - self._settings.late_m_s
+        reference.v[:] = 0.0, 0.0, self._ground.velocity - self._settings.late_m_s
         reference.v_ahead[:] = reference.v
         reference.a[:] = 0.0
         self._turn(reference)
 
     def _turn(self, reference: SwingReference) -> None:
         """Write orientation and turn: along the ground, at the path's heading."""
-        reference.w[:] = self.ground.turn
+        reference.w[:] = self._ground.turn
         reference.w[2] += self._path.yaw_rate
-        _face(self.ground.normal, self._path.yaw, out=reference.R)
+        _face(self._ground.normal, self._path.yaw, out=reference.R)
 
 
 def _face(normal: Vec3, yaw: float, *, out: Mat) -> None:

@@ -8,10 +8,10 @@ left alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
+from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.zmp_settings import WalkSettings
@@ -25,17 +25,18 @@ from surefoot.stabilizer.dynamics import (
 )
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
-from surefoot.stabilizer.model import GRAVITY
+from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.walking.dcm import StepAdjustment
 from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
 from surefoot.stabilizer.walking.footsteps import Foothold, mean_yaw, turned
 from surefoot.stabilizer.walking.gait import Gait, Phase
-from surefoot.stabilizer.walking.step_queue import Move, StepQueue
-from surefoot.stabilizer.walking.swing_foot import (
+from surefoot.stabilizer.walking.ground import (
+    ExpectedGround,
     GroundMotion,
     HeightReference,
-    SwingFoot,
 )
+from surefoot.stabilizer.walking.step_queue import Move, StepQueue
+from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
 LEAVING_FROM = 0.3
 """Planned share of the weight under which a foot that is to leave is the walk's."""
@@ -60,36 +61,34 @@ class Walk:
         settings: WalkSettings,
         stance: Stance,
         *,
+        robot: Robot,
+        model: RobotModel,
         contacts: ContactMonitor,
         anchors: Anchors | None,
-        weight: float,
         largest_force: float,
-        half_sizes: Sequence[tuple[float, float]],
-        drive_speed: float,
-        com_rise: float,
+        height: HeightReference | None,
         servo_lag_s: float,
-        period_s: float,
     ) -> None:
         """Begin standing in the nominal stance.
 
         Args:
             settings: of walking.
             stance: the reference; written once there are steps.
+            robot: what its files say.
+            model: of it.
             contacts: of the observer.
             anchors: of the estimator; None of one that knows no steps, with which
                 every plan is refused.
-            weight: of the robot [N].
             largest_force: to be asked of a foot that stands [N].
-            half_sizes: half length and half width of left and right sole [m].
-            drive_speed: of the fastest joint [rad/s].
-            com_rise: highest centre of mass over the soles, from nominal [m].
+            height: has the centre of mass follow the ground; None where soles that
+                are commanded carry it along.
             servo_lag_s: by which joints follow their commands [s].
-            period_s: control period [s].
         """
-        self._settings, self._dt = settings, period_s
+        self._settings, self._dt = settings, (period_s := robot.period_s)
         self._has_odometry = anchors is not None
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
-        self._contacts, self._anchors, self._weight = contacts, anchors, weight
+        self._contacts, self._anchors = contacts, anchors
+        self._weight = model.weight
         left, right = stance.p_sole
         half_width = 0.5 * float(left[1] - right[1])
         middle = 0.5 * (left + right)
@@ -97,15 +96,23 @@ class Walk:
         omega = math.sqrt(GRAVITY / stance.com_nominal)
         self.gait = Gait(settings, omega=omega, com_offset=(x, y), period_s=period_s)
         self.feet = Feet(
-            settings, contacts, anchors, largest_force=largest_force, period_s=period_s
+            settings,
+            contacts,
+            anchors,
+            weight=model.weight,
+            largest_force=largest_force,
+            period_s=period_s,
         )
-        speed = stance.com_nominal * drive_speed
+        speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
         self.queue = StepQueue(settings, half_width=half_width, leg_speed=speed)
         self.state: WalkState | None = None
         self._told = WalkState()
+        self._ground = ExpectedGround(
+            settings, half_sizes=model.half_sizes, period_s=period_s
+        )
         self._swing = SwingFoot(
             settings,
-            half_sizes=half_sizes,
+            self._ground,
             lead_s=settings.lead_s + servo_lag_s,
             period_s=period_s,
         )
@@ -117,7 +124,7 @@ class Walk:
         self._begin_tick, self._blind = 0, (False, False)
         self._standing_base: Mat = np.eye(3)
         self._waited_s = 0.0
-        self._height = HeightReference(settings, com_rise=com_rise, period_s=period_s)
+        self._height = height
 
     @property
     def is_walking(self) -> bool:
@@ -181,7 +188,7 @@ class Walk:
         """
         if not self.is_walking and not self._begins(state, stance, tick):
             if self.queue.last is not None:
-                self._follow_height(stance, state, soles, commanded)
+                self._follow_height(stance, state, soles)
             return
         normals = (state.F_meas.item(NORMAL), state.F_meas.item(6 + NORMAL))
         self._go_on(normals, commanded or soles)
@@ -196,11 +203,11 @@ class Walk:
         if move is not None and is_due and self._blind[move.side]:
             self.feet.set_down(move.side)
         self._note_touchdowns(soles)
-        self._swing.ground.update(soles, law, state.F_meas, feet=self.feet)
+        self._ground.update(soles, law, state.F_meas, feet=self.feet)
         self._told.ahead = self._ahead()
         self.gait.advance(self._footholds(), self._told.ahead)
         self._adjust(soles)
-        self._follow_height(stance, state, soles, commanded)
+        self._follow_height(stance, state, soles)
         self._write_stance(stance, state)
         if (airborne := self.feet.airborne) is not None:
             self._write_swing(airborne, commanded or soles)
@@ -220,18 +227,13 @@ class Walk:
             twist = law.r[SOLE_ROWS[airborne]]
             self.swing_tasks[airborne].twist(dynamics, twist)
         else:
-            self._swing.ground.carry(dynamics, law)
+            self._ground.carry(dynamics, law)
 
     def _follow_height(
-        self,
-        stance: Stance,
-        state: ObservedState,
-        soles: SolesAndCom,
-        commanded: SolesAndCom | None,
+        self, stance: Stance, state: ObservedState, soles: SolesAndCom
     ) -> None:
-        """Have the height follow the ground; feet that are commanded carry it along."""
-        if commanded is None:
-            self._height.follow(stance, state, soles, self._swing.ground)
+        if self._height is not None:
+            self._height.follow(stance, state, soles, self._ground)
 
     def _footholds(self) -> list[Foothold]:
         """Where the feet are; of the one on its way, where it is being set.
@@ -348,13 +350,8 @@ class Walk:
 
     def _adjust(self, soles: SolesAndCom) -> None:
         """Compare the DCM with its reference; shift the step where it left it."""
-        gait, told = self.gait, self._told
-        np.divide(soles.v_com[:2], gait.omega, out=told.dcm)
-        told.dcm += soles.p_com[:2]
-        told.dcm_reference[:] = gait.dcm
-        told.zmp_reference[:] = gait.zmp
-        told.add_error()
-        x, y = (told.dcm - told.dcm_reference).tolist()
+        gait = self.gait
+        x, y = self._told.compare(soles, gait)
         move = self._move
         if (
             gait.phase is Phase.SINGLE
@@ -384,17 +381,9 @@ class Walk:
             x, y, z = self._anchors.p[side]
             stance.p_sole[side][:] = x, y, z
             stance.yaw_sole[side] = self._anchors.yaw[side]
-        share = gait.left_share(feet)
-        stance.load[:] = share, 1.0 - share
-        for side in range(2):
-            foot = self.feet.states[side]
-            if foot is FootState.LEAVING:
-                part = stance.load[side]
-                margin = self._settings.leaving_margin * min(1.0, 4.0 * part)
-                state.allowed[side] = (part + margin) * self._weight
-            elif foot is FootState.LANDING and gait.phase is Phase.SINGLE:
-                early = self._settings.early_share
-                stance.load[side], stance.load[1 - side] = early, 1.0 - early
+        self.feet.share_load(gait.left_share(feet), stance, state)
+        if gait.phase is Phase.SINGLE:
+            self.feet.carry_early(stance)
 
     def _write_swing(self, side: int, soles: SolesAndCom) -> None:
         """Write where the foot in the air should be."""

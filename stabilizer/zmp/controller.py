@@ -103,15 +103,13 @@ class ZmpController(BalanceController):
         self.walk = Walk(
             settings.walk,
             self.stance,
+            robot=robot,
+            model=self.model,
             contacts=self.observer.contacts,
             anchors=self.observer.anchors,
-            weight=self.model.mass * GRAVITY,
             largest_force=self.model.mass * GRAVITY,
-            half_sizes=self.model.half_sizes,
-            drive_speed=robot.servo_profile.velocity_limit_rad_s,
-            com_rise=self.model.com_travel[1],
+            height=None,
             servo_lag_s=0.0,
-            period_s=robot.period_s,
         )
         self._ground = UnknownGround()
         self._velocity: Vec3 = np.zeros(3)

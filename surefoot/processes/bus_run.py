@@ -197,7 +197,8 @@ def run_processes(
         on_tick: called with the robot's tick now and then.
         view_port: serve a live page of the run at this port; None for no page.
         histogram: whether the results hold those of all times.
-        priority: of SCHED_FIFO for the two; None for ordinary processes.
+        priority: of SCHED_FIFO for the two, the recorder next; None for ordinary
+            processes.
 
     Returns:
         What was measured, also of a run that was cut short, and what did that.
@@ -249,7 +250,10 @@ def run_processes(
         robot = start("robot", robot_argv)
         recorder = None
         if record:
-            recorder = start("recorder", recorder_argv(plan, folder, meeting))
+            words = recorder_argv(plan, folder, meeting)
+            if priority is not None and priority > 1:
+                words += ["--realtime-priority", str(priority - 1)]
+            recorder = start("recorder", words)
             await_recorder(recorder, events=events)
         if plan.relay_path is not None:
             words = _relay_argv(plan, plan.relay_path, endpoints, beyond)

@@ -70,7 +70,7 @@ def test_both_sides_tell_their_part(
         assert controller.ticks == plant.ticks
 
 
-def test_a_run_hands_its_priority_to_both_sides(
+def test_a_run_hands_its_priority_to_both_sides_and_the_next_to_its_recorder(
     surefoot: Surefoot, short_scenario: Path, patient_walker: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -79,11 +79,11 @@ def test_a_run_hands_its_priority_to_both_sides(
         *("--controller", "hold", "--robot", patient_walker, "--out", out),
     )
     assert done.returncode == 0, done.stderr
-    for side in ("robot", "stabilizer"):
-        log = (out / f"{side}.log").read_text()
+    for name, priority in (("robot", 20), ("stabilizer", 20), ("recorder", 19)):
+        log = (out / f"{name}.log").read_text()
         assert (
-            "SCHED_FIFO at priority 20" in log
-            or "--realtime-priority 20: not done" in log
+            f"SCHED_FIFO at priority {priority}" in log
+            or f"--realtime-priority {priority}: not done" in log
         )
 
 

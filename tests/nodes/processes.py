@@ -14,6 +14,7 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.robot_loop import RobotRun, run_robot
 from surefoot.stabilizer.control.controller import HoldController
+from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.patient_robot import patient
 from tests.support import PATIENCE_S
@@ -102,6 +103,19 @@ def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
         endpoints=endpoints,
         pace=pace,
         identity=identity,
+        connect_timeout_s=PATIENCE_S,
+    )
+
+
+def balancing(endpoints: Endpoints) -> Any:
+    """The whole-body controller, in lockstep."""
+    walker = load_robot("walker")
+    return run_stabilizer(
+        lambda settings: WholeBodyController(walker, settings),
+        walker,
+        endpoints=endpoints,
+        pace=Pace.LOCKSTEP,
+        identity="ann",
         connect_timeout_s=PATIENCE_S,
     )
 

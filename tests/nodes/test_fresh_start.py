@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,9 +25,8 @@ from surefoot.stabilizer.control.controller import (
     ControllerOutput,
     HoldController,
 )
-from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.nodes.processes import SEED, robot, running
+from tests.nodes.processes import SEED, balancing, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_reconnect import FAR_RAD, PAUSE_S, is_commanded_again
 from tests.nodes.test_requests import looking
@@ -203,17 +202,6 @@ def recorded(endpoints: Endpoints, record: Path) -> RobotRun:
             ticks=ticks,
             wait_s=PATIENCE_S,
         )
-
-
-def balancing(endpoints: Endpoints) -> Any:
-    return run_stabilizer(
-        lambda settings: WholeBodyController(WALKER, settings),
-        WALKER,
-        endpoints=endpoints,
-        pace=Pace.LOCKSTEP,
-        identity="ann",
-        connect_timeout_s=PATIENCE_S,
-    )
 
 
 def test_held_while_the_ground_rolls_it_stands_upright_after_the_resume(

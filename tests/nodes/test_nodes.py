@@ -30,12 +30,27 @@ from surefoot.schemas.topics import topic
 from surefoot.stabilizer import loop
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.nodes.processes import SEED, ProcessError, robot, running, stabilizer
+from tests.nodes.processes import (
+    SEED,
+    ProcessError,
+    balancing,
+    robot,
+    running,
+    stabilizer,
+)
 from tests.support import PATIENCE_S, wait_until
 
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002, "accel_noise_m_s2": 0.05}
 SHORT = {"duration_s": 0.5, "sensors": NOISE}
 LONG = {"duration_s": 600.0}
+BALANCING_TICK = 1500
+SINE = {
+    "axis": "roll",
+    "kind": "sine",
+    "amplitude_deg": 4.0,
+    "frequency_hz": 0.5,
+    "start_s": 1.0,
+}
 
 
 @contextmanager
@@ -60,11 +75,11 @@ def is_running(status: RobotStatus) -> bool:
     return status.mode is RobotMode.ACTIVE and status.tick > 20
 
 
-def in_one_process(table: dict) -> str:
+def in_one_process(table: dict, controller: str = "hold") -> str:
     """Hash of the same run without a bus."""
     walker = load_robot("walker")
     scenario = scenario_from_table({"name": "test", **table}, source="test")
-    run = simulate(walker, scenario, controller="hold", seed=SEED, record=False)
+    run = simulate(walker, scenario, controller=controller, seed=SEED, record=False)
     return run.result.log_sha256
 
 
@@ -137,6 +152,24 @@ def test_the_last_ticks_are_answered_though_the_robot_waits_for_no_answer(
         run, answered = plant.result(), controller.result()
     assert run.result.ticks == answered.ticks == BLOCK_TICKS + 1
     assert answered.end is EndReason.RUN_OVER
+
+
+def test_an_interrupted_run_is_the_beginning_of_the_whole_one(
+    endpoints: Endpoints,
+) -> None:
+    moving = {"foot": "both", "motion": [SINE]}
+    table = {**LONG, "sensors": NOISE, "platform": [moving]}
+    with (
+        running(robot, endpoints, table, Pace.LOCKSTEP) as plant,
+        running(balancing, endpoints) as controller,
+        observer(endpoints) as when,
+    ):
+        when(lambda status: status.tick > BALANCING_TICK, what="balancing")
+        plant.signal(signal.SIGTERM)
+        run, answered = plant.result(), controller.result()
+    assert run.result.ticks == answered.ticks > BALANCING_TICK
+    as_long = {"duration_s": run.result.ticks * 1e-3}
+    assert run.result.log_sha256 == in_one_process(table | as_long, "whole-body")
 
 
 def test_real_time_goes_by_the_clock_and_measures_itself(endpoints: Endpoints) -> None:

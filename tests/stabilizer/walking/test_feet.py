@@ -27,6 +27,7 @@ class Stand:
             SETTINGS,
             self.contacts,
             self.anchors,
+            weight=700.0,
             largest_force=LARGEST_N,
             period_s=DT,
         )

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from surefoot.schemas.zmp_settings import WalkSettings
-from surefoot.stabilizer.walking.swing_foot import ExpectedGround, HeightReference
+from surefoot.stabilizer.walking.ground import ExpectedGround, HeightReference
 
 HALF_SIZES = ((0.13, 0.08), (0.13, 0.08))
 DT, TURN_RAD_S, WEIGHT_N = 1e-3, 0.5, 690.0
