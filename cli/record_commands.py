@@ -267,7 +267,7 @@ def _left_out(record: Record) -> list[str]:
     notes = []
     for name in record.channels:
         size = record.size(name)
-        lost = size - len(record.messages(name))
+        lost = size - sum(1 for _ in record.each(name))
         if lost:
             notes.append(
                 f"{name}: {lost} of {size} messages left out; they are not "

@@ -217,7 +217,8 @@ class GroundBlock(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     size: Floats3
     """Length, width and thickness along its own axes [m]."""
     platform: int
-    """Which platform it is, in the order of the scenario file; -1: it stands still."""
+    """Which platform it is, in the order of the scenario file, seesaws after them; -1:
+    it stands fast."""
 
 
 class Truth(Message, frozen=True, kw_only=True):

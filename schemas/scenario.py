@@ -82,7 +82,7 @@ class Platform(FileStruct, frozen=True, kw_only=True):
 
 
 class Tile(FileStruct, frozen=True, kw_only=True):
-    """A block of ground that stands still, instead of the flat floor at its place.
+    """A block of ground that no motion moves, instead of the flat floor at its place.
 
     Tiles may overlap. Where there are tiles, the floor goes on around them for as far
     as a walk needs, unless there are platforms.
@@ -106,6 +106,11 @@ class Tile(FileStruct, frozen=True, kw_only=True):
     damping_n_s_m: NonNegative | None = None
     """Of soft ground under a whole sole; absent: half of critical for
     half the robot's mass."""
+    tip_deg: Annotated[float, msgspec.Meta(ge=0.0, le=20.0)] = 0.0
+    """A seesaw: turns under the foot about the middle of its top, to a stop so far
+    either way; 0 for a block that stands fast."""
+    tip_axis: Literal["roll", "pitch"] = "pitch"
+    """What a seesaw turns about: its own x (roll) or y (pitch)."""
 
     def __post_init__(self) -> None:
         """Check that only soft ground has damping."""
@@ -159,7 +164,7 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     platform: list[Platform] = []
     """Moving ground; firm level ground where there is none."""
     tile: list[Tile] = []
-    """Blocks of uneven, soft or slippery ground that stand still."""
+    """Blocks of uneven, soft, slippery or tipping ground."""
     push: list[Push] = []
     """Forces on links."""
     rod: list[Rod] = []

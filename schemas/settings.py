@@ -126,6 +126,9 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
 
     gain: FractionSix = (0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
     """Part of each foot's estimated twist fed forward, x y z roll pitch yaw [1]."""
+    pull_gain: Fraction = 1.0
+    """Part of the ground's acceleration along the level that the centre of mass is to
+    go along with [1]."""
     cutoff_hz: Positive = 15.0
     """Low-pass of the estimated twist."""
     lead_s: NonNegative = 0.015
@@ -309,7 +312,7 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
     "surefoot": {},
     "paper": {
-        "ground": {"gain": 0.0},
+        "ground": {"gain": 0.0, "pull_gain": 0.0},
         "tsid": {"leg_posture_weight": TsidSettings().posture_weight},
         "dik": {
             "leg_posture_weight": DikSettings().posture_weight,

@@ -425,7 +425,7 @@ def lay_out(name: str, *, joints: Sequence[str], platforms: int = 0) -> SignalLa
     Args:
         name: of the signal.
         joints: names, in the order of the robot file.
-        platforms: how many there are in the scenario.
+        platforms: how many there are in the scenario, seesaws included.
 
     Raises:
         SchemaError: it has no numbers: no platform, or no joint.

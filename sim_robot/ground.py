@@ -16,7 +16,7 @@ from surefoot.sim_robot.still_ground import StillGround
 from surefoot.sim_robot.world import World
 
 STILL = -1
-"""What ground that stands still says for its platform."""
+"""What ground that stands fast says for its platform."""
 
 
 def ground_blocks(world: World) -> list[GroundBlock]:
@@ -30,7 +30,10 @@ def ground_blocks(world: World) -> list[GroundBlock]:
     for plan in world.platforms:
         blocks.append(_platform(plan, index if plan.in_scenario else STILL))
         index += plan.in_scenario
-    return [*blocks, *(_still(ground) for ground in world.still)]
+    for ground in world.still:
+        blocks.append(_seesaw(ground, index) if ground.tip_rad else _still(ground))
+        index += ground.tip_rad > 0.0
+    return blocks
 
 
 def _platform(plan: PlatformPlan, index: int) -> GroundBlock:
@@ -47,13 +50,21 @@ def _platform(plan: PlatformPlan, index: int) -> GroundBlock:
 
 
 def _still(ground: StillGround) -> GroundBlock:
-    from scipy.spatial.transform import Rotation
-
+    w, x, y, z = ground.quat_wxyz
     return GroundBlock(
         position=ground.top_centre.tolist(),
-        quat_xyzw=Rotation.from_matrix(ground.R_world_top).as_quat().tolist(),
+        quat_xyzw=[x, y, z, w],
         size=ground.size.tolist(),
         platform=STILL,
+    )
+
+
+def _seesaw(ground: StillGround, index: int) -> GroundBlock:
+    return GroundBlock(
+        position=[0.0, 0.0, 0.0],
+        quat_xyzw=[0.0, 0.0, 0.0, 1.0],
+        size=ground.size.tolist(),
+        platform=index,
     )
 
 
@@ -79,10 +90,10 @@ class Ground:
             for motions in platform.motions.values()
         ]
         count = len(self._laws)
-        robot_nv = world.model.nv - count
-        self._qpos = data.qpos[robot_nv + 1 :]
-        self._qvel = data.qvel[robot_nv:]
-        self._force = data.qfrc_applied[robot_nv:]
+        first = world.model.nv - len(world.seesaws) - count
+        self._qpos = data.qpos[first + 1 : first + 1 + count]
+        self._qvel = data.qvel[first : first + count]
+        self._force = data.qfrc_applied[first : first + count]
         self._position: Array = np.zeros(count)
         self._velocity: Array = np.zeros(count)
         self._write()

@@ -6,7 +6,7 @@ import math
 import os
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -115,6 +115,7 @@ class Renderer:
         base_position: Vec3,
         base_quat_xyzw: Array,
         q: Array,
+        seesaws: Sequence[float] = (),
         camera: Camera | None = None,
     ) -> NDArray[np.uint8]:
         """Draw one moment.
@@ -124,6 +125,7 @@ class Renderer:
             base_position: (3,) world [m].
             base_quat_xyzw: (4,) world from base.
             q: (n_a,) joint positions, bus order [rad].
+            seesaws: angle of each, in their order; at rest when left out [rad].
             camera: where from; a view of the whole robot if not given.
 
         Returns:
@@ -133,6 +135,8 @@ class Renderer:
         data.qpos[:3] = base_position
         data.qpos[3:7] = wxyz(base_quat_xyzw)
         data.qpos[self._world.joint_qpos] = q
+        if seesaws:
+            data.qpos[-len(seesaws) :] = seesaws
         self._ground.aim(time_s)
         self._ground.arrive()
         mujoco.mj_forward(self._world.model, data)
@@ -156,8 +160,25 @@ class Renderer:
             base_position=arrays["true_base_pose"][row, :3],
             base_quat_xyzw=arrays["true_base_pose"][row, 3:],
             q=arrays["q"][row],
+            seesaws=self._seesaw_angles(arrays, row),
             camera=camera,
         )
+
+    def _seesaw_angles(self, arrays: Mapping[str, Array], row: int) -> list[float]:
+        from scipy.spatial.transform import Rotation
+
+        tiles = [ground for ground in self._world.still if ground.tip_rad]
+        if not tiles:
+            return []
+        quats = arrays["true_platform_pose"][row, -len(tiles) :, 3:]
+        angles = []
+        attitudes = Rotation.from_quat(quats).as_matrix()
+        for tile, attitude in zip(tiles, attitudes, strict=True):
+            turned = tile.R_world_top.T @ attitude
+            is_roll = tile.tip_axis == "roll"
+            sin, cos = turned[2, 1] if is_roll else turned[0, 2], turned[2, 2]
+            angles.append(float(np.arctan2(sin, cos)))
+        return angles
 
     def _add_legs(self) -> None:
         """Draw each platform on six cylinders, as a motion base."""

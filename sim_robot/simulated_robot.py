@@ -151,7 +151,7 @@ class SimulatedRobot:
             self._recorder = RobotRecorder(
                 ticks,
                 joints=robot.joint_names,
-                platforms=len(scenario.platform),
+                platforms=len(scenario.platform) + len(self.plant.world.seesaws),
                 period_s=period_s,
             )
 

@@ -47,10 +47,13 @@ class PlantView:
         self._height_bodies = np.array([base, left, right, *world.upper_bodies])
         self.upper_names = [world.model.body(i).name for i in world.upper_bodies]
         self._sensors = data.sensordata
-        self._platforms = [
-            (data.xpos[body], data.xquat[body])
+        bodies = [
+            body
             for body, plan in zip(world.ground_bodies, world.platforms, strict=True)
             if plan.in_scenario
+        ]
+        self._platforms = [
+            (data.xpos[body], data.xquat[body]) for body in (*bodies, *world.seesaws)
         ]
 
     @property
@@ -144,7 +147,7 @@ class PlantTruth:
             simulation step, in the sole frame [N, N m].
         F_right: (6,) the same of the right foot.
         vertical_forces: their parts along the world's vertical, left and right [N].
-        platforms: platforms of the scenario, in its order.
+        platforms: platforms of the scenario, in its order, then its seesaws.
     """
 
     tick: int

@@ -1,4 +1,4 @@
-"""Ground that stands still: floor, tiles, and how all of it looks."""
+"""Ground that no motion moves: floor, tiles, and how all of it looks."""
 
 from __future__ import annotations
 
@@ -26,6 +26,13 @@ FLOOR_M = ((-3.0, 12.0), (-6.0, 6.0))
 FLOOR_THICKNESS_M = 0.06
 BELOW_M = 0.3
 """Tiles are blocks that reach so far below the floor, and below their own top [m]."""
+SEESAW_THICKNESS_M = 0.05
+SEESAW_KG_M3 = 700.0
+"""Of wood."""
+SEESAW_DAMPING = 1.0
+"""Of a seesaw's bearing [N m s/rad]."""
+STOP_TIME_CONSTANT_S = 0.01
+"""Of a seesaw's stops."""
 CORNERS = 4
 """A sole that lies flat is held at so many points."""
 
@@ -136,6 +143,9 @@ class StillGround:
         friction: of the soles on it.
         stiffness_n_m: under a whole sole; None for firm ground.
         damping_n_s_m: the same; None for half of critical damping.
+        tip_rad: how far it turns about its middle, either way, as a seesaw; 0 for
+            one that stands fast.
+        tip_axis: what it turns about: its own x (roll) or y (pitch).
     """
 
     name: str
@@ -145,6 +155,16 @@ class StillGround:
     friction: float
     stiffness_n_m: float | None = None
     damping_n_s_m: float | None = None
+    tip_rad: float = 0.0
+    tip_axis: str = "pitch"
+
+    @property
+    def quat_wxyz(self) -> list[float]:
+        """(4,) world from block, at rest."""
+        from scipy.spatial.transform import Rotation
+
+        x, y, z, w = Rotation.from_matrix(self.R_world_top).as_quat().tolist()
+        return [w, x, y, z]
 
     def height_at(self, x: float, y: float) -> float | None:
         """Height of the top at a place [m]; None where it is not."""
@@ -174,22 +194,44 @@ def plan_still_ground(scenario: Scenario) -> tuple[StillGround, ...]:
 
 
 def add_still_ground(spec: mujoco.MjSpec, ground: StillGround, *, robot: Robot) -> None:
-    """Add a block that only the soles touch."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = Rotation.from_matrix(ground.R_world_top).as_quat()
+    """Add a block that only the soles touch; a seesaw is a body of its own name."""
     is_tile = ground.name.startswith("tile")
-    spec.worldbody.add_geom(
+    parent = spec.worldbody
+    place, quat_wxyz = ground.top_centre, ground.quat_wxyz
+    down = -0.5 * ground.size[2] * ground.R_world_top[:, 2]
+    if ground.tip_rad:
+        parent = _add_seesaw(spec, ground)
+        place, quat_wxyz = np.zeros(3), [1.0, 0.0, 0.0, 0.0]
+        down = np.array([0.0, 0.0, -0.5 * ground.size[2]])
+    parent.add_geom(
         name=ground.name,
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=0.5 * ground.size,
-        pos=ground.top_centre - 0.5 * ground.size[2] * ground.R_world_top[:, 2],
-        quat=[w, x, y, z],
+        pos=place + down,
+        quat=quat_wxyz,
         contype=0,
         conaffinity=0,
+        density=SEESAW_KG_M3,
         rgba=[0.66, 0.70, 0.75, 1.0] if is_tile else [0.80, 0.82, 0.85, 1.0],
     )
     let_soles_touch(spec, ground.name, robot=robot, friction=ground.friction)
+
+
+def _add_seesaw(spec: mujoco.MjSpec, ground: StillGround) -> mujoco.MjsBody:
+    """Add a body that turns about the middle of its top; gravity leaves it alone."""
+    body = spec.worldbody.add_body(
+        name=ground.name, pos=ground.top_centre, quat=ground.quat_wxyz, gravcomp=1.0
+    )
+    joint = body.add_joint(
+        name=ground.name,
+        type=mujoco.mjtJoint.mjJNT_HINGE,
+        axis=[1.0, 0.0, 0.0] if ground.tip_axis == "roll" else [0.0, 1.0, 0.0],
+        limited=True,
+        range=[-ground.tip_rad, ground.tip_rad],
+    )
+    joint.damping[0] = SEESAW_DAMPING
+    joint.solref_limit[:] = [STOP_TIME_CONSTANT_S, 1.0]
+    return body
 
 
 def rise_under(
@@ -265,14 +307,19 @@ def _tile(index: int, tile: Tile, *, friction: float) -> StillGround:
     from scipy.spatial.transform import Rotation
 
     angles = [tile.pitch_deg, tile.roll_deg]
+    thickness = BELOW_M + max(tile.height_m, 0.0)
+    if tile.tip_deg:
+        thickness = SEESAW_THICKNESS_M
     return StillGround(
         name=f"tile_{index}",
         top_centre=np.array([*tile.center_m, tile.height_m]),
         R_world_top=Rotation.from_euler("YX", angles, degrees=True).as_matrix(),
-        size=np.array([*tile.size_m, BELOW_M + max(tile.height_m, 0.0)]),
+        size=np.array([*tile.size_m, thickness]),
         friction=friction if tile.friction is None else tile.friction,
         stiffness_n_m=tile.stiffness_n_m,
         damping_n_s_m=tile.damping_n_s_m,
+        tip_rad=math.radians(tile.tip_deg),
+        tip_axis=tile.tip_axis,
     )
 
 

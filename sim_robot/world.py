@@ -150,9 +150,9 @@ class World:
 
     Attributes:
         model: MuJoCo model; actuators are in bus order, the robot's degrees of
-            freedom come first, the platforms' after them.
+            freedom come first, the platforms' after them, the seesaws' last.
         platforms: the ground that may move, in the order of ``ground_bodies``.
-        still: the ground that never does: tiles, and the floor around them.
+        still: the ground that no motion moves: tiles, and the floor around them.
         nominal: the nominal stance, where the robot begins.
         start: the stance it begins in; mostly the nominal one.
         rise: how much higher than level ground it begins, on what is under it [m].
@@ -163,6 +163,7 @@ class World:
         joint_dof: (n_a,) addresses in qvel, bus order.
         sole_bodies: ids of the left and the right sole.
         ground_bodies: ids of the platforms.
+        seesaws: ids of the tiles that tip, in their order.
         upper_bodies: ids of the robot's bodies above the ankles: they touch the
             ground only in a fall.
         weight: the robot's true weight [N].
@@ -182,6 +183,7 @@ class World:
     joint_dof: NDArray[np.intp]
     sole_bodies: tuple[int, int]
     ground_bodies: tuple[int, ...]
+    seesaws: tuple[int, ...]
     upper_bodies: NDArray[np.intp]
     weight: float
     gravity: float
@@ -244,6 +246,7 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
             _body_id(model, robot.right.sole_frame),
         ),
         ground_bodies=tuple(_body_id(model, plan.name) for plan in platforms),
+        seesaws=tuple(_body_id(model, tile.name) for tile in still if tile.tip_rad),
         upper_bodies=_upper_bodies(model, base_body, feet=feet),
         weight=float(model.body_subtreemass[base_body]) * gravity,
         gravity=gravity,

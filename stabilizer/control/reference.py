@@ -37,6 +37,8 @@ class Stance:
         com_height: z asked for [m].
         com_velocity: (3,) [m/s].
         com_acceleration: (3,) [m/s^2].
+        ground_acceleration: (3,) of the ground, which the robot is to go along with
+            [m/s^2].
         R_base: (3, 3) base rotation.
         posture: (n_a,) joints in model order [rad].
         p_sole: positions of left and right sole [m].
@@ -51,6 +53,7 @@ class Stance:
     com_height: float
     com_velocity: Vec3
     com_acceleration: Vec3
+    ground_acceleration: Vec3
     R_base: Mat
     posture: Array
     p_sole: list[Vec3]
@@ -195,6 +198,7 @@ def standing(model: RobotModel) -> Stance:
         com_height=float(com[2]),
         com_velocity=np.zeros(3),
         com_acceleration=np.zeros(3),
+        ground_acceleration=np.zeros(3),
         R_base=np.eye(3),
         posture=model.nominal.copy(),
         p_sole=[data.oMf[i].translation.copy() for i in model.sole_ids],

@@ -147,6 +147,7 @@ class ComTask(Task):
         """Take new gains."""
         self._kp = np.array(settings.tsid.com_kp)
         self._kd = np.array(settings.tsid.com_kd)
+        self._pull_gain = settings.ground.pull_gain
         self._gain = np.array(settings.dik.com_gain)
 
     def jacobian(self, dynamics: Dynamics) -> Mat:
@@ -158,9 +159,10 @@ class ComTask(Task):
         return dynamics.Jdot_v_com
 
     def acceleration(self, dynamics: Dynamics, stance: Stance, out: Array) -> None:
-        """Write a PD law with the reference's acceleration ahead [m/s^2]."""
+        """Write a PD law with the reference's and the ground's acceleration [m/s^2]."""
         out[:] = (
             stance.com_acceleration
+            + self._pull_gain * stance.ground_acceleration
             + self._kp * (stance.com - dynamics.p_com)
             + self._kd * (stance.com_velocity - dynamics.v_com)
         )

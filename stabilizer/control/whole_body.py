@@ -195,6 +195,7 @@ class WholeBodyController(BalanceController):
         """Have the reference where it is to be in this tick; solve."""
         dynamics, stance, walk = self.dynamics, self.stance, self.walk
         walk.update(state, dynamics, stance, law=self.law, tick=self._tick)
+        stance.ground_acceleration[:2] = state.ground_acceleration
         stance.limit_height(state.ground_height, travel=self.model.com_travel)
         stance.compare_base(state.R_world_base)
         approach = self._approach

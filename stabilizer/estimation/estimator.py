@@ -20,7 +20,11 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.attitude import AttitudeFilter
 from surefoot.stabilizer.estimation.contact import Anchors
-from surefoot.stabilizer.estimation.felt_motion import FeltMotion, HorizontalBias
+from surefoot.stabilizer.estimation.felt_motion import (
+    FeltMotion,
+    GroundAcceleration,
+    HorizontalBias,
+)
 from surefoot.stabilizer.estimation.height import HeightFilter
 from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
 
@@ -100,6 +104,7 @@ class Estimator:
             settings, stroke=(-highest, -lowest), period_s=period_s
         )
         self._felt_motion = FeltMotion(model, period_s=period_s)
+        self._ground = GroundAcceleration(period_s=period_s)
         self._accel_bias = HorizontalBias(
             memory_s=settings.accel_bias_memory_s, period_s=period_s
         )
@@ -168,6 +173,11 @@ class Estimator:
         if not all(self.anchors.planted):
             self._follow_feet()
         self._pull_yaw()
+
+    @property
+    def ground_acceleration(self) -> list[float]:
+        """Of the ground along the level, (2,) world axes [m/s^2]."""
+        return self._ground.acceleration
 
     @property
     def force_offsets(self) -> Array:
@@ -335,6 +345,16 @@ class Estimator:
             bias.learn(feet.by_force, feet.by_pressure, self._rows)
             feet.learn_offsets(self._com, self._soles)
         felt -= self.R_world_base @ bias.bias
+        h_x, h_y, _ = felt.tolist()
+        r_x, r_y, _ = feet.relative
+        self._ground.update(
+            (h_x - r_x, h_y - r_y),
+            (
+                self._v_com[0] + self._leg_velocity.item(0),
+                self._v_com[1] + self._leg_velocity.item(1),
+            ),
+            firm=tells,
+        )
         return feet.by_force[2] if tells else None
 
     def _point_over_ground(self) -> tuple[float, float]:

@@ -27,6 +27,12 @@ OFFSET_MEMORY_S = 2.0
 """Over which they are compared [s]."""
 BIAS_LIMIT_M_S2 = 0.5
 """More than any accelerometer is off by [m/s^2]; a robot that is pulled at looks so."""
+GROUND_BANDWIDTH = 15.0
+"""Of the ground's acceleration along the level [rad/s]."""
+FEIGNED_M_S2 = 0.15
+"""So much may be tilt or bias [m/s^2]."""
+LASTS_S = 1.0
+"""Ground that has just pulled the other way is believed to go on after so long [s]."""
 KNOWN_S = 0.5
 """After so long a mean is known, and what is far from it is a push, no bias [s]."""
 SUDDEN_M_S2 = 0.1
@@ -159,6 +165,60 @@ class FeltMotion:
         a_left = ((com_x - left[0]) * d_x + (com_y - left[1]) * d_y) / apart
         self.offsets[0] = share * ((a_left + apart) * self._excess - self._aside)
         self.offsets[1] = share * (self._aside - a_left * self._excess)
+
+
+class GroundAcceleration:
+    """How the ground under the feet speeds up along the level.
+
+    Ground that swings to and fro quickly is better let go under the robot: after each
+    turn it is believed anew, by and by.
+
+    The legs tell the velocity w of the centre of mass over the feet, the accelerometer
+    its acceleration h in the world; what w does not gain, the ground does. An observer
+    of bandwidth b compares them, so that neither is differentiated:
+
+        w' = h - a + 2 b e,   a' = -b^2 e,   e = w_seen - w
+
+    Attributes:
+        acceleration: of the ground, world axes; nothing within what tilt and biases
+            may feign [m/s^2].
+    """
+
+    def __init__(self, *, period_s: float) -> None:
+        """Begin at rest."""
+        self._dt = period_s
+        self._raw = [0.0, 0.0]
+        self._speed: list[float] | None = None
+        self._way, self._lasts = [0.0, 0.0], [1.0, 1.0]
+        self.acceleration = [0.0, 0.0]
+
+    def update(
+        self, felt: Sequence[float], seen: Sequence[float], *, firm: bool
+    ) -> None:
+        """Advance by a tick.
+
+        Args:
+            felt: acceleration of the centre of mass by the accelerometer [m/s^2].
+            seen: its velocity over the feet [m/s].
+            firm: whether the feet stand, so that the legs tell.
+        """
+        if not firm or self._speed is None:
+            self._speed = [seen[0], seen[1]]
+            self._raw[:] = self.acceleration[:] = 0.0, 0.0
+            return
+        dt, b = self._dt, GROUND_BANDWIDTH
+        for axis in (0, 1):
+            e = seen[axis] - self._speed[axis]
+            raw = self._raw[axis]
+            self._speed[axis] += dt * (felt[axis] - raw + 2.0 * b * e)
+            raw -= dt * b * b * e
+            self._raw[axis] = raw
+            sure = max(abs(raw) - FEIGNED_M_S2, 0.0)
+            way = math.copysign(1.0, raw)
+            if sure and way != self._way[axis]:
+                self._way[axis], self._lasts[axis] = way, float(not self._way[axis])
+            self._lasts[axis] += dt / LASTS_S * (1.0 - self._lasts[axis])
+            self.acceleration[axis] = way * sure * self._lasts[axis]
 
 
 class HorizontalBias:

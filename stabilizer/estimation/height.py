@@ -51,6 +51,24 @@ SUDDEN_M_S2 = 0.05
 """No sensor's drift: the robot carries something, is held or hit [m/s^2]."""
 ODD_FOR_S = 1.0
 """After so long what came suddenly is the new usual."""
+BRAKING_M_S2 = 1.5
+"""The level goes along with ground that nears the stroke's end once stopping it there
+would take this; no platform within the stroke asks for as much [m/s^2]."""
+KNOWN_SHARE = 0.9
+"""Of an estimate that is good enough to tell where the stroke's end is [1]."""
+LEAST_ROOM_M = 0.005
+"""From the stroke's end, to stop in [m]."""
+LEVEL_MOVES_M_S = 0.02
+"""A level that moves faster is no place that the legs' pull could lead to [m/s]."""
+LEVEL_RESTS_S = 0.3
+"""Time constant with which a level that is no longer pushed comes to rest."""
+TAKEN_MEMORY_S = 20.0
+"""How long it counts that the ground has taken the level along."""
+RIDES_FROM, RIDES = 1.0, 2.0
+"""Ground that has taken the level along by so much is ridden in part, and wholly, in
+parts of the legs' stroke [1]."""
+RIDE_LAG_S = 0.5
+"""Riding begins and ends this gently [s]."""
 AT_END = 0.2
 """Part of the pull that is left at the stroke's end: the error tells nothing there."""
 
@@ -71,8 +89,10 @@ class HeightFilter:
     greater, and the robot rides with the ground the more, the less is known.
 
     The ground is taken to be level on average, within the legs' stroke: ground that
-    goes farther takes the level along, and from the stroke's end the pull leads back
-    without swinging over.
+    goes farther takes the level along, gently and from before the stroke's end on; from
+    there the pull leads back without swinging over.
+    Ground that goes on doing so, a ship's deck, is ridden: what counts then is the
+    height over it. Height and rate are those against the level.
 
     Attributes:
         height: over level ground [m].
@@ -108,7 +128,9 @@ class HeightFilter:
         self._learnt: Learnt | None = None
         self._is_seen = self._returns = False
         self._usual = self._sudden = self._odd_s = 0.0
-        self._is_at_end = False
+        self._is_at_end = self._is_taken = False
+        self._over = self._level_rate = self._taken = self._ride = 0.0
+        self._forget_taken = math.exp(-period_s / TAKEN_MEMORY_S)
         self._felt_speed = self._leg_mean = self._speed_mean = 0.0
         self._ground_speed = 0.0
 
@@ -174,25 +196,61 @@ class HeightFilter:
         if stillness > STILL_FOR_BIAS and not self._is_seen:
             self._is_seen = abs(error) > SEEN_M
             k_3 *= self._is_seen
-        if self._is_at_end and stillness < 0.5:
+        self._go_along(self._rate - rate)
+        moves = self._is_at_end or abs(self._level_rate) > LEVEL_MOVES_M_S
+        if moves and stillness < 0.5:
             k_2, k_3 = AT_END * k_2, AT_END * k_3
-        self._height += dt * (self._rate + k_1 * error)
+        self._height += dt * (self._rate - self._level_rate + k_1 * error)
         self._rate += dt * (acceleration - self.bias + k_2 * error)
         self.bias -= dt * k_3 * error
         ground = self._height - over
         lowest, highest = self._stroke
         within = min(max(ground, lowest), highest)
         self._height += within - ground
+        self._over = within
         self._is_at_end = within != ground
-        if self._is_at_end:
+        if self._is_taken or self._is_at_end:
             self._returns = True
         elif abs(within) < RETURNED_M and abs(self._rate - rate) < RETURNED_M_S:
             self._returns = False
         learnt = self._learnt
         share = min(1.0, self._known_s / KNOWN_S) if learnt is None else learnt.share
+        share *= 1.0 - self._riding()
         self.ground = share * within
         self.height = over + self.ground
-        self.rate = rate + share * (self._rate - rate)
+        self.rate = rate + share * (self._rate - self._level_rate - rate)
+
+    def _go_along(self, speed: float) -> None:
+        """Have the level go along with ground that nears the stroke's end.
+
+        It begins to as late as gentle braking allows: legs that come to their end at
+        speed lose the ground.
+
+        Args:
+            speed: of the ground [m/s].
+        """
+        lowest, highest = self._stroke
+        closing = speed - self._level_rate
+        room = highest - self._over if closing > 0.0 else self._over - lowest
+        braking = closing * closing / (2.0 * max(room, LEAST_ROOM_M))
+        self._taken *= self._forget_taken
+        is_known = self._learnt is None or self._learnt.share > KNOWN_SHARE
+        is_met = self._is_at_end or braking > BRAKING_M_S2
+        self._is_taken = is_known and is_met
+        if self._is_taken:
+            braking = min(braking, 2.0 * BRAKING_M_S2)
+            self._level_rate += math.copysign(braking * self._dt, closing)
+            most = RIDES * (highest - lowest)
+            self._taken = min(self._taken + abs(speed) * self._dt, most)
+        elif self._level_rate:
+            self._level_rate -= self._dt / LEVEL_RESTS_S * self._level_rate
+
+    def _riding(self) -> float:
+        """Return how much of the ground's motion the robot is to go along with [1]."""
+        parts = self._taken / (self._stroke[1] - self._stroke[0])
+        wanted = min(max((parts - RIDES_FROM) / (RIDES - RIDES_FROM), 0.0), 1.0)
+        self._ride += self._dt / RIDE_LAG_S * (wanted - self._ride)
+        return self._ride
 
     def _half_of(self, difference: float | None) -> float:
         """Return what the feet change about the mean acceleration [m/s^2]."""

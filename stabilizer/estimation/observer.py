@@ -11,6 +11,7 @@ Every controller has one, so that they all see the same robot.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -161,6 +162,7 @@ class ObservedState:
         v: (6 + n_a,) velocity, base twist in base first.
         R_world_base: (3, 3) base rotation.
         ground_height: height of the ground between the soles, from nominal [m].
+        ground_acceleration: (2,) of the ground along the level, world axes [m/s^2].
         F_meas: (12,) measured wrenches of the ground on left and right sole, sole
             frames [N, N m].
         in_contact: whether left and right foot stand.
@@ -173,6 +175,7 @@ class ObservedState:
     v: Array
     R_world_base: Mat
     ground_height: float
+    ground_acceleration: Sequence[float]
     F_meas: Array
     in_contact: list[bool]
     allowed: Array
@@ -232,6 +235,7 @@ class Observer:
             v=self.estimator.v,
             R_world_base=self.estimator.R_world_base,
             ground_height=self.estimator.ground_height,
+            ground_acceleration=(0.0, 0.0),
             F_meas=self.wrenches.F_meas,
             in_contact=self.contacts.in_contact,
             allowed=self.contacts.allowed,
@@ -277,6 +281,8 @@ class Observer:
         state.q, state.v = estimator.q, estimator.v
         state.R_world_base = estimator.R_world_base
         state.ground_height = estimator.ground_height
+        if isinstance(estimator, Estimator):
+            state.ground_acceleration = estimator.ground_acceleration
         kinematics.update(state.q, state.v)
         F_meas = self.wrenches.update(
             snapshot.ft_left, snapshot.ft_right, kinematics.R_world_sole

@@ -269,7 +269,7 @@ def _export_tables(
     paths = {
         channel: folder / f"{safe[channel]}.{suffix}"
         for channel in record.channels
-        if record.messages(channel)
+        if next(record.each(channel), None) is not None
     }
     for channel, path in paths.items():  # all of them before the first is replaced
         if path.exists() or path.is_symlink():

@@ -42,7 +42,8 @@ MAGIC = b"\x89MCAP0\r\n"
 _HEAD = struct.Struct("<BQ")
 _CRC = struct.Struct("<I")
 _FOOTER_BYTES = 20
-_MESSAGE_HEAD_BYTES = 22
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+"""Channel, sequence, log time and publish time."""
 _LAST_KNOWN = max(Opcode)
 _FIRST_PRIVATE = 0x80
 _PIECE_BYTES = 2**20
@@ -297,11 +298,17 @@ class McapRecords:
                 yield self._message(content)
 
     def _message(self, data: bytes) -> Message:
-        if len(data) < _MESSAGE_HEAD_BYTES:
+        if len(data) < _MESSAGE_HEAD.size:
             raise ValueError(f"a message of {len(data)} bytes, shorter than its head")
-        message: Message = Message.read(ReadDataStream(BytesIO(data)), len(data))
+        channel_id, sequence, log_time, publish_time = _MESSAGE_HEAD.unpack_from(data)
         self._messages += 1
-        return message
+        return Message(
+            channel_id=channel_id,
+            log_time=log_time,
+            data=data[_MESSAGE_HEAD.size :],
+            publish_time=publish_time,
+            sequence=sequence,
+        )
 
 
 def _folder_advice(path: Path) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,8 @@ _COMMANDS = "joint_command"
 _OURS = frozenset(entry.name for entry in TOPICS)
 MSGPACK, JSON = "msgpack", "json"
 TOLD_DAMAGES = 3
+KEPT_BYTES = 256 * 2**20
+"""A record of more is read again whenever its messages are asked for."""
 
 
 class _CommandHead(Head, frozen=True):
@@ -117,6 +119,9 @@ def count_message(count: ChannelCount, message: dict[str, Any]) -> Head | None:
 class Record:
     """A record as it was read.
 
+    The messages of a small one are kept, those of a large one read again when they are
+    asked for: an hour of a bus is ten gigabytes.
+
     Attributes:
         path: of the file.
         is_cut_off: the file has no end; what is whole of it was read.
@@ -132,13 +137,15 @@ class Record:
     attachments: dict[str, bytes] = field(default_factory=dict)
     first_ns: int | None = None
     last_ns: int | None = None
-    _data: dict[str, list[bytes]] = field(default_factory=dict)
+    _sizes: dict[str, int] = field(default_factory=dict)
+    _kept: dict[str, list[bytes]] | None = field(default_factory=dict)
+    _kept_bytes: int = 0
     _encodings: dict[str, str] = field(default_factory=dict)
 
     @property
     def channels(self) -> list[str]:
         """Names of its channels, also of those that nothing came from."""
-        return list(self._data)
+        return list(self._sizes)
 
     @property
     def condition(self) -> str:
@@ -165,20 +172,38 @@ class Record:
 
     def size(self, channel: str) -> int:
         """Messages of a channel, also those that cannot be read."""
-        return len(self._data[channel])
+        return self._sizes[channel]
 
     def messages(self, channel: str) -> list[dict[str, Any]]:
         """What came on a channel and can be read, in the order it came."""
+        return list(self.each(channel))
+
+    def each(self, channel: str) -> Iterator[dict[str, Any]]:
+        """The same, one by one."""
         if not self.is_readable(channel):
-            return []
+            return
         decode = decode_map if self.is_raw(channel) else decode_json
-        found = []
-        for data in self._data[channel]:
+        for _, data in self.stream(channel):
             try:
-                found.append(decode(data))
+                yield decode(data)
             except MessageError:
                 continue
-        return found
+
+    def stream(self, channel: str | None = None) -> Iterator[tuple[str, bytes]]:
+        """Give channel and bytes of all messages, those of a channel in their order.
+
+        Args:
+            channel: only of this one; of all when None.
+        """
+        if self._kept is None:
+            again = Record(self.path)
+            for name, message in _read(McapRecords(self.path), again, Counter()):
+                if channel in (None, name):
+                    yield name, message.data
+            return
+        for name in self._kept if channel is None else [channel]:
+            for data in self._kept[name]:
+                yield name, data
 
 
 def decode_json(data: bytes) -> dict[str, Any]:
@@ -220,22 +245,12 @@ def read_record(
     """
     path = Path(path)
     record = Record(path)
-    names: dict[int, str] = {}
     unknown: Counter[int] = Counter()
     records = McapRecords(path)
-    for entry in records.read():
-        if isinstance(entry, Channel):
-            names[entry.id] = _declare(record, entry)
-        elif isinstance(entry, Attachment):
-            record.attachments[entry.name] = entry.data
-        elif isinstance(entry, Message):
-            name = names.get(entry.channel_id)
-            if name is None:
-                unknown[entry.channel_id] += 1
-                continue
-            _take(record, name, entry)
-            if each is not None:
-                each(name, entry)
+    for name, message in _read(records, record, unknown):
+        _take(record, name, message)
+        if each is not None:
+            each(name, message)
     record.is_cut_off = records.is_cut_off
     record.damage = records.damage
     for channel_id, count in unknown.items():
@@ -249,6 +264,30 @@ def read_record(
     return record
 
 
+def _read(
+    records: McapRecords, record: Record, unknown: Counter[int]
+) -> Iterator[tuple[str, Message]]:
+    """Channel and message, one after the other.
+
+    Args:
+        records: of the file.
+        record: gets channels and attachments.
+        unknown: gets the messages of channels that are not described.
+    """
+    names: dict[int, str] = {}
+    for entry in records.read():
+        if isinstance(entry, Message):
+            name = names.get(entry.channel_id)
+            if name is None:
+                unknown[entry.channel_id] += 1
+            else:
+                yield name, entry
+        elif isinstance(entry, Channel):
+            names[entry.id] = _declare(record, entry)
+        elif isinstance(entry, Attachment):
+            record.attachments[entry.name] = entry.data
+
+
 def _declare(record: Record, channel: Channel) -> str:
     """The name of a channel; one of another encoding gets a name of its own."""
     name = channel.topic.lstrip("/") or f"channel {channel.id}"
@@ -256,14 +295,21 @@ def _declare(record: Record, channel: Channel) -> str:
         channel.message_encoding
     ):
         name = f"{name}#{channel.id}"
-    record._data.setdefault(name, [])
+    record._sizes.setdefault(name, 0)
+    if record._kept is not None:
+        record._kept.setdefault(name, [])
     record._encodings[name] = channel.message_encoding
     return name
 
 
 def _take(record: Record, name: str, message: Message) -> None:
     stamp = message.log_time
-    record._data[name].append(message.data)
+    record._sizes[name] += 1
+    if record._kept is not None:
+        record._kept[name].append(message.data)
+        record._kept_bytes += len(message.data)
+        if record._kept_bytes > KEPT_BYTES:
+            record._kept = None
     first, last = record.first_ns, record.last_ns
     record.first_ns = stamp if first is None else min(stamp, first)
     record.last_ns = stamp if last is None else max(stamp, last)
@@ -285,22 +331,26 @@ class RecordInfo(msgspec.Struct, kw_only=True):
 
 def record_info(record: Record) -> RecordInfo:
     """Count anew, from the messages themselves."""
-    counts = []
-    for channel in record.channels:
-        count = new_count(channel)
-        for message in record.messages(channel):
+    counts = {channel: new_count(channel) for channel in record.channels}
+    decoders = {
+        channel: decode_map if record.is_raw(channel) else decode_json
+        for channel in record.channels
+        if record.is_readable(channel)
+    }
+    for channel, data in record.stream():
+        if channel in decoders:
             with contextlib.suppress(MessageError):
-                count_message(count, message)
+                count_message(counts[channel], decoders[channel](data))
+    for channel, count in counts.items():
         readable, count.messages = count.messages, record.size(channel)
         count.unreadable = count.messages - readable
         if count.unreadable and not record.is_readable(channel):
             count.encoding = record.encoding(channel)
-        counts.append(count)
     return RecordInfo(
         is_cut_off=record.is_cut_off,
         condition=record.condition,
         damage=list(map(str, record.damage)),
         duration_s=((record.last_ns or 0) - (record.first_ns or 0)) * 1e-9,
-        channels=counts,
+        channels=list(counts.values()),
         attachments=list(record.attachments),
     )

@@ -124,7 +124,7 @@ def _messages(
     if channel not in record.channels:
         return []
     found = []
-    for message in record.messages(channel):
+    for message in record.each(channel):
         restored = {name: with_nan(value) for name, value in message.items()}
         with contextlib.suppress(msgspec.ValidationError):
             found.append(msgspec.convert(restored, kind))

@@ -37,12 +37,23 @@ MOVED_M = 0.01
 """A foot set down farther than this from where it was has taken a step [m]."""
 LIFT_M = 0.008
 """Clear of the ground that soles are drawn on."""
+UNDER_BOTH_M = 0.7
+"""A platform that both feet can be on is longer and wider than this [m]."""
 FOLLOWED = 0.08
 """Part of the way to the feet that the picture goes along in a frame [1]."""
 DIAL_S = 5.0
 """A planner that has found no robot for so long gives up [s]."""
 STOP_KEY: Literal["X"] = "X"
 """Not the space bar, which presses whatever button was clicked last."""
+
+
+def _attitude(state: SceneState) -> Mat:
+    """(3, 3) of the ground that a walk is on: a platform under both feet, or level."""
+    for block in state.ground:
+        is_wide = min(block.size[:2]) > UNDER_BOTH_M
+        if is_wide and 0 <= block.platform < len(state.platforms):
+            return state.platforms[block.platform][:3, :3]
+    return np.eye(3)
 
 
 class WalkScene:
@@ -106,10 +117,7 @@ class WalkScene:
             return
         self._note_steps(walk)
         side = 0 if walk.on_ground[0] else 1
-        ground = np.eye(3)
-        if state.platforms:
-            ground = state.platforms[min(side, len(state.platforms) - 1)][:3, :3]
-        T = odometry_in_world(walk, soles, ground)
+        T = odometry_in_world(walk, soles, _attitude(state))
         x, y, z, w = Rotation.from_matrix(T[:3, :3]).as_quat()
         self._frame.wxyz, self._frame.position = (w, x, y, z), tuple(T[:3, 3])
         planned = list(walk.planned[:MOST_PLANNED])

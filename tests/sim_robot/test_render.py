@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.ticks.recorder import MemoryTicks
@@ -18,6 +19,8 @@ from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.world import build_world
 
 WIDTH, HEIGHT = 160, 120
+PLAIN = 20
+"""By more of 255 a pixel differs plainly: not by a shadow's grain alone."""
 TILT = {"axis": "roll", "kind": "ramp", "amplitude_deg": 10.0, "rate_deg_s": 100.0}
 
 
@@ -64,6 +67,28 @@ def open_renderer(walker: Robot, scenario: Scenario) -> Renderer:
         return Renderer(walker, scenario, width=WIDTH, height=HEIGHT)
     except RenderError as error:
         pytest.skip(str(error))
+
+
+def test_a_seesaw_is_drawn_as_it_was_recorded(
+    walker: Robot, make_scenario: Callable[..., Scenario], standing_plant: Plant
+) -> None:
+    plank = {"center_m": [0.6, 0.0], "size_m": [0.5, 0.5], "tip_deg": 10.0}
+    truth = standing_plant.truth()
+    quats = Rotation.from_euler("y", [[0.0], [10.0]], degrees=True).as_quat()
+    arrays = {
+        "time_s": np.zeros(2),
+        "true_base_pose": np.tile(
+            np.concatenate([truth.base_position, truth.base_quat_xyzw]), (2, 1)
+        ),
+        "q": np.tile(walker.nominal, (2, 1)),
+        "true_platform_pose": np.array([[[0.6, 0.0, 0.0, *quat]] for quat in quats]),
+    }
+    with open_renderer(walker, make_scenario(tile=[plank])) as renderer:
+        level, again, tipped = (
+            renderer.draw_recorded(arrays, row=row).astype(int) for row in (0, 0, 1)
+        )
+    assert np.abs(level - again).max() < PLAIN
+    assert np.abs(level - tipped).max() > PLAIN
 
 
 def test_moving_the_ground_changes_the_picture(

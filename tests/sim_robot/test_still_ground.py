@@ -5,14 +5,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.sim_robot.ground import ground_blocks
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.still_ground import FLOOR_M, plan_still_ground
 
 WEIGHT_TOLERANCE_N = 2.0
+TIP_DEG = 2.0
 
 
 def _scenario(*tiles: dict[str, Any], **more: Any) -> Scenario:
@@ -128,6 +131,53 @@ def test_a_slippery_tile_lets_the_sole_slide(walker: Robot) -> None:
 
     assert slid(0.005) > 0.01
     assert abs(slid(0.7)) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("center", "axis", "sole_up"),
+    [
+        ([0.25, 0.0], "pitch", [-1.0, 0.0]),  # the feet are behind its middle
+        ([-0.25, 0.0], "pitch", [1.0, 0.0]),
+        ([0.0, 0.35], "roll", [0.0, -1.0]),
+        ([0.0, -0.35], "roll", [0.0, 1.0]),
+    ],
+)
+def test_a_seesaw_tips_to_its_stop_under_who_stands_off_its_middle(
+    walker: Robot, center: list[float], axis: str, sole_up: list[float]
+) -> None:
+    plank = {"center_m": center, "size_m": [1.5, 1.5], "tip_axis": axis}
+    plant = Plant(walker, _scenario({**plank, "tip_deg": TIP_DEG}), seed=0)
+    for _ in range(250):
+        plant.step(walker.nominal)
+    (pose,) = plant.truth().platforms
+    normal = Rotation.from_quat(pose.quat_xyzw).as_matrix()[:, 2]
+    wanted = math.sin(math.radians(TIP_DEG)) * np.array(sole_up)
+    np.testing.assert_allclose(normal[:2], wanted, atol=2e-3)
+    assert pose.position == pytest.approx([*center, 0.0])
+    assert math.degrees(plant.view.sole_tilts[0]) == pytest.approx(TIP_DEG, abs=0.5)
+
+
+def test_a_seesaw_that_nobody_stands_on_keeps_still_beside_a_platform(
+    walker: Robot,
+) -> None:
+    wave = {"axis": "z", "kind": "sine", "amplitude_m": 0.02, "frequency_hz": 1.0}
+    platform = {"foot": "both", "motion": [wave]}
+    plank = {"center_m": [1.0, 0.0], "size_m": [0.4, 0.4], "tip_deg": 5.0}
+
+    def moved(*tiles: dict[str, Any]) -> Plant:
+        plant = Plant(walker, _scenario(*tiles, platform=[platform]), seed=0)
+        for _ in range(200):
+            plant.step(walker.nominal)
+        return plant
+
+    alone, beside = moved(), moved(plank)
+    ground, seesaw = beside.truth().platforms
+    assert ground.position == pytest.approx(alone.truth().platforms[0].position)
+    assert seesaw.position == pytest.approx([1.0, 0.0, 0.0])
+    assert seesaw.quat_xyzw == pytest.approx([0.0, 0.0, 0.0, 1.0])
+    blocks = ground_blocks(beside.world)
+    assert [block.platform for block in blocks] == [0, 1]
+    np.testing.assert_allclose(beside.view.com, alone.view.com, atol=1e-9)
 
 
 def test_tiles_beside_a_platform_have_no_floor() -> None:

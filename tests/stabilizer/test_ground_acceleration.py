@@ -95,4 +95,4 @@ def test_the_robot_goes_along_with_ground_that_pulls(
     result = pulled(walker, direction_deg, profile)
     assert not result.fell
     assert result.com_error_max_mm is not None
-    assert max(result.com_error_max_mm[:2]) < 25.0
+    assert max(result.com_error_max_mm[:2]) < 32.0

@@ -62,6 +62,28 @@ def test_ground_beyond_the_stroke_takes_the_level_along(lift: float) -> None:
     assert np.min(estimate * np.sign(lift)) > -0.35 * abs(end)
 
 
+@pytest.mark.parametrize("period_s", [6.0, 12.0])
+def test_ground_that_swings_beyond_the_stroke_is_ridden(period_s: float) -> None:
+    """A deck in a swell: held in the world, the robot was at its legs' end for good."""
+
+    def swell(time_s: float) -> float:
+        moved = max(time_s - 1.0, 0.0)
+        return float(np.tanh(moved) * np.sin(2.0 * np.pi * moved / period_s))
+
+    _, estimate = follow(swell, duration_s=40.0)
+    assert np.abs(estimate[round(10.0 / PERIOD_S) :]).max() < 0.03
+
+
+def test_who_has_ridden_keeps_its_height_again_on_ground_that_calms_down() -> None:
+    def calming(time_s: float) -> float:
+        swing = 0.5 if time_s < 21.0 else 0.05
+        return swing * np.sin(np.pi * max(time_s - 1.0, 0.0))
+
+    truth, estimate = follow(calming, duration_s=90.0)
+    last = slice(round(80.0 / PERIOD_S), None)
+    np.testing.assert_allclose(estimate[last], truth[last], atol=0.015)
+
+
 @pytest.mark.parametrize("bias", [0.3, -0.2, 0.03])
 def test_a_bias_calibrated_at_rest_leaves_the_height_alone(bias: float) -> None:
     wave = 0.05
