@@ -33,6 +33,8 @@ LEAST_TRACE = 0.1
 """Of a rotation whose quaternion has a real part to divide by [1]."""
 MIN_TOTAL_FORCE_N = 50.0
 """Below it the load share keeps its last value [N]."""
+FIRM_SHARE = 0.1
+"""Of the weight, on a foot that surely does not hop [1]."""
 SAME_TIME_S = 0.0025
 """Forces are of the end of a tick, accelerations the mean of it. In longer ticks the
 two differ whenever the legs move, and tell about each other at rest only [s]."""
@@ -105,6 +107,7 @@ class Estimator:
         )
         self._felt_motion = FeltMotion(model, period_s=period_s)
         self._ground = GroundAcceleration(period_s=period_s)
+        self._least_firm = FIRM_SHARE * model.weight
         self._accel_bias = HorizontalBias(
             memory_s=settings.accel_bias_memory_s, period_s=period_s
         )
@@ -353,9 +356,14 @@ class Estimator:
                 self._v_com[0] + self._leg_velocity.item(0),
                 self._v_com[1] + self._leg_velocity.item(1),
             ),
-            firm=tells,
+            firm=tells and self._stands_on_both(wrenches),
         )
         return feet.by_force[2] if tells else None
+
+    def _stands_on_both(self, wrenches: Array | None) -> bool:
+        if wrenches is None:
+            return False
+        return min(wrenches.item(2), wrenches.item(8)) > self._least_firm
 
     def _point_over_ground(self) -> tuple[float, float]:
         """Return height of the filtered point over the ground [m], and its rate.
