@@ -15,8 +15,9 @@ from mcap.writer import Writer
 
 from surefoot.errors import ExitCode, exit_code_of
 from surefoot.playback.timeline import read_timeline
+from surefoot.recording import read
 from surefoot.recording.mcap_records import MAGIC
-from surefoot.recording.read import RecordError, read_record
+from surefoot.recording.read import RecordError, read_record, record_info
 from surefoot.report.run_data import load_run, read_heard
 from tests.command import environment
 from tests.files.commands import assert_refused_in_one_line, run_here
@@ -159,9 +160,9 @@ def test_what_is_no_record_is_refused_with_what_it_is(
         ("replay", "--controller", path),
     ):
         assert_refused_in_one_line(run_here(*words), str(path))
-    for read in (read_record, read_timeline, read_heard):
+    for reader in (read_record, read_timeline, read_heard):
         with pytest.raises(RecordError, match="not an MCAP file"):
-            read(path)
+            reader(path)
 
 
 def test_a_folder_is_refused_with_the_name_of_the_record_in_it(
@@ -182,14 +183,28 @@ def test_every_prefix_gives_the_messages_it_holds(
     for share in (1, 5, 10, 20, 30, 36, 39):
         path.write_bytes(record[: len(record) * share // 40])
         try:
-            read = read_record(path)
+            cut = read_record(path)
         except RecordError:
             continue
-        assert read.is_cut_off
-        channels = read.channels
-        counts.append(sum(read.size(name) for name in channels))
+        assert cut.is_cut_off
+        counts.append(sum(cut.size(name) for name in cut.channels))
     assert counts == sorted(counts)
     assert 0.8 * total < counts[-1] <= total
+
+
+@pytest.mark.parametrize("share", [1.0, 0.75])
+def test_a_large_record_is_read_again_instead_of_kept(
+    record: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, share: float
+) -> None:
+    path = tmp_path / "a.mcap"
+    path.write_bytes(record[: round(share * len(record))])
+    kept = read_record(path)
+    monkeypatch.setattr(read, "KEPT_BYTES", 1000)
+    large = read_record(path)
+    assert large._kept is None
+    assert record_info(large) == record_info(kept)
+    for channel in kept.channels:
+        assert large.messages(channel) == kept.messages(channel)
 
 
 def test_a_damaged_chunk_costs_its_own_messages_alone(
@@ -204,11 +219,12 @@ def test_a_damaged_chunk_costs_its_own_messages_alone(
     broken = bytearray(record)
     broken[chunk] ^= 0x10
     path.write_bytes(broken)
-    read = read_record(path)
-    assert read.channels == whole.channels
-    assert 0 < total - sum(read.size(name) for name in read.channels) < total / 2
-    assert any("checksum" in str(d) or "chunk" in str(d) for d in read.damage)
-    assert "damaged" in read.condition
+    damaged = read_record(path)
+    assert damaged.channels == whole.channels
+    left = sum(damaged.size(name) for name in damaged.channels)
+    assert 0 < total - left < total / 2
+    assert any("checksum" in str(d) or "chunk" in str(d) for d in damaged.damage)
+    assert "damaged" in damaged.condition
 
 
 def test_a_false_length_does_not_allocate(tmp_path: Path) -> None:
