@@ -189,7 +189,8 @@ class GroundAcceleration:
         self._dt = period_s
         self._raw = [0.0, 0.0]
         self._speed: list[float] | None = None
-        self._way, self._lasts = [0.0, 0.0], [1.0, 1.0]
+        self._pulled = [[0.0, 0.0], [0.0, 0.0]]  # by axis, back and ahead: how lately
+        self._forget = math.exp(-period_s / LASTS_S)
         self.acceleration = [0.0, 0.0]
 
     def update(
@@ -214,11 +215,13 @@ class GroundAcceleration:
             raw -= dt * b * b * e
             self._raw[axis] = raw
             sure = max(abs(raw) - FEIGNED_M_S2, 0.0)
-            way = math.copysign(1.0, raw)
-            if sure and way != self._way[axis]:
-                self._way[axis], self._lasts[axis] = way, float(not self._way[axis])
-            self._lasts[axis] += dt / LASTS_S * (1.0 - self._lasts[axis])
-            self.acceleration[axis] = way * sure * self._lasts[axis]
+            memory, ahead = self._pulled[axis], int(raw > 0.0)
+            memory[0] *= self._forget
+            memory[1] *= self._forget
+            if sure:
+                memory[ahead] = 1.0
+            believed = sure * (1.0 - memory[1 - ahead])
+            self.acceleration[axis] = math.copysign(believed, raw)
 
 
 class HorizontalBias:

@@ -21,17 +21,20 @@ PULL_M_S2 = 1.2
 Signal = Callable[[float], float]
 
 
-def observed(ground: Signal, sway: Signal, *, firm_until_s: float = 9.0) -> Array:
-    """Tell the ground's acceleration along x, tick by tick, for three seconds.
+def observed(
+    ground: Signal, sway: Signal, *, firm_until_s: float = 9.0, duration_s: float = 3.0
+) -> Array:
+    """Tell the ground's acceleration along x, tick by tick.
 
     Args:
         ground: its acceleration [m/s^2].
         sway: velocity of the centre of mass over the feet [m/s].
         firm_until_s: when the feet are lifted [s].
+        duration_s: how long it is watched [s].
     """
     observer = GroundAcceleration(period_s=PERIOD_S)
     rows = []
-    for time_s in PERIOD_S * np.arange(3000):
+    for time_s in PERIOD_S * np.arange(round(duration_s / PERIOD_S)):
         gained = (sway(time_s + PERIOD_S) - sway(time_s)) / PERIOD_S
         felt = ground(time_s) + gained
         is_firm = time_s < firm_until_s
@@ -46,6 +49,15 @@ def test_a_pull_is_told_but_for_what_a_tilt_may_feign(pull: float) -> None:
     assert not told[:1000].any()
     sure = math.copysign(abs(pull) - FEIGNED_M_S2, pull)
     assert told[1400:] == pytest.approx(sure, abs=0.05)
+
+
+def test_a_stop_long_after_a_start_is_told_as_soon() -> None:
+    def ride(time_s: float) -> float:
+        return 1.0 * (0.1 < time_s < 0.4) - 1.0 * (time_s > 7.6)
+
+    told = observed(ride, lambda t: 0.0, duration_s=8.0)
+    assert told[390] > 0.5
+    assert told[7890] == pytest.approx(-told[390], rel=0.02)
 
 
 def test_swaying_over_ground_that_rests_is_no_pull() -> None:
