@@ -157,6 +157,8 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     """First QP: weight of the swing foot, where the centre of mass has 1 [1]."""
     height_s: Positive = 1.5
     """Time constant with which the height reference follows the feet [s]."""
+    climb_s: Positive = 0.15
+    """The same to heights of the plan: of each of three low-passes [s]."""
     normal_filter_s: Positive = 0.03
     """Low-pass of the expected ground's normal [s]."""
     normal_agreement: Positive = 0.06

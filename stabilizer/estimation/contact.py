@@ -96,6 +96,7 @@ class Anchors:
         yaw: headings of the soles there [rad].
         level: heights of the footholds as planned, which the height of the base is told
             from: those in ``p`` drift on ground that turns [m].
+        carrying: the same of the one that carries, or by load between both [m].
         planted: whether each foot is where it was set down. The anchor of one that
             is not follows its foot.
         by_load: whether the heading is that of the foot that carries, as it is on the
@@ -113,6 +114,7 @@ class Anchors:
         self.p = [[float(x), float(y), 0.0] for x, y, _ in soles]
         self.yaw = list(yaws)
         self.level = [0.0, 0.0]
+        self.carrying = 0.0
         self.planted = [True, True]
         self.by_load = False
 

@@ -386,7 +386,8 @@ class Estimator:
         """Set the base's height by the filtered point's."""
         self.height = self._vertical.height - self._lift
         self.height_rate = self._vertical.rate - self._lift_rate
-        self.ground_height = self._vertical.ground + self._level()
+        self.anchors.carrying = level = self._level()
+        self.ground_height = self._vertical.ground + level
 
     def _pull_yaw(self) -> None:
         """Keep the mean yaw of the soles at the stance's, since yaw is free."""

@@ -27,6 +27,11 @@ GLIDE_PEAK = 1.0 / (1.0 - RAMP)
 FOOT_SHARE = 0.75
 """Fastest swing foot, as part of its leg's speed: hip and knee turn at once [1]."""
 
+QUINTIC_PEAK = 1.875
+"""Fastest of a quintic from rest to rest over its mean [1]."""
+LIFT_SHARE = 0.25
+"""Fastest that a foot rises, as part of its leg's speed: by a bent knee alone [1]."""
+
 
 class Foothold(NamedTuple):
     """A place for a sole.
@@ -154,15 +159,63 @@ def mean_yaw(left: float, right: float) -> float:
     return right + 0.5 * math.remainder(left - right, math.tau)
 
 
-def swing_time(way: float, settings: WalkSettings, *, leg_speed: float) -> float:
+def travel_part(
+    climb: float, lift: float, settings: WalkSettings
+) -> tuple[float, float]:
+    """Return the part of single support in which a foot travels, from and to [1].
+
+    A foot that climbs first rises to the level of its foothold, one that descends
+    stays above its old one until it has arrived: somewhere between is the edge of a
+    stair.
+
+    Args:
+        climb: height of the foothold over the one that is left, by plan [m].
+        lift: how high the foot is lifted over the higher of both [m].
+        settings: the part on level ground, and that until the foot is highest.
+    """
+    begins, ends, up = 0.0, settings.horizontal_part, settings.apex_part
+    if climb > 0.0:
+        begins = up * _when_risen(climb / (climb + lift))
+    elif climb < 0.0:
+        ends = min(ends, 1.0 - (1.0 - up) * _when_risen(-climb / (lift - climb)))
+    return begins, ends
+
+
+def _when_risen(part: float) -> float:
+    """Return when a quintic from rest to rest has gone a part of its way [1]."""
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        s = 0.5 * (low + high)
+        if s * s * s * (10.0 + s * (6.0 * s - 15.0)) < part:
+            low = s
+        else:
+            high = s
+    return high
+
+
+def swing_time(
+    way: float,
+    settings: WalkSettings,
+    *,
+    leg_speed: float,
+    lift: float,
+    climb: float = 0.0,
+) -> float:
     """Return the least single support in which a leg can set its foot so far [s].
 
     Args:
         way: of the foot [m].
-        settings: the part of it in which the foot travels.
+        settings: the parts of it in which the foot travels, rises and comes down.
         leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
+        lift: over the higher of both footholds [m].
+        climb: height of the foothold over the one that is left, by plan [m].
     """
-    return way * GLIDE_PEAK / (settings.horizontal_part * FOOT_SHARE * leg_speed)
+    begins, ends = travel_part(climb, lift, settings)
+    up = settings.apex_part
+    rise_s = QUINTIC_PEAK * (lift + max(climb, 0.0)) / (up * LIFT_SHARE * leg_speed)
+    fall_s = QUINTIC_PEAK * (lift - min(climb, 0.0)) / (LIFT_SHARE * leg_speed)
+    travel_s = way * (GLIDE_PEAK / ((ends - begins) * FOOT_SHARE * leg_speed))
+    return max(travel_s, rise_s, fall_s / (1.0 - up))
 
 
 def half_width_of(robot: Robot) -> float:
@@ -192,7 +245,9 @@ def plan_of(
     else:
         speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
         way = 2.0 * abs(walk.velocity_m_s) * (walk.step_s + walk.double_s)
-        step_s = max(walk.step_s, swing_time(way, settings, leg_speed=speed))
+        step_s = max(
+            walk.step_s, swing_time(way, settings, leg_speed=speed, lift=walk.height_m)
+        )
         half_width = 0.5 * float(stance.p_sole[0][1] - stance.p_sole[1][1])
         steps = _velocity_steps(walk, settings, duration_s, half_width, step_s)
     return WalkPlan(

@@ -13,6 +13,7 @@ from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom
+from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.walking.feet import Feet, FootState
 
@@ -220,8 +221,10 @@ class ExpectedGround:
 class HeightReference:
     """The height asked for: over the ground, and its deepest place in reach.
 
-    A robot that has walked may stand far from where its ground turns. There it sinks
-    deeper, and a leg that is straight by then cannot follow it.
+    Stairs of the plan are climbed on time, by a filter of third order. What the ground
+    is off its plan is followed slowly. There, a robot that has walked may stand far
+    from where its ground turns: it sinks deeper, and a leg that is straight by then
+    cannot follow it.
     """
 
     def __init__(
@@ -230,14 +233,16 @@ class HeightReference:
         """Begin on level ground.
 
         Args:
-            settings: time constant.
+            settings: time constants.
             com_rise: highest centre of mass over the soles, from nominal [m].
             period_s: time between two updates [s].
         """
+        self._dt, self._climb_rate = period_s, 1.0 / settings.climb_s
         self._rise = com_rise - HEIGHT_RESERVE_M
         self._blend = period_s / settings.height_s
         self._forget = period_s / DEEPEST_KEPT_S
         self._deepest = 0.0
+        self._planned = [0.0, 0.0, 0.0]
 
     def follow(
         self,
@@ -245,25 +250,46 @@ class HeightReference:
         state: ObservedState,
         soles: SolesAndCom,
         ground: ExpectedGround,
+        anchors: Anchors,
     ) -> None:
         """Advance by one tick.
 
         Args:
-            stance: gets the height.
+            stance: gets the height, and its planned velocity and acceleration.
             state: tells the height of the ground that carries.
             soles: at the present state.
             ground: its height between the feet.
+            anchors: heights of the footholds by plan.
         """
-        carries = state.ground_height
+        level_left, level_right = anchors.level
+        carries = state.ground_height - anchors.carrying
         middle = carries + ground.middle_over_support
         if ground.under is None:
             left, right = soles.p_sole
-            low = middle - 0.5 * abs(left.item(2) - right.item(2))
+            apart = (left.item(2) - level_left) - (right.item(2) - level_right)
+            low, lowest = middle - 0.5 * abs(apart), min(level_left, level_right)
         else:
             low = min(carries, carries + 2.0 * ground.middle_over_support)
+            lowest = anchors.level[1 - ground.under]
         self._deepest = min(low, self._deepest + self._forget * (low - self._deepest))
+        planned = self._planned
+        stance.com_height -= planned[0]
         highest = self._deepest + self._rise
         stance.approach_ground(middle, highest=highest, share=self._blend)
+        self._climb(min(0.5 * (level_left + level_right), lowest + self._rise))
+        stance.com_height += planned[0]
+        stance.com_velocity[2], stance.com_acceleration[2] = planned[1:]
+
+    def _climb(self, to: float) -> None:
+        """Go on to a planned height, by place, velocity and acceleration."""
+        place, velocity, acceleration = self._planned
+        rate = self._climb_rate
+        jerk = rate * (
+            rate * (rate * (to - place) - 3.0 * velocity) - 3.0 * acceleration
+        )
+        acceleration += self._dt * jerk
+        velocity += self._dt * acceleration
+        self._planned[:] = place + self._dt * velocity, velocity, acceleration
 
 
 def _room(outward: float) -> float:

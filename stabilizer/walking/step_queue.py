@@ -68,7 +68,7 @@ class StepQueue:
             leg_speed: of the end of a straight leg, by the speed of its drives; a step
                 that needs more than a part of it takes longer [m/s].
         """
-        self._s_per_m = swing_time(1.0, settings, leg_speed=leg_speed)
+        self._leg_speed = leg_speed
         self._settings = settings
         self._width = 2.0 * half_width
         self._steps: deque[Move] = deque()
@@ -182,7 +182,14 @@ class StepQueue:
     def _paced(self, move: Move, place: Foothold, *, start: Foothold) -> Move:
         """Return a step to a place, which takes as long as the leg needs for it."""
         way = math.hypot(place.x - start.x, place.y - start.y)
-        single_s = max(move.single_s, way * self._s_per_m)
+        least_s = swing_time(
+            way,
+            self._settings,
+            leg_speed=self._leg_speed,
+            lift=move.height_m,
+            climb=place.z - start.z,
+        )
+        single_s = max(move.single_s, least_s)
         return Move(move.id, move.side, place, single_s, move.double_s, move.height_m)
 
     def _why_not(

@@ -12,7 +12,7 @@ from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
-from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP
+from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP, travel_part
 
 LATE_RAMP_S = 0.06
 """A foot that finds no ground speeds up for so long [s]."""
@@ -47,7 +47,8 @@ class SwingPath:
         self._from = self._to = (0.0, 0.0)
         self._yaw_from = self._yaw_to = 0.0
         self._height_from = self._rise = self._apex = 0.0
-        self._duration_s = 1.0
+        self._duration_s = self._travel_s = 1.0
+        self._travel_from_s = 0.0
         self._shift = [0.0, 0.0]
         self._shift_rate = [0.0, 0.0]
 
@@ -62,6 +63,7 @@ class SwingPath:
         rise: float,
         lift: float,
         duration_s: float,
+        climb: float = 0.0,
     ) -> None:
         """Lift off.
 
@@ -74,6 +76,7 @@ class SwingPath:
             rise: height of the foothold over the other foot's ground [m].
             lift: how high to lift it over the higher of both places [m].
             duration_s: to the planned touchdown.
+            climb: height of the foothold over the one that is left, by plan [m].
         """
         self._from, self._to = xy, target
         self._yaw_from = yaw
@@ -81,6 +84,9 @@ class SwingPath:
         self._height_from, self._rise = height, rise
         self._apex = max(height, rise) + lift
         self._duration_s = duration_s
+        begins, ends = travel_part(climb, lift, self._settings)
+        self._travel_from_s = begins * duration_s
+        self._travel_s = (ends - begins) * duration_s
         self._shift, self._shift_rate = [0.0, 0.0], [0.0, 0.0]
 
     def advance(self, t: float, *, shift: tuple[float, float], dt: float) -> None:
@@ -91,8 +97,8 @@ class SwingPath:
             shift: of the target, by step adjustment [m].
             dt: since the last call [s].
         """
-        T = self._duration_s * self._settings.horizontal_part
-        s, s_rate, s_acceleration = glide(t / T)
+        T = self._travel_s
+        s, s_rate, s_acceleration = glide((t - self._travel_from_s) / T)
         s_rate, s_acceleration = s_rate / T, s_acceleration / (T * T)
         xy, rate, acceleration = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
         for i in range(2):
@@ -124,8 +130,8 @@ class SwingPath:
             t = min(t + ahead_s, self._duration_s)
         else:
             t += ahead_s
-        T = self._duration_s * self._settings.horizontal_part
-        _, s_rate, _ = glide(t / T)
+        T = self._travel_s
+        _, s_rate, _ = glide((t - self._travel_from_s) / T)
         way_x, way_y = self._to[0] - self._from[0], self._to[1] - self._from[1]
         _, rate, _ = self._height_at(t)
         return (

@@ -51,13 +51,16 @@ class SwingFoot:
         """Heading of the path [rad]."""
         return self._path.yaw
 
-    def lift(self, move: Move, soles: SolesAndCom, *, rise: float) -> None:
+    def lift(
+        self, move: Move, soles: SolesAndCom, *, rise: float, climb: float
+    ) -> None:
         """Begin a step.
 
         Args:
             move: the step.
             soles: at the present state.
             rise: of the foothold over the other foot's [m].
+            climb: of the foothold over the one that is left, by plan [m].
         """
         side = move.side
         p = soles.p_sole[side]
@@ -73,6 +76,7 @@ class SwingFoot:
             rise=rise,
             lift=move.height_m,
             duration_s=move.single_s,
+            climb=climb,
         )
 
     def go_on(

@@ -233,7 +233,7 @@ class Walk:
         self, stance: Stance, state: ObservedState, soles: SolesAndCom
     ) -> None:
         if self._height is not None:
-            self._height.follow(stance, state, soles, self._ground)
+            self._height.follow(stance, state, soles, self._ground, self._anchors)
 
     def _footholds(self) -> list[Foothold]:
         """Where the feet are; of the one on its way, where it is being set.
@@ -328,8 +328,9 @@ class Walk:
         self.feet.lift(side)
         self._adjustment.begin()
         level = self._anchors.level
-        rise, level[side] = move.place.z - level[1 - side], move.place.z
-        self._swing.lift(move, soles, rise=rise)
+        z = move.place.z
+        self._swing.lift(move, soles, rise=z - level[1 - side], climb=z - level[side])
+        level[side] = z
         self.gait.begin_single(move)
         self._told.step, self._told.moved = move.id, side
         self._told.last_step = self.queue.begun

@@ -16,7 +16,9 @@ SLOPE = 1e-3
 NONE = (0.0, 0.0)
 
 
-def begun(*, rise: float = 0.0, height: float = 0.0, turn: float = 0.4) -> SwingPath:
+def begun(
+    *, rise: float = 0.0, height: float = 0.0, turn: float = 0.4, climb: float = 0.0
+) -> SwingPath:
     path = SwingPath(SETTINGS)
     path.begin(
         xy=(0.1, 0.2),
@@ -27,6 +29,7 @@ def begun(*, rise: float = 0.0, height: float = 0.0, turn: float = 0.4) -> Swing
         rise=rise,
         lift=LIFT_M,
         duration_s=DURATION_S,
+        climb=climb,
     )
     return path
 
@@ -47,6 +50,19 @@ def test_rates_are_the_slopes(t: float) -> None:
         (late.yaw - early.yaw) / (2.0 * FINE_S), abs=SLOPE
     )
     assert now.velocity_after(t, 0.0)[2] == now.height_rate
+
+
+@pytest.mark.parametrize("climb", [0.03, 0.1, 0.2, -0.04, -0.15])
+def test_a_foot_passes_the_edge_of_a_stair_above_it(climb: float) -> None:
+    """Wherever between both footholds that edge is."""
+    path = begun(rise=climb, climb=climb)
+    higher, times = max(climb, 0.0), [DT * k for k in range(round(DURATION_S / DT))]
+    for t in times:
+        path.advance(t, shift=NONE, dt=DT)
+        way = (path.xy[0] - 0.1) / 0.2
+        if path.height < higher - 1e-4:
+            assert way == 0.0 if climb > 0.0 else way == pytest.approx(1.0)
+    assert way == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("rise", [-0.1, 0.0, 0.1])
