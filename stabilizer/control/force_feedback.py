@@ -21,6 +21,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
 from surefoot.stabilizer.control.drives import needed_stiffness, ticks_of
 from surefoot.stabilizer.control.reference import Stance
+from surefoot.stabilizer.control.soft_ground import SoftGround
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import yaw_from
 
@@ -42,7 +43,9 @@ class ForceFeedback:
             one that has bounced [1].
         landing: whether the left and the right foot feel the impact of a touchdown:
             their wrench errors then count as no more than ``landing_force_n``.
-        walks: whether steps are under way: then no stand is a firm one.
+        walks: whether steps are under way: then no stand is a firm one, and the ground
+            may be soft.
+        soft_ground: what the soles do because it is, taken off their motion.
     """
 
     def __init__(
@@ -96,6 +99,7 @@ class ForceFeedback:
         self._ground_lead_s = self._lead_s = ground.lead_s
         self._forces_s = 0.0
         self.lead = ground.lead_s / period_s
+        self.soft_ground = SoftGround(half_sizes=half_sizes, period_s=period_s)
         self._low_passed = np.zeros(12)
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
@@ -171,6 +175,10 @@ class ForceFeedback:
         np.minimum(self.r, self._yield_limit, out=self.r)
         np.maximum(self.r, self._least_twist, out=self.r)
         change = self.blend * (dynamics.v_sole - self._low_passed)
+        if self.walks:
+            stands = [in_contact[side] and not self.landing[side] for side in range(2)]
+            self.soft_ground.update(dynamics.v_sole, F_meas, stands)
+            change += self.blend * self.soft_ground.given
         self._low_passed += change
         np.multiply(change, self.lead, out=self.ground_twist)
         self.ground_twist += self._low_passed

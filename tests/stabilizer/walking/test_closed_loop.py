@@ -94,7 +94,7 @@ def test_standing_is_a_walk_without_steps(walker: Robot) -> None:
     [
         *("walk-flat-slow", "walk-flat-quick", "walk-turn", "walk-sideways"),
         *("walk-platform-slow", "walk-platform-fast", "walk-push", "walk-tiles"),
-        "walk-stairs",
+        *("walk-stairs", "walk-soft"),
     ],
 )
 def test_shipped_walks_are_walked_to_their_end(name: str, profile: str) -> None:
