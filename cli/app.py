@@ -16,11 +16,10 @@ from surefoot.cli.options import Command, Group
 from surefoot.cli.process_commands import robot, view, walk
 from surefoot.cli.record_commands import log, record
 from surefoot.cli.replay_command import replay
-from surefoot.cli.report_command import report
 from surefoot.cli.robot_file_commands import check_robot_file, new_robot
 from surefoot.cli.run_command import run, scenarios
 from surefoot.cli.stabilizer_command import stabilizer
-from surefoot.cli.study_commands import reproduce, sweep
+from surefoot.cli.study_commands import report, reproduce, sweep
 
 app = typer.Typer(
     name="surefoot",

@@ -175,7 +175,7 @@ def tune(
     what can be had and what changed, and all trials.
     """
     from surefoot.cli.console import count_bar, show_notes
-    from surefoot.cli.sweep_cells import parse_seeds
+    from surefoot.cli.study_commands import parse_seeds
     from surefoot.tuning.tune import tune as search
 
     if sampler not in _SAMPLERS:

@@ -41,7 +41,7 @@ def robot(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.cli.console import log_note, set_up_logging
     from surefoot.cli.options import check_priority, claim_processor
     from surefoot.endpoints import choose_endpoints
     from surefoot.outcome import judge
@@ -165,8 +165,7 @@ def walk(
     stands. Exits with 4 when there is no robot or nobody who walks, with 1 when the
     steps were refused, with 130 after Ctrl-C.
     """
-    from surefoot.cli.console import print_json
-    from surefoot.cli.logs import log_note, log_warning, set_up_logging
+    from surefoot.cli.console import log_note, log_warning, print_json, set_up_logging
     from surefoot.endpoints import choose_endpoints
     from surefoot.planner import VelocityPlanner, walk_on_bus
     from surefoot.robot_io.bus.stop_request import StopRequest
@@ -229,8 +228,7 @@ def view(
     import logging
     from importlib.util import find_spec
 
-    from surefoot.cli.console import print_note
-    from surefoot.cli.logs import set_up_logging
+    from surefoot.cli.console import print_note, set_up_logging
     from surefoot.endpoints import choose_endpoints
     from surefoot.errors import EnvironmentFailedError
     from surefoot.installation import install_command

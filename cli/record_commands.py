@@ -72,8 +72,7 @@ def record(
     with 3 when the file cannot be written, with 1 when the link to the robot was lost
     meanwhile, with 130 after Ctrl-C, which leaves a whole file.
     """
-    from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.cli.console import log_note, print_json, print_table, set_up_logging
     from surefoot.cli.summary import counts_table
     from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
@@ -132,7 +131,7 @@ def record(
 
 def _tell(file: McapFile, absences: Absences) -> None:
     """Say on stderr what is missing, whatever is printed on stdout."""
-    from surefoot.cli.logs import log_note, log_warning
+    from surefoot.cli.console import log_note, log_warning
     from surefoot.recording.write import UNREADABLE
 
     total = sum(count.messages for count in file.counts.values())
@@ -153,7 +152,7 @@ def _tell(file: McapFile, absences: Absences) -> None:
 
 
 def _say_ready() -> None:
-    from surefoot.cli.logs import log_note
+    from surefoot.cli.console import log_note
 
     log_note("ready: what is said from now on is in the record")
 

@@ -225,8 +225,7 @@ def _play(
     now: bool,
     span: tuple[float, float | None],
 ) -> None:
-    from surefoot.cli.console import progress_bar
-    from surefoot.cli.logs import log_note, set_up_logging
+    from surefoot.cli.console import log_note, progress_bar, set_up_logging
     from surefoot.playback.play import between, play
     from surefoot.playback.timeline import PLAYABLE
     from surefoot.robot_io.bus.stop_request import StopRequest

@@ -74,8 +74,13 @@ def stabilizer(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.logs import log_note, log_warning, set_up_logging
+    from surefoot.cli.console import (
+        log_note,
+        log_warning,
+        print_json,
+        print_table,
+        set_up_logging,
+    )
     from surefoot.cli.options import check_priority, claim_processor
     from surefoot.cli.summary import controller_table, histogram_table
     from surefoot.endpoints import choose_endpoints

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file
 from surefoot.run_plan import settings_text
 from surefoot.schemas.arrays import Array
 from surefoot.studies import paper as d

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file
 from surefoot.studies.cell import Group
 from surefoot.studies.summary import GroupSummary, success_limit
 
