@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from surefoot.cli.bus_messages import ChannelTiming, Echo, TimingMeter
-    from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.listener import Listener, RawMessage
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.schemas.topics import Topic
 SILENT_S = 3.0
 """Silence after which a channel is reported as silent [s]."""
@@ -237,8 +237,8 @@ def hz(
     from surefoot.cli.console import live_table, print_json, print_note, print_table
     from surefoot.endpoints import choose_endpoints
     from surefoot.robot_io.bus.session import dialed
-    from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.listener import Listener
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
 
     model = load_robot(robot, servo_profile=servo_profile)

@@ -31,7 +31,7 @@ def router(
     from surefoot.endpoints import choose_endpoints
     from surefoot.processes.child import begin_as_child
     from surefoot.robot_io.bus.session import run_router
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
 
     set_up_logging("router")
@@ -97,7 +97,7 @@ def relay(
     from surefoot.cli.console import log_note, print_json, print_table, set_up_logging
     from surefoot.cli.summary import relay_table
     from surefoot.processes.child import begin_as_child, report_ready
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.relay.relay import Relay, find_plan
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_folder import write_struct

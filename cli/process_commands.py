@@ -168,8 +168,8 @@ def walk(
     from surefoot.cli.console import log_note, log_warning, print_json, set_up_logging
     from surefoot.endpoints import choose_endpoints
     from surefoot.planner import VelocityPlanner, walk_on_bus
-    from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.requests import PlannerClient
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 
@@ -233,7 +233,7 @@ def view(
     from surefoot.errors import EnvironmentFailedError
     from surefoot.installation import install_command
     from surefoot.processes.child import begin_as_child
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.security.locators import check_locators
     from surefoot.view.page import free_port

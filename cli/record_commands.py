@@ -80,8 +80,8 @@ def record(
     from surefoot.recording.attachments import attachments
     from surefoot.recording.record_bus import RING_DEPTH, record_bus
     from surefoot.recording.write import LogTimes, McapFile
-    from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
 
     set_up_logging("recorder")

@@ -265,8 +265,7 @@ def stabilizer(
     from surefoot.cli.summary import controller_table, histogram_table
     from surefoot.endpoints import choose_endpoints
     from surefoot.processes.child import begin_as_child
-    from surefoot.robot_io.bus.stop_request import StopRequest
-    from surefoot.robot_io.realtime import Pace
+    from surefoot.robot_io.realtime import Pace, StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
     from surefoot.run_folder import QP_FAILURE, write_struct

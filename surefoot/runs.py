@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from surefoot.errors import ChildFailedError, RunInterrupted, UsageError
 from surefoot.out_folder import OutFolder
 from surefoot.outcome import join_result
-from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import (
     read_run,

@@ -7,9 +7,8 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 
-from surefoot.playback.sensors import to_wire
-from surefoot.playback.timeline import Entry, Timeline
-from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.playback.timeline import Entry, Timeline, to_wire
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot_side.replay_server import ReplayServer
 from surefoot.schemas.errors import MessageError
 

@@ -10,9 +10,8 @@ from collections.abc import Callable
 from itertools import islice
 
 from surefoot.recording.write import McapFile
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import Observer, Sample
-from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 
 RING_DEPTH = 4096
 """Messages that Zenoh keeps per channel until they are taken, each with all of the

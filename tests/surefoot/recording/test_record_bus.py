@@ -8,8 +8,8 @@ import pytest
 
 from surefoot.recording import record_bus
 from surefoot.recording.write import McapFile
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import Sample
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.schemas.codec import encode
 from tests.robot_io.sensor_messages import message
 
