@@ -43,7 +43,7 @@ def margins(
     Computed from robot file, servo profile and settings; nothing is simulated.
     """
     from surefoot.cli.console import print_json, print_table, print_text
-    from surefoot.loop_margins import compute_margins
+    from surefoot.controllers import compute_margins
     from surefoot.run_plan import resolve_settings
 
     found = compute_margins(

@@ -226,7 +226,7 @@ def _play(
     span: tuple[float, float | None],
 ) -> None:
     from surefoot.cli.console import log_note, progress_bar, set_up_logging
-    from surefoot.playback.play import between, play
+    from surefoot.playback.replay import between, play
     from surefoot.playback.timeline import PLAYABLE
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot_side.replay_server import ReplayServer

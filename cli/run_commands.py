@@ -94,7 +94,7 @@ def run(
     )
     from surefoot.cli.options import check_priority
     from surefoot.cli.summary import histogram_table, run_table
-    from surefoot.loop_margins import loop_notice
+    from surefoot.controllers import loop_notice
     from surefoot.run_plan import make_plan
     from surefoot.runs import execute
 

@@ -56,13 +56,15 @@ _HOMES = {
         *("UnknownSignalError",),
     ),
     "schemas.margins": ("AxisMargin", "LoopMargins"),
-    "loop_margins": ("compute_margins",),
-    "controllers": ("make_controller", "list_controllers", "drive"),
+    "controllers": (
+        *("make_controller", "list_controllers", "compute_margins", "drive"),
+    ),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
     "recording.read": ("Record", "read_record"),
-    "playback.replay": ("ReplayOutcome", "replay"),
+    "playback.recompute": ("ReplayOutcome",),
+    "playback.replay": ("replay",),
     "studies.study": ("Study", "study"),
     "tuning.outcome": ("Tuned",),
     "tuning.tune": ("tune",),
@@ -90,6 +92,7 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from surefoot import bench as bench
+    from surefoot.controllers import compute_margins as compute_margins
     from surefoot.controllers import drive as drive
     from surefoot.controllers import list_controllers as list_controllers
     from surefoot.controllers import make_controller as make_controller
@@ -100,7 +103,6 @@ if TYPE_CHECKING:
     from surefoot.errors import TuneInterrupted as TuneInterrupted
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
-    from surefoot.loop_margins import compute_margins as compute_margins
     from surefoot.playback.recompute import ReplayOutcome as ReplayOutcome
     from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record
