@@ -28,11 +28,11 @@ def router(
     With TLS it checks who may say what, as the robot does without a router.
     """
     from surefoot.cli.console import log_note, set_up_logging
-    from surefoot.endpoints import choose_endpoints
     from surefoot.processes.child import begin_as_child
     from surefoot.robot_io.bus.session import run_router
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     set_up_logging("router")
     if child:
@@ -149,8 +149,8 @@ def _both_sides(
     insecure: bool,
 ) -> tuple[Endpoints, Endpoints]:
     """Return where it dials the robot and where it listens; they must differ."""
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
+    from surefoot.schemas.endpoints import choose_endpoints
 
     if file is None and listen_file is None and not listen:
         listen = [LISTEN]

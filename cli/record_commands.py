@@ -74,7 +74,6 @@ def record(
     """
     from surefoot.cli.console import log_note, print_json, print_table, set_up_logging
     from surefoot.cli.summary import counts_table
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
     from surefoot.processes.child import begin_as_child, report_ready
     from surefoot.recording.attachments import attachments
@@ -83,6 +82,7 @@ def record(
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     set_up_logging("recorder")
     if child:

@@ -146,7 +146,7 @@ def replay(
                 as_json=as_json,
             )
             return
-        from surefoot.endpoints import choose_endpoints
+        from surefoot.schemas.endpoints import choose_endpoints
 
         meeting = choose_endpoints(
             endpoints, listen=listen or [], connect=[], router=router, insecure=insecure

@@ -162,7 +162,7 @@ def _meeting(
     file: Path | None, *, listen: list[str], connect: list[str]
 ) -> Endpoints | None:
     """Return where the two processes should meet; None if the user does not say."""
-    from surefoot.endpoints import choose_endpoints
+    from surefoot.schemas.endpoints import choose_endpoints
 
     if file is None and not listen and not connect:
         return None
@@ -263,13 +263,13 @@ def stabilizer(
     )
     from surefoot.cli.options import check_priority, claim_processor
     from surefoot.cli.summary import controller_table, histogram_table
-    from surefoot.endpoints import choose_endpoints
     from surefoot.processes.child import begin_as_child
     from surefoot.robot_io.realtime import Pace, StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
     from surefoot.run_folder import QP_FAILURE, write_struct
     from surefoot.run_plan import resolve_settings, steps_of
+    from surefoot.schemas.endpoints import choose_endpoints
 
     set_up_logging("stabilizer")
     if child:

@@ -294,8 +294,8 @@ def execute(
             result, error = _inline(plan, folder, histogram=histogram, on_tick=on_tick)
         else:
             folder.keeps = True  # the logs of a failed run are what is needed next
-            from surefoot.endpoints import private_bus
             from surefoot.processes.bus_run import run_processes
+            from surefoot.robot_io.bus.bus import private_bus
 
             bus = private_bus() if endpoints is None else nullcontext(endpoints)
             with bus as meeting:
