@@ -12,8 +12,7 @@ from surefoot.schemas.motions import RampMotion, SineMotion
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.motion import motion_law
-from surefoot.sim_robot.motion_law import MotionLaw
+from surefoot.sim_robot.motion import MotionLaw, motion_law
 
 STEADY = 0.3
 """Largest share of a link's momentum that springs and dampers may move in a step."""

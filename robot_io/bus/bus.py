@@ -1,4 +1,4 @@
-"""An open session with what both sides have in common, a try of one, a private place."""
+"""An open session with what both sides share, a try of one, and a private one."""
 
 from __future__ import annotations
 
