@@ -14,7 +14,7 @@ from surefoot.errors import TuneInterrupted, UsageError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from surefoot.schemas.margins import LoopMargins
+    from surefoot.stabilizer.margins.margins import LoopMargins
     from surefoot.tuning.ask import Sampler
 
 NO_LIMIT = "-"

@@ -14,7 +14,7 @@ from surefoot.errors import ExitCode
 if TYPE_CHECKING:
     from surefoot.recording.read import Record
     from surefoot.recording.write import McapFile
-    from surefoot.robot_io.client_side.read_only_client import Absences
+    from surefoot.robot_io.client_side.robot_watch import Absences
 _CUT_OFF = "{} is cut off; what is whole of it was written"
 
 

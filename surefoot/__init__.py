@@ -55,7 +55,7 @@ _HOMES = {
         *("ChildFailedError", "RunInterrupted", "TuneInterrupted"),
         *("UnknownSignalError",),
     ),
-    "schemas.margins": ("AxisMargin", "LoopMargins"),
+    "stabilizer.margins.margins": ("AxisMargin", "LoopMargins"),
     "controllers": (
         *("make_controller", "list_controllers", "compute_margins", "drive"),
     ),
@@ -121,8 +121,6 @@ if TYPE_CHECKING:
     from surefoot.runs import simulate as simulate
     from surefoot.schemas.errors import FileFormatError as FileFormatError
     from surefoot.schemas.errors import SchemaError as SchemaError
-    from surefoot.schemas.margins import AxisMargin as AxisMargin
-    from surefoot.schemas.margins import LoopMargins as LoopMargins
     from surefoot.schemas.messages import Reference as Reference
     from surefoot.schemas.motions import DropMotion as DropMotion
     from surefoot.schemas.motions import PrtsMotion as PrtsMotion
@@ -156,6 +154,8 @@ if TYPE_CHECKING:
         ControllerOutput as ControllerOutput,
     )
     from surefoot.stabilizer.errors import ControllerError as ControllerError
+    from surefoot.stabilizer.margins.margins import AxisMargin as AxisMargin
+    from surefoot.stabilizer.margins.margins import LoopMargins as LoopMargins
     from surefoot.studies.study import Study as Study
     from surefoot.studies.study import study as study
     from surefoot.tuning.outcome import Tuned as Tuned

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msgspec.structs import fields
 
@@ -12,10 +13,12 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
 from surefoot.run_plan import RunPlan, Settings, resolve_settings
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
-from surefoot.schemas.margins import LoopMargins
 from surefoot.schemas.scenario_robot import SensorDelays
 from surefoot.stabilizer import factory
 from surefoot.stabilizer.control.controller import Controller
+
+if TYPE_CHECKING:
+    from surefoot.stabilizer.margins.margins import LoopMargins
 
 MS_PER_S = 1e3
 MOST_TICKS = 100
