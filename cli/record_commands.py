@@ -76,8 +76,7 @@ def record(
     from surefoot.cli.summary import counts_table
     from surefoot.errors import UsageError
     from surefoot.processes.child import begin_as_child, report_ready
-    from surefoot.recording.attachments import attachments
-    from surefoot.recording.record_bus import RING_DEPTH, record_bus
+    from surefoot.recording.contents import RING_DEPTH, attachments, record_bus
     from surefoot.recording.write import LogTimes, McapFile
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
     from surefoot.robot_io.realtime import StopRequest

@@ -21,7 +21,7 @@ from surefoot.playback.recompute import (
     recompute,
 )
 from surefoot.playback.timeline import Entry, RecordedSensors, Timeline, to_wire
-from surefoot.recording.attachments import VERSIONS, Versions, versions
+from surefoot.recording.contents import VERSIONS, Versions, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import MARKER, SCENARIO, SETTINGS

@@ -14,7 +14,7 @@ import msgspec
 from mcap.records import Message as RecordedMessage
 
 from surefoot.errors import UsageError
-from surefoot.recording.attachments import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
+from surefoot.recording.contents import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
 from surefoot.recording.read import Record, decode_json, read_record, with_nan
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
