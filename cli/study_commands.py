@@ -215,7 +215,7 @@ def reproduce(
         write_report,
     )
     from surefoot.studies.store import StudyStore
-    from surefoot.studies.summary import summarise
+    from surefoot.studies.study import summarise
 
     cells = cells_of(extent(quick=quick, seeds=seeds))
     with StudyStore(out, about={"study": "reproduce"}) as store:

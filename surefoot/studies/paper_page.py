@@ -19,9 +19,9 @@ from surefoot.schemas.arrays import Array
 from surefoot.studies import paper as d
 from surefoot.studies.cell import VARIANTS, Cell, Group
 from surefoot.studies.paper import Claim, Evidence, claims, goals
+from surefoot.studies.study import Summaries
 from surefoot.studies.tables import (
     COLUMNS,
-    Summaries,
     cells_of,
     curves_over,
     draw_curves,
