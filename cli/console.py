@@ -1,4 +1,4 @@
-"""All printing: results on stdout, everything else on stderr, and what is logged."""
+"""All printing: results on stdout, everything else on stderr."""
 
 from __future__ import annotations
 
@@ -65,33 +65,6 @@ def show_notes(logger: str) -> None:
     log.setLevel(logging.INFO)
     log.handlers[:] = [NoteHandler()]
     log.propagate = False
-
-
-_LOG = logging.getLogger("surefoot")
-
-
-def set_up_logging(name: str) -> None:
-    """Send our own notes, warnings and errors to stderr.
-
-    Args:
-        name: of the process, said first together with its number.
-    """
-    logging.basicConfig(
-        level=logging.INFO,
-        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
-        datefmt="%H:%M:%S",
-    )
-    log_note(f"{name}, process {os.getpid()}")
-
-
-def log_note(text: str) -> None:
-    """Say something in passing, with the time, as processes that run on do."""
-    _LOG.info(text)
-
-
-def log_warning(text: str) -> None:
-    """Say something the user should not miss."""
-    _LOG.warning(text)
 
 
 def print_table(table: RenderableType) -> None:

@@ -27,8 +27,7 @@ def router(
 
     With TLS it checks who may say what, as the robot does without a router.
     """
-    from surefoot.cli.console import log_note, set_up_logging
-    from surefoot.processes.child import begin_as_child
+    from surefoot.processes.child import begin_as_child, log_note, set_up_logging
     from surefoot.robot_io.bus.session import run_router
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
@@ -94,9 +93,14 @@ def relay(
     time: in lockstep the robot waits two seconds for each command that is lost. Exits
     with 4 when there is no robot, with 130 after Ctrl-C.
     """
-    from surefoot.cli.console import log_note, print_json, print_table, set_up_logging
+    from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import relay_table
-    from surefoot.processes.child import begin_as_child, report_ready
+    from surefoot.processes.child import (
+        begin_as_child,
+        log_note,
+        report_ready,
+        set_up_logging,
+    )
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.relay.relay import Relay, find_plan
     from surefoot.robot_io.robot import load_robot

@@ -358,7 +358,7 @@ def claim_processor(*, cpu: int | None, priority: int | None) -> None:
 
 
 def _tell(refusal: str, done: str) -> None:
-    from surefoot.cli.console import log_note, log_warning
+    from surefoot.processes.child import log_note, log_warning
 
     if refusal:
         log_warning(refusal)

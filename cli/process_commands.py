@@ -41,10 +41,14 @@ def robot(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.console import log_note, set_up_logging
     from surefoot.cli.options import check_priority, claim_processor
     from surefoot.outcome import judge
-    from surefoot.processes.child import begin_as_child, progress_reporter
+    from surefoot.processes.child import (
+        begin_as_child,
+        log_note,
+        progress_reporter,
+        set_up_logging,
+    )
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
@@ -165,8 +169,9 @@ def walk(
     stands. Exits with 4 when there is no robot or nobody who walks, with 1 when the
     steps were refused, with 130 after Ctrl-C.
     """
-    from surefoot.cli.console import log_note, log_warning, print_json, set_up_logging
+    from surefoot.cli.console import print_json
     from surefoot.planner import VelocityPlanner, walk_on_bus
+    from surefoot.processes.child import log_note, log_warning, set_up_logging
     from surefoot.robot_io.client_side.requests import PlannerClient
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
@@ -228,10 +233,10 @@ def view(
     import logging
     from importlib.util import find_spec
 
-    from surefoot.cli.console import print_note, set_up_logging
+    from surefoot.cli.console import print_note
     from surefoot.errors import EnvironmentFailedError
     from surefoot.installation import install_command
-    from surefoot.processes.child import begin_as_child
+    from surefoot.processes.child import begin_as_child, set_up_logging
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.security.locators import check_locators

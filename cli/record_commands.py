@@ -72,10 +72,15 @@ def record(
     with 3 when the file cannot be written, with 1 when the link to the robot was lost
     meanwhile, with 130 after Ctrl-C, which leaves a whole file.
     """
-    from surefoot.cli.console import log_note, print_json, print_table, set_up_logging
+    from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import counts_table
     from surefoot.errors import UsageError
-    from surefoot.processes.child import begin_as_child, report_ready
+    from surefoot.processes.child import (
+        begin_as_child,
+        log_note,
+        report_ready,
+        set_up_logging,
+    )
     from surefoot.recording.contents import RING_DEPTH, attachments, record_bus
     from surefoot.recording.write import LogTimes, McapFile
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
@@ -130,7 +135,7 @@ def record(
 
 def _tell(file: McapFile, absences: Absences) -> None:
     """Say on stderr what is missing, whatever is printed on stdout."""
-    from surefoot.cli.console import log_note, log_warning
+    from surefoot.processes.child import log_note, log_warning
     from surefoot.recording.write import UNREADABLE
 
     total = sum(count.messages for count in file.counts.values())
@@ -151,7 +156,7 @@ def _tell(file: McapFile, absences: Absences) -> None:
 
 
 def _say_ready() -> None:
-    from surefoot.cli.console import log_note
+    from surefoot.processes.child import log_note
 
     log_note("ready: what is said from now on is in the record")
 

@@ -225,9 +225,10 @@ def _play(
     now: bool,
     span: tuple[float, float | None],
 ) -> None:
-    from surefoot.cli.console import log_note, progress_bar, set_up_logging
+    from surefoot.cli.console import progress_bar
     from surefoot.playback.replay import between, play
     from surefoot.playback.timeline import PLAYABLE
+    from surefoot.processes.child import log_note, set_up_logging
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot_side.replay_server import ReplayServer
 

@@ -254,16 +254,15 @@ def stabilizer(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.console import (
-        log_note,
-        log_warning,
-        print_json,
-        print_table,
-        set_up_logging,
-    )
+    from surefoot.cli.console import print_json, print_table
     from surefoot.cli.options import check_priority, claim_processor
     from surefoot.cli.summary import controller_table, histogram_table
-    from surefoot.processes.child import begin_as_child
+    from surefoot.processes.child import (
+        begin_as_child,
+        log_note,
+        log_warning,
+        set_up_logging,
+    )
     from surefoot.robot_io.realtime import Pace, StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
