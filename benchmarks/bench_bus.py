@@ -22,9 +22,8 @@ from typing import NamedTuple
 import msgspec
 import numpy as np
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
-from surefoot.robot_io.realtime import TimingLog, quiet_interpreter
+from surefoot.robot_io.realtime import StopRequest, TimingLog, quiet_interpreter
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import CommandResult

@@ -24,7 +24,7 @@ import msgspec
 import numpy as np
 
 from benchmarks.started import Started
-from surefoot.endpoints import loopback_endpoints
+from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints

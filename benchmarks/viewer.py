@@ -26,9 +26,8 @@ import msgspec
 import numpy as np
 
 from surefoot.cli.options import claim_processor
-from surefoot.endpoints import loopback_endpoints
-from surefoot.robot_io.bus.stop_request import StopRequest
-from surefoot.robot_io.realtime import Pace, quiet_interpreter
+from surefoot.robot_io.bus.bus import loopback_endpoints
+from surefoot.robot_io.realtime import Pace, StopRequest, quiet_interpreter
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer

@@ -8,7 +8,6 @@ import typer
 
 from surefoot.cli.bench_command import bench
 from surefoot.cli.bus_commands import echo, hz, topics
-from surefoot.cli.doctor_command import doctor
 from surefoot.cli.gain_commands import margins, tune
 from surefoot.cli.live_robot_commands import check_robot, identify, tare
 from surefoot.cli.network_commands import certs, relay, router
@@ -16,11 +15,9 @@ from surefoot.cli.options import Command, Group
 from surefoot.cli.process_commands import robot, view, walk
 from surefoot.cli.record_commands import log, record
 from surefoot.cli.replay_command import replay
-from surefoot.cli.report_command import report
 from surefoot.cli.robot_file_commands import check_robot_file, new_robot
-from surefoot.cli.run_command import run, scenarios
-from surefoot.cli.stabilizer_command import stabilizer
-from surefoot.cli.study_commands import reproduce, sweep
+from surefoot.cli.run_commands import doctor, run, scenarios, stabilizer
+from surefoot.cli.study_commands import report, reproduce, sweep
 
 app = typer.Typer(
     name="surefoot",

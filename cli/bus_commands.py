@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from surefoot.cli.bus_messages import ChannelTiming, Echo, TimingMeter
-    from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.listener import Listener, RawMessage
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.schemas.topics import Topic
 SILENT_S = 3.0
 """Silence after which a channel is reported as silent [s]."""
@@ -51,9 +51,9 @@ def topics(
         unknown_table,
     )
     from surefoot.cli.console import print_json, print_note, print_table, print_text
-    from surefoot.endpoints import choose_endpoints
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     model = load_robot(robot, servo_profile=servo_profile)
     meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
@@ -136,9 +136,9 @@ def echo(
     """
     from surefoot.cli.bus_messages import Echo, check_fields
     from surefoot.cli.bus_topics import find_channel, tell_absences
-    from surefoot.endpoints import choose_endpoints
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     model = load_robot(robot, servo_profile=servo_profile)
     entry = find_channel(channel, model)
@@ -235,11 +235,11 @@ def hz(
         tell_absences,
     )
     from surefoot.cli.console import live_table, print_json, print_note, print_table
-    from surefoot.endpoints import choose_endpoints
     from surefoot.robot_io.bus.session import dialed
-    from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.listener import Listener
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     model = load_robot(robot, servo_profile=servo_profile)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED

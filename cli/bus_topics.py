@@ -20,7 +20,7 @@ from surefoot.schemas.errors import MessageError
 from surefoot.schemas.topics import TOPICS, Direction, Topic
 
 if TYPE_CHECKING:
-    from surefoot.robot_io.client_side.read_only_client import Absences
+    from surefoot.robot_io.client_side.robot_watch import Absences
 
 _SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
 

@@ -14,9 +14,9 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from surefoot.cli.doctor_report import Diagnosis, Severity, finding
-from surefoot.endpoints import loopback_endpoints
 from surefoot.processes.child import child_environment
 from surefoot.recording.write import KEPT_FREE_BYTES
+from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.robot_io.errors import RobotIoError
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR
 

@@ -98,7 +98,7 @@ def _surroundings() -> Iterator[Diagnosis]:
 
 def _robots() -> Iterator[Diagnosis]:
     """Check the margins of every shipped robot with every servo profile."""
-    from surefoot.loop_margins import compute_margins
+    from surefoot.controllers import compute_margins
     from surefoot.robot_io.robot import list_robots, load_robot
 
     for name in list_robots():

@@ -14,7 +14,7 @@ from surefoot.errors import TuneInterrupted, UsageError
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from surefoot.schemas.margins import LoopMargins
+    from surefoot.stabilizer.margins.margins import LoopMargins
     from surefoot.tuning.ask import Sampler
 
 NO_LIMIT = "-"
@@ -43,7 +43,7 @@ def margins(
     Computed from robot file, servo profile and settings; nothing is simulated.
     """
     from surefoot.cli.console import print_json, print_table, print_text
-    from surefoot.loop_margins import compute_margins
+    from surefoot.controllers import compute_margins
     from surefoot.run_plan import resolve_settings
 
     found = compute_margins(
@@ -175,7 +175,7 @@ def tune(
     what can be had and what changed, and all trials.
     """
     from surefoot.cli.console import count_bar, show_notes
-    from surefoot.cli.sweep_cells import parse_seeds
+    from surefoot.cli.study_commands import parse_seeds
     from surefoot.tuning.tune import tune as search
 
     if sampler not in _SAMPLERS:

@@ -45,10 +45,10 @@ def check_robot(
     1 mrad. Exits with 1 when something failed, with 4 when there is no robot.
     """
     from surefoot.cli.console import print_json, print_table
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
     from surefoot.robot_io.conformance.run import SECTIONS, check_conformance
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     unknown = sorted(set(only or ()) - set(SECTIONS))
     if unknown:
@@ -107,10 +107,10 @@ def tare(
     start on. Nothing is commanded. Exits with 2 when a foot stands or moves.
     """
     from surefoot.cli.console import print_json, print_text
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
     from surefoot.measure import measure_tare
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     if foot not in ("left", "right", "both"):
         raise UsageError(f"--foot {foot}: expected left, right or both")
@@ -192,11 +192,11 @@ def identify(
     from msgspec import to_builtins
 
     from surefoot.cli.console import print_json, print_table, print_text
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
     from surefoot.measure import check_out, identify_drives, write_profile
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.sim_robot.catalogue import load_scenario
 
     model = load_robot(robot, servo_profile=servo_profile)

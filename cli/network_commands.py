@@ -27,12 +27,11 @@ def router(
 
     With TLS it checks who may say what, as the robot does without a router.
     """
-    from surefoot.cli.logs import log_note, set_up_logging
-    from surefoot.endpoints import choose_endpoints
-    from surefoot.processes.child import begin_as_child
+    from surefoot.processes.child import begin_as_child, log_note, set_up_logging
     from surefoot.robot_io.bus.session import run_router
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     set_up_logging("router")
     if child:
@@ -95,10 +94,14 @@ def relay(
     with 4 when there is no robot, with 130 after Ctrl-C.
     """
     from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.logs import log_note, set_up_logging
     from surefoot.cli.summary import relay_table
-    from surefoot.processes.child import begin_as_child, report_ready
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.processes.child import (
+        begin_as_child,
+        log_note,
+        report_ready,
+        set_up_logging,
+    )
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.relay.relay import Relay, find_plan
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_folder import write_struct
@@ -150,8 +153,8 @@ def _both_sides(
     insecure: bool,
 ) -> tuple[Endpoints, Endpoints]:
     """Return where it dials the robot and where it listens; they must differ."""
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
+    from surefoot.schemas.endpoints import choose_endpoints
 
     if file is None and listen_file is None and not listen:
         listen = [LISTEN]

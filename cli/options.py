@@ -11,7 +11,6 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from surefoot.cli.logs import log_note, log_warning
 from surefoot.errors import UsageError
 
 _SUFFIX = ".toml"
@@ -359,6 +358,8 @@ def claim_processor(*, cpu: int | None, priority: int | None) -> None:
 
 
 def _tell(refusal: str, done: str) -> None:
+    from surefoot.processes.child import log_note, log_warning
+
     if refusal:
         log_warning(refusal)
     else:

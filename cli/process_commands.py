@@ -41,15 +41,19 @@ def robot(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.logs import log_note, set_up_logging
     from surefoot.cli.options import check_priority, claim_processor
-    from surefoot.endpoints import choose_endpoints
     from surefoot.outcome import judge
-    from surefoot.processes.child import begin_as_child, progress_reporter
+    from surefoot.processes.child import (
+        begin_as_child,
+        log_note,
+        progress_reporter,
+        set_up_logging,
+    )
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
     from surefoot.run_folder import write_struct
+    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.schemas.scenario import load_scenario
     from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 
@@ -166,12 +170,12 @@ def walk(
     steps were refused, with 130 after Ctrl-C.
     """
     from surefoot.cli.console import print_json
-    from surefoot.cli.logs import log_note, log_warning, set_up_logging
-    from surefoot.endpoints import choose_endpoints
     from surefoot.planner import VelocityPlanner, walk_on_bus
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.processes.child import log_note, log_warning, set_up_logging
     from surefoot.robot_io.client_side.requests import PlannerClient
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 
     set_up_logging("walk")
@@ -230,14 +234,13 @@ def view(
     from importlib.util import find_spec
 
     from surefoot.cli.console import print_note
-    from surefoot.cli.logs import set_up_logging
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import EnvironmentFailedError
     from surefoot.installation import install_command
-    from surefoot.processes.child import begin_as_child
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.processes.child import begin_as_child, set_up_logging
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.security.locators import check_locators
+    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.view.page import free_port
 
     set_up_logging("view")

@@ -14,7 +14,7 @@ from surefoot.errors import ExitCode
 if TYPE_CHECKING:
     from surefoot.recording.read import Record
     from surefoot.recording.write import McapFile
-    from surefoot.robot_io.client_side.read_only_client import Absences
+    from surefoot.robot_io.client_side.robot_watch import Absences
 _CUT_OFF = "{} is cut off; what is whole of it was written"
 
 
@@ -73,17 +73,20 @@ def record(
     meanwhile, with 130 after Ctrl-C, which leaves a whole file.
     """
     from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.logs import log_note, set_up_logging
     from surefoot.cli.summary import counts_table
-    from surefoot.endpoints import choose_endpoints
     from surefoot.errors import UsageError
-    from surefoot.processes.child import begin_as_child, report_ready
-    from surefoot.recording.attachments import attachments
-    from surefoot.recording.record_bus import RING_DEPTH, record_bus
+    from surefoot.processes.child import (
+        begin_as_child,
+        log_note,
+        report_ready,
+        set_up_logging,
+    )
+    from surefoot.recording.contents import RING_DEPTH, attachments, record_bus
     from surefoot.recording.write import LogTimes, McapFile
-    from surefoot.robot_io.bus.stop_request import StopRequest
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
 
     set_up_logging("recorder")
     if child:
@@ -132,7 +135,7 @@ def record(
 
 def _tell(file: McapFile, absences: Absences) -> None:
     """Say on stderr what is missing, whatever is printed on stdout."""
-    from surefoot.cli.logs import log_note, log_warning
+    from surefoot.processes.child import log_note, log_warning
     from surefoot.recording.write import UNREADABLE
 
     total = sum(count.messages for count in file.counts.values())
@@ -153,7 +156,7 @@ def _tell(file: McapFile, absences: Absences) -> None:
 
 
 def _say_ready() -> None:
-    from surefoot.cli.logs import log_note
+    from surefoot.processes.child import log_note
 
     log_note("ready: what is said from now on is in the record")
 

@@ -146,7 +146,7 @@ def replay(
                 as_json=as_json,
             )
             return
-        from surefoot.endpoints import choose_endpoints
+        from surefoot.schemas.endpoints import choose_endpoints
 
         meeting = choose_endpoints(
             endpoints, listen=listen or [], connect=[], router=router, insecure=insecure
@@ -226,10 +226,10 @@ def _play(
     span: tuple[float, float | None],
 ) -> None:
     from surefoot.cli.console import progress_bar
-    from surefoot.cli.logs import log_note, set_up_logging
-    from surefoot.playback.play import between, play
+    from surefoot.playback.replay import between, play
     from surefoot.playback.timeline import PLAYABLE
-    from surefoot.robot_io.bus.stop_request import StopRequest
+    from surefoot.processes.child import log_note, set_up_logging
+    from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot_side.replay_server import ReplayServer
 
     set_up_logging("replay")

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from surefoot.robot_files.draft import Note
-    from surefoot.robot_files.report import RobotFileReport
+    from surefoot.robot_files.judge import RobotFileReport
 
 _PARTS = "Parts of the robot"
 _JOINTS = "Joints"
@@ -193,10 +193,13 @@ def check_robot_file(
     Exits with 2 when the files contradict each other; warnings stop nothing.
     """
     from surefoot.cli.console import print_json, print_table
-    from surefoot.robot_files.report import judge
+    from surefoot.robot_files.judge import judge
     from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.settings import ControllerSettings
+    from surefoot.stabilizer.margins.margins import compute_margins
 
-    report = judge(load_robot(file, servo_profile=servo_profile))
+    robot = load_robot(file, servo_profile=servo_profile)
+    report = judge(robot, compute_margins(robot, ControllerSettings()))
     if as_json:
         print_json(report)
         return

@@ -1,16 +1,22 @@
-"""``surefoot sweep`` and ``reproduce``: many runs, and how many stayed up."""
+"""``surefoot sweep``, ``reproduce`` and ``report``: many runs, and pages about them."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from surefoot.cli import options
 from surefoot.cli.options import complete_scenario
+from surefoot.errors import UsageError
 
-Values = tuple[tuple[str, Any], ...]
+if TYPE_CHECKING:
+    from surefoot.studies.cell import Cell
+
+REPORT_NEEDS = ("viser", "yourdfpy", "plotly")
 
 
 def sweep(
@@ -65,7 +71,6 @@ def sweep(
     """
     from surefoot.cli.console import count_bar, print_json, print_table
     from surefoot.cli.summary import study_tables
-    from surefoot.cli.sweep_cells import all_cells, parse_seeds
     from surefoot.studies.study import run_study
     from surefoot.studies.tables import summary_rows
 
@@ -89,6 +94,86 @@ def sweep(
         print_json(summary_rows(done.summaries))
     else:
         print_table(study_tables(done.summaries))
+
+
+def parse_seeds(text: str) -> list[int]:
+    """Parse seeds such as ``0:50`` (0 to 49) or ``1,4,7``.
+
+    Raises:
+        UsageError: neither.
+    """
+    first, colon, end = text.partition(":")
+    try:
+        numbers = text.split(",")
+        seeds = list(range(int(first), int(end))) if colon else [*map(int, numbers)]
+    except ValueError:
+        seeds = []
+    if not seeds or min(seeds) < 0:
+        raise UsageError(
+            f"--seeds {text!r}: expected FROM:TO, such as 0:50 for 50 seeds, or a "
+            "list such as 1,4,7"
+        )
+    return seeds
+
+
+def parse_vary(text: str) -> list[tuple[str, Any]]:
+    """Parse ``PATH=A,B,C``, or ``PATH=FROM:TO:COUNT`` for evenly spaced numbers.
+
+    Raises:
+        UsageError: neither.
+    """
+    from surefoot.schemas.scenario_paths import parse_override, parse_value
+
+    path, equals, values = text.partition("=")
+    path = path.strip()
+    if not equals or not values.strip():
+        raise UsageError(
+            f"--vary {text!r}: expected PATH=A,B,C or PATH=FROM:TO:COUNT, such as "
+            "friction=0.4:1.0:7"
+        )
+    if values.count(":") == 2:
+        return [(path, level) for level in _spaced(text, values)]
+    if values.lstrip().startswith("["):
+        return [parse_override(text, option="--vary")]
+    what = f"--vary {path}"
+    return [(path, parse_value(part, what=what)) for part in values.split(",")]
+
+
+def _spaced(text: str, values: str) -> list[float]:
+    first, last, count = values.split(":")
+    try:
+        low, high, n = float(first), float(last), int(count)
+    except ValueError:
+        n = 0
+    if n < 2:
+        raise UsageError(
+            f"--vary {text!r}: expected numbers FROM:TO:COUNT with a count of 2 or more"
+        )
+    return [low + (high - low) * i / (n - 1) for i in range(n)]
+
+
+def all_cells(
+    scenarios: Sequence[str],
+    *,
+    vary: Sequence[str],
+    variants: Sequence[str],
+    servo_profiles: Sequence[str],
+    seeds: Sequence[int],
+) -> list[Cell]:
+    """Return every combination; a whole round of all cases before the next seed.
+
+    Raises:
+        UsageError: a name or a text that cannot be read.
+    """
+    from surefoot.studies.study import make_cells
+
+    return make_cells(
+        scenarios,
+        combinations=list(product(*(parse_vary(text) for text in vary))),
+        controllers=variants,
+        servo_profiles=servo_profiles,
+        seeds=seeds,
+    )
 
 
 def reproduce(
@@ -118,7 +203,7 @@ def reproduce(
     less than five minutes. Ended early, it goes on where it was.
     """
     from surefoot.cli.console import count_bar, print_note
-    from surefoot.robot_io.atomic_file import atomic_file
+    from surefoot.out_folder import atomic_file
     from surefoot.studies.execute import execute
     from surefoot.studies.paper import cells_of, extent
     from surefoot.studies.paper_page import (
@@ -130,7 +215,7 @@ def reproduce(
         write_report,
     )
     from surefoot.studies.store import StudyStore
-    from surefoot.studies.summary import summarise
+    from surefoot.studies.study import summarise
 
     cells = cells_of(extent(quick=quick, seeds=seeds))
     with StudyStore(out, about={"study": "reproduce"}) as store:
@@ -157,3 +242,82 @@ def reproduce(
         missing = len(cells) - len(rows)
         page = write_report(out, summarise(rows), about=store.about, missing=missing)
     print_note(f"{len(rows)} of {len(cells)} runs; open {page}")
+
+
+def report(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RUN_DIR",
+            help="Folders that `surefoot run --out` left; several are compared.",
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder of the page, new or empty. By default `report` in the run's "
+            "folder, or beside the first of several.",
+        ),
+    ] = None,
+    overwrite: options.OverwriteOption = False,
+    video: Annotated[
+        bool,
+        typer.Option(
+            "--video",
+            help="Also an mp4 and a still of each run; needs OpenGL without a window "
+            "and the extra `video`.",
+        ),
+    ] = False,
+    animation: Annotated[
+        bool,
+        typer.Option(
+            "--animation",
+            help="Also some seconds of each run as an endless WebP; needs OpenGL "
+            "without a window.",
+        ),
+    ] = False,
+    open_browser: Annotated[
+        bool, typer.Option("--open", help="Open the page in the web browser.")
+    ] = False,
+) -> None:
+    """Write a page about runs: plots, 3-D replay, figures, settings, logs.
+
+    The page is one folder that opens offline and can be sent as it is.
+    """
+    from importlib.util import find_spec
+
+    from surefoot.cli.console import count_bar, print_text
+    from surefoot.errors import EnvironmentFailedError
+    from surefoot.installation import install_command
+
+    missing = [name for name in REPORT_NEEDS if find_spec(name) is None]
+    if missing:
+        raise EnvironmentFailedError(
+            f"a report needs {', '.join(missing)}, not installed here; "
+            f"{install_command('view')}"
+        )
+    from surefoot.report.video import check_drawing, load_drawing
+
+    if video or animation:
+        load_drawing()  # before the simulator is loaded for anything else
+    from surefoot.report.run_data import load_runs
+
+    loaded = load_runs(runs)
+    folder = out or (runs[0] if len(runs) == 1 else runs[0].parent) / "report"
+    if video or animation:
+        check_drawing(loaded[0], video=video)
+    from surefoot.report.page import write_report  # heavy: errors come first
+
+    write_report(
+        loaded,
+        folder,
+        overwrite=overwrite,
+        video=video,
+        animation=animation,
+        bar=count_bar,
+    )
+    page = folder / "index.html"
+    print_text(str(page))
+    if open_browser:
+        typer.launch(page.resolve().as_uri())

@@ -26,7 +26,7 @@ from surefoot.schemas.result import (
 if TYPE_CHECKING:
     from surefoot.playback.recompute import Difference, ReplayOutcome
     from surefoot.recording.read import ChannelCount
-    from surefoot.studies.tables import Summaries
+    from surefoot.studies.study import Summaries
 
 _PASSAGE = ("arrived", "left")
 """What a relay counts besides its faults."""

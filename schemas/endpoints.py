@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.toml_file import FileStruct, convert, read_toml
+from surefoot.schemas.toml_file import FileStruct, convert, read_toml, toml_text
 
 DEFAULT_LOCATOR = "tcp/127.0.0.1:7447"
 MAX_INCOMING_BYTES = 16384
@@ -115,3 +115,49 @@ def load_endpoints(path: Path) -> Endpoints:
         )
     tls = Tls(**{name: str(place) for name, place in found.items()})
     return msgspec.structs.replace(endpoints, tls=tls)
+
+
+def choose_endpoints(
+    file: Path | None,
+    *,
+    listen: list[str],
+    connect: list[str],
+    router: list[str] | None = None,
+    insecure: bool = False,
+) -> Endpoints:
+    """Join an endpoint file and the command line.
+
+    Args:
+        file: endpoint file, or None for the defaults.
+        listen: replaces the file's ``listen`` unless empty.
+        connect: replaces the file's ``connect`` and ``router`` unless empty.
+        router: replaces the file's ``router`` unless empty.
+        insecure: listen on other addresses than loopback without TLS.
+
+    Raises:
+        FileFormatError: the file cannot be used.
+    """
+    endpoints = Endpoints() if file is None else load_endpoints(file)
+    if listen:
+        endpoints = msgspec.structs.replace(endpoints, listen=list(listen))
+    if connect:
+        endpoints = msgspec.structs.replace(endpoints, connect=list(connect))
+        endpoints = msgspec.structs.replace(endpoints, router=[])
+    if router:
+        endpoints = msgspec.structs.replace(endpoints, router=list(router))
+    if insecure:
+        endpoints = msgspec.structs.replace(endpoints, insecure=True)
+    return endpoints
+
+
+def write_endpoints(path: Path, endpoints: Endpoints) -> None:
+    """Write endpoints without certificates, such that they read back the same.
+
+    Args:
+        path: of the TOML.
+        endpoints: what to write; paths of certificates would be relative to the file.
+    """
+    keys = msgspec.to_builtins(endpoints)
+    if keys.pop("tls") is not None:
+        raise ValueError("endpoints: got certificates, expected none to be copied")
+    path.write_text(toml_text(keys), encoding="utf-8")

@@ -11,6 +11,8 @@ _FROM_WXYZ = np.array([1, 2, 3, 0])
 _FROM_XYZW = np.array([3, 0, 1, 2])
 SIM_STEP_S = 0.001
 """Simulation step [s]; a control period is a whole multiple of it."""
+FASTEST_HZ = 0.5 / SIM_STEP_S
+"""Half the simulation's rate: it does not show anything faster."""
 TOLERANCE_TICKS = 1e-6
 
 

@@ -1,22 +1,262 @@
-"""All the ground under the feet: what moves of it, and what stands still."""
+"""The ground: where its platforms are, how they move, and what of it stands still.
+
+There is one platform under both feet, or one under each.
+"""
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import mujoco
 import numpy as np
 
-from surefoot.schemas.arrays import Array
+from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import GroundBlock
+from surefoot.schemas.motions import Axis, Motion
+from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import within
-from surefoot.sim_robot.motion import motion_law
-from surefoot.sim_robot.motion_law import MotionLaw
-from surefoot.sim_robot.platforms import PLATFORM_INERTIA, PlacedMotion, PlatformPlan
-from surefoot.sim_robot.still_ground import StillGround
-from surefoot.sim_robot.world import World
+from surefoot.sim_robot.motion import MotionLaw, motion_law
+from surefoot.sim_robot.robot_spec import Stance
+
+if TYPE_CHECKING:
+    from surefoot.sim_robot.still_ground import StillGround
+    from surefoot.sim_robot.world import World
+
+AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
+"""Order of a platform's joints: R_world_platform = Rz(yaw) Ry(pitch) Rx(roll)."""
+
+HALF_THICKNESS_M = 0.03
+
+SHARED_HALF_SIZE_M = (0.40, 0.45)
+"""Half length (x) and half width (y) of a platform under both feet."""
+
+WALKED_HALF_SIZE_M = (12.0, 12.0)
+"""The same where the robot walks."""
+
+SINGLE_HALF_LENGTH_M = 0.30
+
+SINGLE_OUTWARD_M = 0.30
+"""From the sole's centre to the outer edge of a platform under one foot."""
+
+MIDLINE_GAP_M = 0.01
+"""From the midline between the feet to the inner edge of such a platform."""
+
+
+CONTACT_TIME_CONSTANT_S = 0.004
+
+CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
+"""Critically damped; the standing robot sinks in by some 35 um."""
+
+PLATFORM_INERTIA = 1e6
+"""Rotor inertia of platform joints [kg or kg m^2]: the robot does not move them."""
 
 STILL = -1
 """What ground that stands fast says for its platform."""
+
+_SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
+
+_JOINTS = {
+    "x": (_SLIDE, [1.0, 0.0, 0.0]),
+    "y": (_SLIDE, [0.0, 1.0, 0.0]),
+    "z": (_SLIDE, [0.0, 0.0, 1.0]),
+    "yaw": (_HINGE, [0.0, 0.0, 1.0]),
+    "pitch": (_HINGE, [0.0, 1.0, 0.0]),
+    "roll": (_HINGE, [1.0, 0.0, 0.0]),
+}
+
+
+class PlacedMotion(NamedTuple):
+    """A motion, and its path in the scenario file, for errors."""
+
+    path: str
+    motion: Motion
+
+
+@dataclass(frozen=True)
+class PlatformPlan:
+    """A box of ground and how it moves.
+
+    Attributes:
+        name: ``ground_both``, ``ground_left`` or ``ground_right``.
+        in_scenario: whether the scenario file lists it; ground that it does not
+            mention is fixed.
+        top_centre: (3,) point of the top face that motions move and turn about, at
+            rest [m, world]: under the sole's centre, or midway between the soles.
+        half_size: (3,) of the box [m].
+        box_centre: (3,) of the box, from the top centre [m].
+        motions: the scenario's motions by axis; empty when fixed.
+        yaw: by which the box is turned to lie under a robot that looks there [rad].
+    """
+
+    name: str
+    in_scenario: bool
+    top_centre: Vec3
+    half_size: Vec3
+    box_centre: Vec3
+    motions: dict[Axis, tuple[PlacedMotion, ...]]
+    yaw: float = 0.0
+
+    @property
+    def quat_wxyz(self) -> list[float]:
+        """(4,) platform from box."""
+        return [math.cos(0.5 * self.yaw), 0.0, 0.0, math.sin(0.5 * self.yaw)]
+
+
+def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...]:
+    """Lay out the ground so that every foot has a box under it.
+
+    Args:
+        scenario: which feet have a platform of their own.
+        start: where the robot stands at first.
+
+    Returns:
+        The platforms of the scenario in its order, then fixed ground for the feet
+        it does not mention. All tops are at z = 0 at rest. None where there are tiles
+        only: these have a floor around them.
+    """
+    left, right = start.soles_in_world
+    soles = {"left": left, "right": right, "both": 0.5 * (left + right)}
+    shared = SHARED_HALF_SIZE_M if scenario.walk is None else WALKED_HALF_SIZE_M
+    plans = []
+    for at, platform in enumerate(scenario.platform):
+        placed = [
+            PlacedMotion(f"platform[{at}].motion[{index}]", motion)
+            for index, motion in enumerate(platform.motion)
+        ]
+        motions = {
+            axis: chosen
+            for axis in AXES
+            if (chosen := tuple(m for m in placed if m.motion.axis == axis))
+        }
+        plans.append(
+            _plan(
+                platform.foot,
+                soles,
+                motions=motions,
+                in_scenario=True,
+                yaw=start.yaw,
+                size_m=platform.size_m,
+                shared=shared,
+            )
+        )
+    feet = {platform.foot for platform in scenario.platform}
+    if not feet and scenario.tile:
+        return ()
+    if not feet:
+        plan = _plan(
+            "both", soles, motions={}, in_scenario=False, yaw=start.yaw, shared=shared
+        )
+        return (plan,)
+    if "both" not in feet:
+        for foot in ("left", "right"):
+            if foot not in feet:
+                plans.append(
+                    _plan(foot, soles, motions={}, in_scenario=False, yaw=start.yaw)
+                )
+    return tuple(plans)
+
+
+def _plan(
+    foot: str,
+    soles: dict[str, Vec3],
+    *,
+    motions: dict[Axis, tuple[PlacedMotion, ...]],
+    in_scenario: bool,
+    yaw: float,
+    size_m: list[float] | None = None,
+    shared: tuple[float, float] = SHARED_HALF_SIZE_M,
+) -> PlatformPlan:
+    top_centre = soles[foot] * (1.0, 1.0, 0.0)
+    half_length, half_width = shared
+    y_centre = 0.0
+    if foot != "both":
+        x, y, _ = top_centre - soles["both"]
+        y_foot = math.cos(yaw) * y - math.sin(yaw) * x
+        outward = 1.0 if y_foot >= 0.0 else -1.0
+        inner = MIDLINE_GAP_M - abs(y_foot)
+        half_length = SINGLE_HALF_LENGTH_M
+        half_width = 0.5 * (SINGLE_OUTWARD_M - inner)
+        y_centre = outward * 0.5 * (SINGLE_OUTWARD_M + inner)
+    if size_m is not None:
+        wider = 0.5 * size_m[1] - half_width
+        half_length, half_width = 0.5 * size_m[0], 0.5 * size_m[1]
+        y_centre += wider if y_centre > 0.0 else -wider if y_centre < 0.0 else 0.0
+    box_centre = np.array([0.0, y_centre, -HALF_THICKNESS_M])
+    if yaw:
+        box_centre[:2] = -math.sin(yaw) * y_centre, math.cos(yaw) * y_centre
+    return PlatformPlan(
+        name=f"ground_{foot}",
+        in_scenario=in_scenario,
+        top_centre=top_centre,
+        half_size=np.array([half_length, half_width, HALF_THICKNESS_M]),
+        box_centre=box_centre,
+        motions=motions,
+        yaw=yaw,
+    )
+
+
+def add_platform(
+    spec: mujoco.MjSpec, plan: PlatformPlan, *, robot: Robot, friction: float
+) -> None:
+    """Add a box that only the soles touch, with a joint for each axis that moves.
+
+    Args:
+        spec: the world, with the robot in it.
+        plan: the platform.
+        robot: whose soles touch it.
+        friction: between them.
+    """
+    body = spec.worldbody.add_body(
+        name=plan.name,
+        pos=plan.top_centre,
+        mass=1.0,
+        ipos=[0.0, 0.0, 0.0],
+        inertia=[1.0, 1.0, 1.0],
+        explicitinertial=True,
+        gravcomp=1.0,
+    )
+    body.add_geom(
+        name=plan.name,
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=plan.half_size,
+        pos=plan.box_centre,
+        quat=plan.quat_wxyz,
+        contype=0,
+        conaffinity=0,
+        rgba=[0.42, 0.45, 0.50, 1.0],
+    )
+    for axis in plan.motions:
+        kind, direction = _JOINTS[axis]
+        body.add_joint(
+            name=f"{plan.name}_{axis}",
+            type=kind,
+            axis=direction,
+            armature=PLATFORM_INERTIA,
+        )
+    let_soles_touch(spec, plan.name, robot=robot, friction=friction)
+
+
+def let_soles_touch(
+    spec: mujoco.MjSpec, geom: str, *, robot: Robot, friction: float
+) -> None:
+    """Let both soles, and nothing else, touch a geom of the ground firmly.
+
+    Args:
+        spec: the world, with the robot and the geom in it.
+        geom: its name.
+        robot: whose soles touch it.
+        friction: between them.
+    """
+    for foot in (robot.left, robot.right):
+        pair = spec.add_pair(geomname1=geom, geomname2=foot.sole_frame, condim=3)
+        pair.name = f"{geom} {foot.sole_frame}"
+        pair.friction[:] = [friction, friction, 0.0, 0.0, 0.0]
+        pair.solref[:] = [CONTACT_TIME_CONSTANT_S, 1.0]
+        pair.solimp[:] = CONTACT_IMPEDANCE
 
 
 def ground_blocks(world: World) -> list[GroundBlock]:

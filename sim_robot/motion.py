@@ -1,9 +1,17 @@
-"""Motions of the ground along one axis: position and its exact derivative."""
+"""Motions of the ground along one axis: position and its exact derivative.
+
+The ternary sequence is the stimulus of Peterka (2002, J. Neurophysiol. 88) as the
+COMTEST protocol of EUROBENCH uses it (Lippi et al., arXiv 2104.11935).
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+import numpy as np
+
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import (
     BLEND_S,
     DropMotion,
@@ -13,18 +21,18 @@ from surefoot.schemas.motions import (
     SineMotion,
     SpectrumMotion,
 )
+from surefoot.sim_robot.conventions import FASTEST_HZ
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.motion_law import (
-    MotionLaw,
-    check_blend,
-    check_frequency,
-    fade,
-    prts_law,
-    spectrum_law,
-)
 from surefoot.sim_robot.recorded import recorded_law
 
+MotionLaw = Callable[[float], tuple[float, float]]
+"""Time [s] to (position, velocity) in SI; at rest in zero until the motion starts."""
 GRAVITY_M_S2 = 9.81
+STATES = 80
+"""In a cycle: 3 ** 4 - 1."""
+COMPONENTS = 256
+LOWEST, HIGHEST = 0.5, 4.0
+"""Band of the components, in peak frequencies; 99.5 % of the variance lie in it."""
 
 
 def motion_law(motion: Motion) -> MotionLaw:
@@ -147,3 +155,171 @@ def _speed_up(time_s: float, blend: float) -> tuple[float, float]:
 
 def _blend_s(motion: RampMotion | DropMotion) -> float:
     return BLEND_S if motion.blend_s is None else motion.blend_s
+
+
+def fade(u: float) -> tuple[float, float]:
+    """Return the share of a motion that fades in, C2 smooth, and the share's slope.
+
+    Args:
+        u: from 0 to 1 over the fade.
+    """
+    share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+    return share, 30.0 * u * u * (1.0 - u) * (1.0 - u)
+
+
+def check_blend(motion: Motion) -> None:
+    """Refuse a blend that would be over within a step of the simulation.
+
+    Raises:
+        ScenarioError: it is.
+    """
+    if motion.blend_s is not None and motion.blend_s < 1.0 / FASTEST_HZ:
+        raise ScenarioError(
+            f"blend_s: got {motion.blend_s:g} s, expected at least "
+            f"{1.0 / FASTEST_HZ:g} s, two steps of the simulation",
+            field="blend_s",
+        )
+
+
+def check_frequency(frequency_hz: float, key: str, *, what: str = "") -> None:
+    """Refuse what is faster than half the simulation's rate.
+
+    Args:
+        frequency_hz: the fastest in the motion.
+        key: of the motion that says so.
+        what: in words, where the key is not the frequency itself.
+
+    Raises:
+        ScenarioError: it is.
+    """
+    if frequency_hz > FASTEST_HZ:
+        raise ScenarioError(
+            f"{key}: got {what or f'{frequency_hz:g} Hz'}, expected at most "
+            f"{FASTEST_HZ:g} Hz, half the simulation's rate; slow it down",
+            field=key,
+        )
+
+
+def prts_states() -> list[int]:
+    """Return the states of a cycle: 80 of -1, 0 and 1.
+
+    A shift register of four ternary stages, at first 0 0 0 1, gives out its last stage;
+    what enters is the last stage less the third, modulo 3. State 2 stands for -1.
+    """
+    register, states = [0, 0, 0, 1], []
+    for _ in range(STATES):
+        states.append((0, 1, -1)[register[3]])
+        register = [(register[3] - register[2]) % 3, *register[:3]]
+    return states
+
+
+def prts_law(motion: PrtsMotion) -> MotionLaw:
+    """Make the integral of the states, its velocity blended where the state changes.
+
+    A change begins with its state and takes a blend, as a smooth step: the position is
+    that of the abrupt sequence, averaged over the blend before, so it ends where it
+    began.
+
+    Raises:
+        ScenarioError: faster than half the simulation's rate.
+    """
+    state_s, blend, rate, start_s = (
+        *(motion.state_s, motion.blend, motion.rate, motion.start_s),
+    )
+    check_frequency(0.5 / state_s, "speed", what=f"states of {1e3 * state_s:g} ms, so")
+    states: Array = np.array(prts_states() * motion.cycles, dtype=np.float64)
+    velocity = (rate * np.append(states, 0.0)).tolist()
+    before = [0.0, *velocity[:-1]]
+    # Over a state: its own velocity, less what the blend lacks of it.
+    lacks = 0.5 * blend * np.diff(rate * states, prepend=0.0)
+    travelled = np.cumsum(rate * states * state_s - lacks)
+    position = [0.0, *travelled.tolist()]
+    last = len(velocity) - 1
+
+    def law(time_s: float) -> tuple[float, float]:
+        since = time_s - start_s
+        if since <= 0.0:
+            return 0.0, 0.0
+        index = min(int(since / state_s), last)
+        since -= index * state_s
+        begin, change = before[index], velocity[index] - before[index]
+        if since >= blend:
+            moved = begin * since + change * (since - 0.5 * blend)
+            return position[index] + moved, velocity[index]
+        u = since / blend
+        moved = begin * since + change * blend * u * u * u * (1.0 - 0.5 * u)
+        return position[index] + moved, begin + change * u * u * (3.0 - 2.0 * u)
+
+    return law
+
+
+def jonswap(frequency_hz: Array, *, peak_hz: float, gamma: float) -> Array:
+    """Return the shape of the JONSWAP spectrum, (n,), to be scaled.
+
+    Hasselmann et al. (1973): f^-5 exp(-5/4 (f/fp)^-4) gamma^r, with
+    r = exp(-(f - fp)^2 / (2 sigma^2 fp^2)), sigma = 0.07 below the peak and 0.09 above.
+
+    Args:
+        frequency_hz: (n,) above zero.
+        peak_hz: frequency of the peak.
+        gamma: how peaked it is.
+    """
+    relative = frequency_hz / peak_hz
+    sigma = np.where(relative <= 1.0, 0.07, 0.09)
+    peak = np.exp(-((relative - 1.0) ** 2) / (2.0 * sigma**2))
+    shape: Array = relative**-5 * np.exp(-1.25 * relative**-4) * gamma**peak
+    return shape
+
+
+def components(motion: SpectrumMotion) -> tuple[Array, Array, Array]:
+    """Return frequencies [Hz], amplitudes of the waves [m] and phases [rad], (256,).
+
+    One component at a random place in each of equally wide bands, so that the sum does
+    not repeat itself. Amplitudes follow the spectrum and add up to the wanted variance,
+    height^2 / 16, exactly.
+    """
+    peak_hz = 1.0 / motion.period_s
+    random = np.random.default_rng(np.random.SeedSequence(motion.seed))
+    width = (HIGHEST - LOWEST) / COMPONENTS
+    places = np.arange(COMPONENTS) + random.random(COMPONENTS)
+    frequency_hz = peak_hz * (LOWEST + width * places)
+    variance = jonswap(frequency_hz, peak_hz=peak_hz, gamma=motion.gamma)
+    variance *= motion.height_m**2 / 16.0 / variance.sum()
+    return frequency_hz, np.sqrt(2.0 * variance), math.tau * random.random(COMPONENTS)
+
+
+def spectrum_law(motion: SpectrumMotion) -> MotionLaw:
+    """Make the sum of the components times the gain, faded in, C2 smooth.
+
+    Raises:
+        ScenarioError: faster than half the simulation's rate.
+    """
+    check_frequency(
+        HIGHEST / motion.period_s,
+        "period_s",
+        what=f"{motion.period_s:g} s, so waves of up to "
+        f"{HIGHEST / motion.period_s:g} Hz",
+    )
+    frequency_hz, height, phase = components(motion)
+    omega = math.tau * frequency_hz
+    amplitude = motion.gain_si * height
+    amplitude_rate = -amplitude * omega
+    phase = phase + math.radians(motion.phase_deg)
+    start_s = motion.start_s
+    per_fade = 1.0 / (motion.period_s if motion.blend_s is None else motion.blend_s)
+
+    def law(time_s: float) -> tuple[float, float]:
+        since = time_s - start_s
+        if since <= 0.0:
+            return 0.0, 0.0
+        angle = omega * since
+        angle += phase
+        position = float(amplitude @ np.cos(angle))
+        velocity = float(amplitude_rate @ np.sin(angle))
+        u = since * per_fade
+        if u >= 1.0:
+            return position, velocity
+        share, rate = fade(u)
+        return share * position, share * velocity + rate * per_fade * position
+
+    return law

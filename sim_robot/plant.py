@@ -22,11 +22,9 @@ from surefoot.sim_robot.conventions import SIM_STEP_S, whole_ticks
 from surefoot.sim_robot.errors import CommandError
 from surefoot.sim_robot.ground import Ground
 from surefoot.sim_robot.metrics import Fall, FallDetector
-from surefoot.sim_robot.pushes import CaptureLimit, Pushes
-from surefoot.sim_robot.robot_spec import per_joint
-from surefoot.sim_robot.rods import RodAtWork
+from surefoot.sim_robot.pushes import CaptureLimit, Pushes, RodAtWork
+from surefoot.sim_robot.robot_spec import LEVEL_RAD, Stance, per_joint
 from surefoot.sim_robot.sensors import SensorSuite
-from surefoot.sim_robot.start_stance import LEVEL_RAD, Stance
 from surefoot.sim_robot.state_view import PlantTruth, PlantView
 from surefoot.sim_robot.world import Grasps, World, build_world, renew
 

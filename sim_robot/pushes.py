@@ -1,10 +1,10 @@
-"""Pushes: forces on bodies for a while."""
+"""Forces on links: pushes for a while, and rods that follow, lead or strike them."""
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import math
+from typing import NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -12,17 +12,21 @@ import numpy as np
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import PushRequest
+from surefoot.schemas.motions import RampMotion, SineMotion
 from surefoot.schemas.scenario import Push
-from surefoot.schemas.scenario_robot import Rod
+from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
+from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.rods import Rods
+from surefoot.sim_robot.motion import MotionLaw, motion_law
 from surefoot.sim_robot.world import World
 
 MAX_FORCE_N = 2000.0
 MAX_DURATION_S = 5.0
 _ALONG = 1e-9
 """An edge less than so much across a direction is along it."""
+STEADY = 0.3
+"""Largest share of a link's momentum that springs and dampers may move in a step."""
 
 
 class CaptureLimit:
@@ -111,17 +115,11 @@ class Pushes:
         self._bodies: list[int] = []
         self._valid = valid = _bodies_with_mass(world)
         for index, push in enumerate(pushes):
-            if push.body is not None and push.body not in valid:
-                near = difflib.get_close_matches(push.body, valid, n=1)
-                hint = f"; did you mean {near[0]!r}?" if near else ""
-                raise ScenarioError(
-                    f"push[{index}].body: got {push.body!r}, expected one of "
-                    f"{', '.join(valid)}{hint}",
-                    field=f"push[{index}].body",
-                )
             first = round(push.start_s / SIM_STEP_S)
             last = round((push.start_s + push.duration_s) / SIM_STEP_S)
-            body = world.base_body if push.body is None else valid[push.body]
+            body = world.base_body
+            if push.body is not None:
+                body = _find(push.body, valid, key=f"push[{index}].body")
             force = capture.force(push)
             self._windows.append((first, last, body, force))
             self._bodies.append(body)
@@ -139,11 +137,7 @@ class Pushes:
             ScenarioError: the body does not exist or has no mass, or the push is
                 beyond what a person would mean.
         """
-        if push.body not in self._valid:
-            raise ScenarioError(
-                f"body: got {push.body!r}, expected one of {', '.join(self._valid)}",
-                field="body",
-            )
+        body = _find(push.body, self._valid, key="body")
         if math.hypot(*push.force_n) > MAX_FORCE_N:
             raise ScenarioError(
                 f"force_n: got {math.hypot(*push.force_n):g} N, expected at most "
@@ -156,7 +150,6 @@ class Pushes:
                 f"{MAX_DURATION_S:g} s",
                 field="duration_s",
             )
-        body = self._valid[push.body]
         last = first_step + round(push.duration_s / SIM_STEP_S)
         self._windows.append((first_step, last, body, np.array(push.force_n)))
         self._bodies.append(body)
@@ -180,3 +173,222 @@ def _bodies_with_mass(world: World) -> dict[str, int]:
         for i in range(model.nbody)
         if model.body_rootid[i] == world.base_body and model.body_mass[i] > 0.0
     }
+
+
+def _find(name: str, bodies: dict[str, int], *, key: str) -> int:
+    """Return MuJoCo's id of a link with mass.
+
+    Raises:
+        ScenarioError: there is none of this name; ``field`` is the key.
+    """
+    if name not in bodies:
+        raise ScenarioError(
+            f"{key}: got {name!r}, expected one of {', '.join(bodies)}"
+            f"{nearest(name, bodies)}",
+            field=key,
+        )
+    return bodies[name]
+
+
+class RodState(NamedTuple):
+    """A rod after the last simulation step.
+
+    Attributes:
+        force_n: on the link, along the rod [N].
+        position_m: of the link along the rod, from where it was at the start [m].
+        work_j: that the rod has done on the robot [J].
+        impulse_n_s: that it has given [N s].
+        peak_n: largest force, of either sign [N].
+    """
+
+    force_n: float = 0.0
+    position_m: float = 0.0
+    work_j: float = 0.0
+    impulse_n_s: float = 0.0
+    peak_n: float = 0.0
+
+
+class _Law(Protocol):
+    """What a kind of rod does."""
+
+    def force(self, since_s: float, position: float, speed: float) -> float:
+        """Force on the link, asked once in each step [N].
+
+        Args:
+            since_s: time since it began [s].
+            position: of the link, from where it was then [m].
+            speed: of the link [m/s].
+        """
+
+
+class RodAtWork:
+    """One rod of a scenario.
+
+    Attributes:
+        body: MuJoCo's id of the link.
+        direction: (3,) along which it works, world.
+        state: after the last step.
+    """
+
+    def __init__(self, rod: Rod, body: int, *, mass: float) -> None:
+        """Prepare the rod.
+
+        Args:
+            rod: of the scenario.
+            body: MuJoCo's id of the link.
+            mass: of the link [kg].
+
+        Raises:
+            ScenarioError: it is too stiff for so light a link, or too fast.
+        """
+        angle = math.radians(rod.direction_deg)
+        self.body = body
+        self.direction = np.array([math.cos(angle), math.sin(angle), 0.0])
+        self.state = RodState()
+        self._law = _law(rod)
+        self._first_step = round(rod.start_s / SIM_STEP_S)
+        self._origin: float | None = None
+        self._last = self._moved = 0.0
+        _check_steady(rod, mass)
+
+    def step(self, place: float, step: int) -> float:
+        """Return the force on the link in a simulation step, along the rod [N].
+
+        Args:
+            place: of the link's centre of mass along the rod [m].
+            step: of the simulation, counted from zero.
+        """
+        if step < self._first_step:
+            return 0.0
+        if self._origin is None:
+            self._origin = self._last = place
+        position, moved = place - self._origin, place - self._last
+        self._last = place
+        since_s = (step - self._first_step) * SIM_STEP_S
+        before = self.state
+        force = self._law.force(since_s, position, moved / SIM_STEP_S)
+        self.state = RodState(
+            force_n=force,
+            position_m=position,
+            # The force of the step before changed the speed from that of the move
+            # before to that of this one.
+            work_j=before.work_j + before.force_n * 0.5 * (self._moved + moved),
+            impulse_n_s=before.impulse_n_s + force * SIM_STEP_S,
+            peak_n=max(before.peak_n, abs(force)),
+        )
+        self._moved = moved
+        return force
+
+
+class Rods:
+    """All rods of a scenario.
+
+    Attributes:
+        at_work: in the order of the scenario.
+    """
+
+    def __init__(
+        self, rods: list[Rod], model: mujoco.MjModel, bodies: dict[str, int]
+    ) -> None:
+        """Look up the links.
+
+        Args:
+            rods: of the scenario.
+            model: of the world.
+            bodies: links with mass, by name.
+
+        Raises:
+            ScenarioError: a link does not exist, or a rod does not fit it.
+        """
+        self.at_work: list[RodAtWork] = []
+        for index, rod in enumerate(rods):
+            body = _find(rod.body, bodies, key=f"rod[{index}].body")
+            mass = float(model.body_mass[body])
+            self.at_work.append(RodAtWork(rod, body, mass=mass))
+
+    def apply(self, data: mujoco.MjData, step: int) -> None:
+        """Add the forces of simulation step ``step``, counted from zero."""
+        for rod in self.at_work:
+            place = float(data.xipos[rod.body] @ rod.direction)
+            force = rod.step(place, step)
+            data.xfrc_applied[rod.body, :3] += force * rod.direction
+
+
+def _law(rod: Rod) -> _Law:
+    if isinstance(rod, ForceRod):
+        return _Force(_course(rod, rod.amplitude_n))
+    if isinstance(rod, DisplacementRod):
+        return _Displacement(rod, _course(rod, rod.amplitude_m))
+    return _Strike(rod)
+
+
+def _course(rod: ForceRod | DisplacementRod, amplitude: float) -> MotionLaw:
+    """Course of a force or of a way: the ground's laws serve for either."""
+    frequency_hz = rod.frequency_hz
+    if frequency_hz is not None:
+        return motion_law(
+            SineMotion(axis="x", amplitude_m=amplitude, frequency_hz=frequency_hz)
+        )
+    assert rod.rise_s is not None
+    # Speeds up for half of the time and slows down for the other half.
+    ramp = RampMotion(
+        axis="x",
+        amplitude_m=amplitude,
+        rate_m_s=2.0 * amplitude / rod.rise_s,
+        blend_s=0.5 * rod.rise_s,
+    )
+    return motion_law(ramp)
+
+
+def _check_steady(rod: Rod, mass: float) -> None:
+    """Refuse springs and dampers that a step of the simulation would overshoot."""
+    if isinstance(rod, ForceRod):
+        return
+    share = rod.stiffness_n_m * SIM_STEP_S**2 / mass
+    if isinstance(rod, DisplacementRod):
+        share += rod.damping_n_s_m * SIM_STEP_S / mass
+    if share > STEADY:
+        raise ScenarioError(
+            f"rod: link {rod.body!r} has {mass:.3g} kg, too little for so stiff a rod; "
+            "lower stiffness_n_m and damping_n_s_m, or name a heavier link",
+            field="stiffness_n_m",
+        )
+
+
+class _Force:
+    def __init__(self, course: MotionLaw) -> None:
+        self._course = course
+
+    def force(self, since_s: float, position: float, speed: float) -> float:
+        del position, speed
+        return self._course(since_s)[0]
+
+
+class _Displacement:
+    def __init__(self, rod: DisplacementRod, course: MotionLaw) -> None:
+        self._course = course
+        self._stiffness, self._damping = rod.stiffness_n_m, rod.damping_n_s_m
+
+    def force(self, since_s: float, position: float, speed: float) -> float:
+        aim, aim_speed = self._course(since_s)
+        return self._stiffness * (aim - position) + self._damping * (aim_speed - speed)
+
+
+class _Strike:
+    """A mass with a pad, until it flies off."""
+
+    def __init__(self, rod: StrikeRod) -> None:
+        self._mass, self._stiffness = rod.mass_kg, rod.stiffness_n_m
+        self._place, self._speed = 0.0, rod.speed_m_s
+        self._is_over = False
+
+    def force(self, since_s: float, position: float, speed: float) -> float:
+        del since_s
+        if self._is_over:
+            return 0.0
+        pressed = self._place - position
+        self._is_over = pressed < 0.0 and self._speed < speed
+        force = self._stiffness * max(pressed, 0.0)
+        self._speed -= force / self._mass * SIM_STEP_S
+        self._place += self._speed * SIM_STEP_S
+        return force

@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,10 +22,12 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.schemas.result import RecordedGround
 from surefoot.schemas.scenario import Scenario
-from surefoot.sim_robot.conventions import SIM_STEP_S
+from surefoot.sim_robot.conventions import FASTEST_HZ, SIM_STEP_S
 from surefoot.sim_robot.errors import ScenarioError, within
 from surefoot.sim_robot.ground_records import GroundRecord, read_record
-from surefoot.sim_robot.motion_law import FASTEST_HZ, MotionLaw
+
+if TYPE_CHECKING:
+    from surefoot.sim_robot.motion import MotionLaw
 
 LARGEST = 1000.0
 """In m or rad, per second or per square second: no ground that a robot stands on."""

@@ -19,8 +19,7 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.conventions import wxyz
 from surefoot.sim_robot.errors import RenderError
-from surefoot.sim_robot.ground import Ground
-from surefoot.sim_robot.platforms import PlatformPlan
+from surefoot.sim_robot.ground import Ground, PlatformPlan
 from surefoot.sim_robot.still_ground import FLOOR_Z_M
 from surefoot.sim_robot.world import build_world
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import msgspec
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import (
     CommandLatency,
     Pace,
     Pacer,
+    StopRequest,
     TimingLog,
     quiet_interpreter,
 )

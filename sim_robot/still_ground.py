@@ -13,8 +13,8 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.scenario import Scenario, Tile
 from surefoot.sim_robot.conventions import SIM_STEP_S
-from surefoot.sim_robot.platforms import PlatformPlan, let_soles_touch
-from surefoot.sim_robot.start_stance import Stance
+from surefoot.sim_robot.ground import PlatformPlan, let_soles_touch
+from surefoot.sim_robot.robot_spec import Stance
 
 FLOOR_Z_M = -0.42
 """The floor is scenery, well below where the ground of any scenario goes."""

@@ -19,9 +19,15 @@ from surefoot.schemas.scenario_robot import Payload
 from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.platforms import PlatformPlan, add_platform, plan_platforms
-from surefoot.sim_robot.robot_spec import ANKLES, UNITS, refusing, robot_spec
-from surefoot.sim_robot.start_stance import Stance, stand
+from surefoot.sim_robot.ground import PlatformPlan, add_platform, plan_platforms
+from surefoot.sim_robot.robot_spec import (
+    ANKLES,
+    UNITS,
+    Stance,
+    refusing,
+    robot_spec,
+    stand,
+)
 from surefoot.sim_robot.still_ground import (
     StillGround,
     add_scenery,

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import msgspec
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.assembler import SnapshotReading
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import RobotIoError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState, in_words

@@ -13,10 +13,9 @@ from pathlib import Path
 
 import msgspec
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
-from surefoot.robot_io.realtime import Pace, quiet_interpreter
+from surefoot.robot_io.realtime import Pace, StopRequest, quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.ticks.recorder import TickSink
 from surefoot.schemas.arrays import Array

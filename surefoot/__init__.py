@@ -55,14 +55,16 @@ _HOMES = {
         *("ChildFailedError", "RunInterrupted", "TuneInterrupted"),
         *("UnknownSignalError",),
     ),
-    "schemas.margins": ("AxisMargin", "LoopMargins"),
-    "loop_margins": ("compute_margins",),
-    "controllers": ("make_controller", "list_controllers", "drive"),
+    "stabilizer.margins.margins": ("AxisMargin", "LoopMargins"),
+    "controllers": (
+        *("make_controller", "list_controllers", "compute_margins", "drive"),
+    ),
     "signals": ("Signals", "read_signals"),
     "simulation": ("Simulation",),
     "runs": ("Run", "simulate", "run", "load_run"),
     "recording.read": ("Record", "read_record"),
-    "playback.replay": ("ReplayOutcome", "replay"),
+    "playback.recompute": ("ReplayOutcome",),
+    "playback.replay": ("replay",),
     "studies.study": ("Study", "study"),
     "tuning.outcome": ("Tuned",),
     "tuning.tune": ("tune",),
@@ -90,6 +92,7 @@ def __dir__() -> list[str]:
 
 if TYPE_CHECKING:
     from surefoot import bench as bench
+    from surefoot.controllers import compute_margins as compute_margins
     from surefoot.controllers import drive as drive
     from surefoot.controllers import list_controllers as list_controllers
     from surefoot.controllers import make_controller as make_controller
@@ -100,7 +103,6 @@ if TYPE_CHECKING:
     from surefoot.errors import TuneInterrupted as TuneInterrupted
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
-    from surefoot.loop_margins import compute_margins as compute_margins
     from surefoot.playback.recompute import ReplayOutcome as ReplayOutcome
     from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record
@@ -119,8 +121,6 @@ if TYPE_CHECKING:
     from surefoot.runs import simulate as simulate
     from surefoot.schemas.errors import FileFormatError as FileFormatError
     from surefoot.schemas.errors import SchemaError as SchemaError
-    from surefoot.schemas.margins import AxisMargin as AxisMargin
-    from surefoot.schemas.margins import LoopMargins as LoopMargins
     from surefoot.schemas.messages import Reference as Reference
     from surefoot.schemas.motions import DropMotion as DropMotion
     from surefoot.schemas.motions import PrtsMotion as PrtsMotion
@@ -154,6 +154,8 @@ if TYPE_CHECKING:
         ControllerOutput as ControllerOutput,
     )
     from surefoot.stabilizer.errors import ControllerError as ControllerError
+    from surefoot.stabilizer.margins.margins import AxisMargin as AxisMargin
+    from surefoot.stabilizer.margins.margins import LoopMargins as LoopMargins
     from surefoot.studies.study import Study as Study
     from surefoot.studies.study import study as study
     from surefoot.tuning.outcome import Tuned as Tuned

@@ -1,15 +1,28 @@
-"""Controllers by name, and robots of a vendor, as a notebook asks for them."""
+"""What a notebook asks for by name: controllers, what they bear, a vendor's robot."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from msgspec.structs import fields
+
+from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
-from surefoot.run_plan import Settings, resolve_settings
+from surefoot.run_plan import RunPlan, Settings, resolve_settings
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
+from surefoot.schemas.scenario_robot import SensorDelays
 from surefoot.stabilizer import factory
 from surefoot.stabilizer.control.controller import Controller
+
+if TYPE_CHECKING:
+    from surefoot.stabilizer.margins.margins import LoopMargins
+
+MS_PER_S = 1e3
+MOST_TICKS = 100
+_WHOLE = 1e-6
 
 
 def make_controller(
@@ -64,3 +77,77 @@ def drive(
     elif not isinstance(endpoints, Endpoints):
         endpoints = load_endpoints(Path(endpoints))
     return run_driver(adapter, model, endpoints=endpoints)
+
+
+def compute_margins(
+    robot: str | Path | Robot = "walker",
+    *,
+    servo_profile: str | None = None,
+    settings: Settings = None,
+    delay_ms: float | None = None,
+) -> LoopMargins:
+    """Compute what the whole-body stabilizer bears on a robot that stands.
+
+    Args:
+        robot: shipped name, path of a robot file, or a loaded robot.
+        servo_profile: a profile of the robot file to use instead of its own; not of a
+            robot that is loaded.
+        settings: ``{"dik.k_force": -40.0}``, resolved settings, the name of shipped
+            settings, a file, or None for the defaults.
+        delay_ms: of the loop, from a reading to the step its answer acts in, a whole
+            number of ticks; None for one tick [ms].
+
+    Raises:
+        UsageError: a delay that is no whole number of ticks.
+        RobotFileError: no such robot.
+        FileFormatError: a file or a setting is malformed.
+    """
+    if not isinstance(robot, Robot):
+        robot = load_robot(str(robot), servo_profile=servo_profile)
+    resolved = resolve_settings(settings)
+    factory.check_settings(resolved, robot)
+    ticks = 1
+    if delay_ms is not None:
+        ticks = _ticks(delay_ms, robot.period_s)
+    from surefoot.stabilizer.margins.margins import compute_margins as compute
+
+    return compute(robot, resolved, delay_ticks=ticks)
+
+
+def loop_notice(plan: RunPlan) -> str:
+    """Say that a run's loop is later than the stabilizer can bear; empty if it is not.
+
+    Args:
+        plan: of the run; only the whole-body stabilizer is judged.
+    """
+    if plan.controller != "whole-body":
+        return ""
+    from surefoot.stabilizer.control.drives import borne_delay
+
+    tick_ms = MS_PER_S * plan.robot.period_s
+    delay = plan.scenario.delay
+    command_ms = tick_ms if delay.command_ms is None else delay.command_ms
+    # What single sensors are late by beyond that, the stabilizer sees by their stamps.
+    shared_ms = min(delay.of(field.name) for field in fields(SensorDelays))
+    whole_ms = command_ms + shared_ms
+    borne_ms = tick_ms * borne_delay(plan.robot, plan.settings)
+    if whole_ms <= borne_ms + _WHOLE:
+        return ""
+    return (
+        f"the loop is {whole_ms:g} ms late (commands {command_ms:g}, sensors "
+        f"{shared_ms:g}), and this robot bears {borne_ms:g} ms with these gains: it "
+        f"will sway, or its gate will refuse to be driven; --set "
+        f"dik.loop_delay_s={whole_ms / MS_PER_S:g} makes the feet softer, see "
+        "surefoot margins"
+    )
+
+
+def _ticks(delay_ms: float, period_s: float) -> int:
+    exact = delay_ms / (MS_PER_S * period_s)
+    ticks = round(exact) if math.isfinite(exact) else -1
+    if not 0 <= ticks <= MOST_TICKS or abs(exact - ticks) > _WHOLE:
+        raise UsageError(
+            f"delay: got {delay_ms:g} ms, expected a whole number of ticks of "
+            f"{MS_PER_S * period_s:g} ms, 0 to {MOST_TICKS} of them"
+        )
+    return ticks

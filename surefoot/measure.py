@@ -15,9 +15,8 @@ import tomli_w
 
 from surefoot.errors import ChildFailedError, ExitCode, UsageError
 from surefoot.out_folder import check_replaceable, new_file
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import Observer
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import EXTENDS, Robot, Tare, load_tare, save_tare
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
 from surefoot.schemas.arrays import Array

@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 import time
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.requests import PlannerClient
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 from surefoot.stabilizer.walking.footsteps import (

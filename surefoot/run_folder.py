@@ -17,8 +17,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import OutFolder
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import OutFolder, atomic_file
 from surefoot.run_plan import RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
 

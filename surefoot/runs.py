@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from surefoot.errors import ChildFailedError, RunInterrupted, UsageError
 from surefoot.out_folder import OutFolder
 from surefoot.outcome import join_result
-from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import (
     read_run,
@@ -294,8 +294,8 @@ def execute(
             result, error = _inline(plan, folder, histogram=histogram, on_tick=on_tick)
         else:
             folder.keeps = True  # the logs of a failed run are what is needed next
-            from surefoot.endpoints import private_bus
             from surefoot.processes.bus_run import run_processes
+            from surefoot.robot_io.bus.bus import private_bus
 
             bus = private_bus() if endpoints is None else nullcontext(endpoints)
             with bus as meeting:

@@ -13,8 +13,7 @@ from typing import Any, Self
 
 from surefoot.errors import UsageError
 from surefoot.outcome import Sides, join_result
-from surefoot.robot_io.bus.stop_request import StopRequest
-from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.snapshot import Delivery, Snapshot

@@ -13,7 +13,7 @@ import pytest
 
 from surefoot.cli import console
 from surefoot.cli.__main__ import main
-from surefoot.endpoints import loopback_endpoints
+from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.schemas.endpoints import Endpoints
 from tests.command import PLAIN, Surefoot, run_surefoot
 from tests.one_name import modules_with_two_names
@@ -23,7 +23,7 @@ TESTS = Path(__file__).parent
 OF_PROCESSES = (
     *("cli/", "nodes/", "deploy/", "docs/", "examples/", "files/"),
     *("robot_io/conformance/", "surefoot/playback/", "surefoot/report/"),
-    *("surefoot/test_import_names.py", "surefoot/test_private_bus.py"),
+    *("surefoot/test_import_names.py", "robot_io/test_private_bus.py"),
     *("surefoot/test_library.py", "surefoot/test_out_folder.py"),
 )
 """Folders and files whose tests start processes."""

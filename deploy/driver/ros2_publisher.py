@@ -33,13 +33,12 @@ from ros2_node import complain, ros2_node
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import (
     VIEWER_CHANNELS,
     LatestMessages,
     Observer,
 )
-from surefoot.robot_io.realtime import Pacer, TimingLog
+from surefoot.robot_io.realtime import Pacer, StopRequest, TimingLog
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.urdf_check import read_urdf_element
 from surefoot.schemas.arrays import Array, Mat

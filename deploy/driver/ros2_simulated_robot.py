@@ -24,8 +24,7 @@ from ros2_driver import Topic
 from ros2_node import RELIABILITY, complain, ros2_node
 from ros2_settings import Ros2Settings, load_settings
 
-from surefoot.robot_io.bus.stop_request import StopRequest
-from surefoot.robot_io.realtime import Pacer, TimingLog, quiet_interpreter
+from surefoot.robot_io.realtime import Pacer, StopRequest, TimingLog, quiet_interpreter
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array

@@ -14,8 +14,8 @@ from docs.site_build.struct_table import (
     table,
     value_words,
 )
-from surefoot.schemas.live_settings import LIVE_SETTINGS
 from surefoot.schemas.settings import PRESETS, ControllerSettings
+from surefoot.stabilizer.requests import LIVE_SETTINGS
 
 _HEAD = """# Settings
 

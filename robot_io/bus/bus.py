@@ -1,7 +1,10 @@
-"""An open session with what client and server have in common, and a try of one."""
+"""An open session with what both sides share, a try of one, and a private one."""
 
 from __future__ import annotations
 
+import os
+import socket
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -41,6 +44,11 @@ _BYTES = 600
 """Size of a message with a robot's joints."""
 _POLL_S = 0.002
 _MS_PER_S = 1e3
+ONE_HOST_LEASE_MS = 10_000
+"""Between processes of one run a death closes the link at once. What is silent and not
+dead is a process that a busy machine has not let run."""
+LONGEST_SOCKET_PATH = 90
+"""Systems allow 104 or 108 bytes, and Zenoh puts a lock file beside the socket."""
 
 
 class Bus:
@@ -213,6 +221,33 @@ def dialed_bus(
                     words = unreachable(endpoints, "nobody answers", timeout_s)
                     raise RobotUnreachableError(words) from None
         yield bus
+
+
+@contextmanager
+def private_bus() -> Iterator[Endpoints]:
+    """Provide a private bus: a Unix socket in a folder that only this user enters.
+
+    No other process can take its address meanwhile, and it costs the loop less than
+    the loopback interface. Without such sockets, or with a path too long, a free port.
+    """
+    with tempfile.TemporaryDirectory(prefix="surefoot-") as folder:
+        path = f"{folder}/bus"
+        if os.name != "posix" or len(path.encode()) > LONGEST_SOCKET_PATH:
+            yield loopback_endpoints()
+            return
+        locator = f"unixsock-stream/{path}"
+        yield _one_host(locator)
+
+
+def loopback_endpoints() -> Endpoints:
+    """Choose a free port of the loopback interface for both sides of one run."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    return _one_host(f"tcp/127.0.0.1:{port}")
+
+
+def _one_host(locator: str) -> Endpoints:
+    return Endpoints(listen=[locator], connect=[locator], lease_ms=ONE_HOST_LEASE_MS)
 
 
 def measure_loopback(endpoints: Endpoints) -> tuple[float, float]:

@@ -21,8 +21,8 @@ from enum import StrEnum
 
 import zenoh
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import EndpointError, RobotUnreachableError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.security.locators import (
     SECURED,

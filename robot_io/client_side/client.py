@@ -14,7 +14,6 @@ import numpy as np
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import Inbox, Latest
 from surefoot.robot_io.bus.session import Role, unreachable
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.assembler import (
     SensorReader,
     SnapshotAssembler,
@@ -27,7 +26,7 @@ from surefoot.robot_io.client_side.requests import (
 )
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.codec import encode

@@ -15,7 +15,7 @@ import zenoh
 from zenoh.handlers import Callback
 
 from surefoot.robot_io.bus.bus import dialed_bus
-from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
+from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.realtime import SWITCH_INTERVAL_S
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints

@@ -12,8 +12,8 @@ import msgspec
 
 from surefoot.robot_io.bus.bus import dialed_bus
 from surefoot.robot_io.bus.channel import Channel
-from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
 from surefoot.robot_io.client_side.requests import Requests, ServiceCaller
+from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode
 from surefoot.schemas.endpoints import Endpoints

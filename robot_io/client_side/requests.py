@@ -14,7 +14,7 @@ import zenoh
 
 from surefoot.robot_io.bus.bus import Bus, dialed_bus
 from surefoot.robot_io.bus.channel import Latest
-from surefoot.robot_io.client_side.read_only_client import ReadOnlyClient
+from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode, encode

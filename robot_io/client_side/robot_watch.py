@@ -1,15 +1,24 @@
-"""Which robot is on the bus, and whether it is the one that is meant."""
+"""Watches the robot on the bus: which one it is, and a client that only looks on."""
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
+import secrets
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from functools import partial
+from types import TracebackType
+from typing import NamedTuple, Self
 
-from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.errors import SecondRobotError
+from surefoot.robot_io.bus.bus import DIAL_S, Bus
+from surefoot.robot_io.bus.channel import Latest
+from surefoot.robot_io.bus.session import unreachable
+from surefoot.robot_io.errors import RobotUnreachableError, SecondRobotError
 from surefoot.robot_io.identity import (
     RobotIdentity,
     check_description,
@@ -17,9 +26,13 @@ from surefoot.robot_io.identity import (
     parse_token,
 )
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.messages import ServiceReply
-from surefoot.schemas.topics import ALIVE_ROBOT
+from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import RobotMode, RobotStatus, ServiceReply
+from surefoot.schemas.reasons import ModeCause
+from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
 
+RETURN_S = 10.0
+"""A robot that is away without having said that it ends is waited for so long [s]."""
 CROWD_S = 2.0
 """Of two robots that start at once, one has given way by then."""
 _POLL_S = 0.02
@@ -167,3 +180,200 @@ class RobotWatch:
         else:
             self._is_somebody.clear()
         self._on_change()
+
+
+class Absences(NamedTuple):
+    """Times the robot was away without having said that it ends.
+
+    Attributes:
+        times: how often.
+        total_s: how long in all [s].
+        is_lasting: it did not come back from the last one.
+    """
+
+    times: int
+    total_s: float
+    is_lasting: bool
+
+    def __str__(self) -> str:
+        """In words; empty when it was there all the time."""
+        if not self.times:
+            return ""
+        times = "" if self.times == 1 else f" in {self.times} places"
+        gone = " and did not come back" if self.is_lasting else ""
+        span = f"{self.total_s:.1f} s or longer"  # it shows after the lease
+        return f"the link to the robot was lost for {span}{times}{gone}"
+
+
+class ReadOnlyClient(ABC):
+    """Dials a robot and knows whether it is there; has no part in its control.
+
+    A robot that has gone has either ended, which its last status says (OFF, or a fault,
+    with nobody in command), or is only not to be reached for a while. Nothing is read
+    of a robot with another description than ours.
+    """
+
+    def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
+        """Prepares; :meth:`connect` dials.
+
+        Args:
+            robot: whose presence counts.
+            endpoints: where to dial.
+        """
+        self._namespace = robot.file.namespace
+        self._endpoints = endpoints
+        self._joint_count = robot.n_a
+        self._watch = RobotWatch(robot, on_change=self._on_change)
+        self._was_here = False
+        self._farewell: Latest[RobotStatus] | None = None
+        self._is_over = self._is_cut_off = False
+        self._lost_s: float | None = None
+        self._absences: list[float] = []
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Do nothing yet; see :meth:`connect`."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Close the bus; what the robot said last stays known."""
+        self._hear_farewell()
+        self._stack.close()
+
+    def connect(self, *, timeout_s: float) -> None:
+        """Dial until the robot is alive there.
+
+        Args:
+            timeout_s: how long in all [s].
+
+        Raises:
+            EndpointError: a locator is malformed.
+            RobotUnreachableError: no robot was ready in time.
+            RobotMismatchError: the robot there has another description, or there are
+                two.
+        """
+        end = time.monotonic() + timeout_s
+        with ExitStack() as stack:
+            self._open(stack, timeout_s)
+            self._stack = stack.pop_all()
+        while self._watch.wait(max(0.0, end - time.monotonic())):
+            if self._watch.find() is not None:
+                return
+        what = f"no robot {self._namespace!r} is ready"
+        raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
+
+    @property
+    def robot_is_here(self) -> bool:
+        """Whether the robot's process is alive, as far as the bus knows.
+
+        Raises:
+            RobotMismatchError: one with another description is there now, or a second
+                one, and stays.
+        """
+        self._watch.check()
+        return self._watch.is_here
+
+    def has_left(self) -> bool:
+        """Whether the robot has ended, or has been away for too long to wait on.
+
+        Asked while a robot is away, it dials it anew.
+
+        Raises:
+            RobotMismatchError: see :attr:`robot_is_here`.
+        """
+        lost_s = self._lost_s
+        if self.robot_is_here or lost_s is None:
+            return False
+        if self._said_farewell() or time.monotonic() - lost_s > RETURN_S:
+            return True
+        if self._is_cut_off:
+            self._dial_anew()
+        return False
+
+    def _dial_anew(self) -> None:
+        """Open another session.
+
+        One that was cut off would dial by itself. But keys are numbers on a link, and
+        a robot that has not yet noticed the loss keeps those of before: what it says
+        on one key then comes under another one.
+        """
+        self._keep_unread()
+        self._hear_farewell()
+        self._stack.close()
+        with contextlib.suppress(RobotUnreachableError), ExitStack() as stack:
+            self._open(stack, DIAL_S)
+            self._is_cut_off = False
+            self._stack = stack.pop_all()
+
+    def _keep_unread(self) -> None:  # noqa: B027  nothing to keep, for most
+        """Take over what has come, before the session is closed."""
+
+    @property
+    def absences(self) -> Absences:
+        """When the robot was away; an end in order is none."""
+        spans, lost_s = list(self._absences), self._lost_s
+        is_lasting = lost_s is not None and not self._said_farewell()
+        if is_lasting and lost_s is not None:
+            spans.append(time.monotonic() - lost_s)
+        return Absences(len(spans), sum(spans), is_lasting)
+
+    def _hear_farewell(self) -> None:
+        """Take in the last word there is, before the session is closed."""
+        self._said_farewell()
+        self._farewell = None
+
+    def _said_farewell(self) -> bool:
+        status = None if self._farewell is None else self._farewell.poll()
+        if status is not None:
+            # Whoever ends gives the lease back; a fault stays what it is.
+            self._is_over = not status.commander and (
+                status.mode is RobotMode.FAULT
+                or (
+                    status.mode is RobotMode.OFF
+                    and status.cause is not ModeCause.REQUESTED
+                )
+            )
+        return self._is_over
+
+    def _follow_robot(self, bus: Bus, status_key: str, *, prefix: str = "") -> None:
+        """Keep the newest status, and whether the robot is there.
+
+        Args:
+            bus: open.
+            status_key: of the robot's status, on this bus.
+            prefix: the namespace and a slash on a bus without one.
+        """
+        status = bus.channel(status_key, depth=1)
+        self._farewell = Latest(status, RobotStatus, joint_count=self._joint_count)
+        self._watch.follow(bus, prefix=prefix)
+
+    @abstractmethod
+    def _open(self, stack: ExitStack, timeout_s: float) -> None:
+        """Open the bus and declare everything, :meth:`_token` last.
+
+        Args:
+            stack: closes what is opened, now or at the end.
+            timeout_s: how long to dial [s].
+        """
+
+    @staticmethod
+    def _token() -> str:
+        """Key of a liveliness token of its own."""
+        return f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}"
+
+    def _on_change(self) -> None:
+        """Take in that a robot has come or gone; on Zenoh's thread."""
+        if self._watch.is_here:
+            if self._lost_s is not None:
+                self._absences.append(time.monotonic() - self._lost_s)
+            self._lost_s = None
+            self._was_here = True
+        elif self._was_here:
+            self._is_cut_off = True
+            self._lost_s = time.monotonic()
+            self._was_here = False

@@ -1,17 +1,17 @@
-"""The whole conformance run."""
+"""The whole conformance run, with its checks of whom a robot obeys.
+
+These are of leases, and of commands that it must refuse.
+"""
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Callable, Collection
 
-from surefoot.robot_io.conformance.lease_checks import (
-    check_enabling,
-    check_lease,
-    check_left,
-    check_refusals,
-    check_status,
-)
+import numpy as np
+
 from surefoot.robot_io.conformance.message_checks import check_messages, check_values
 from surefoot.robot_io.conformance.motion_checks import (
     check_estop,
@@ -26,11 +26,29 @@ from surefoot.robot_io.conformance.skeleton import (
     Findings,
     RunBrokenOffError,
 )
+from surefoot.robot_io.identity import PARTS
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot_side.mode_machine import Refusal
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode
+from surefoot.schemas.reasons import RequestRefusal
 
 SECTIONS = ("sensors", "wiring", "refusals", "reactions")
 LOOK_S = 1.0
+INTRUDER = "someone-else"
+OTHER_DESCRIPTION = "-".join(["0" * 8] * len(PARTS))
+STATUS_RATE_HZ = 50.0
+STATUS_LEAST_SHARE = 0.7
+STATUS_LOOK_S = 0.5
+LEFT_S = 2.0
+FAR_TICKS = 1000
+TRIES = 20
+LEAST_REFUSED = 15
+"""Of the tries; a busy network may lose one, a robot must never follow one."""
+STREAM_S = 0.1
+PATIENCE = 10
+"""Streams in which a busy robot may take in the bad commands, and count them."""
+SAME_RAD = 1e-9
 
 
 def check_conformance(
@@ -100,3 +118,200 @@ def _try_all(probe: Probe, findings: Findings, sections: Collection[str]) -> Non
     if "reactions" in sections:
         check_watchdog(probe, findings)
         check_estop(probe, findings)
+
+
+def check_status(probe: Probe, findings: Findings) -> None:
+    """Check that status comes in time and allows the run.
+
+    Raises:
+        RunBrokenOffError: the robot is off, in fault or commanded by someone else.
+    """
+    rate = probe.count_statuses(STATUS_LOOK_S) / STATUS_LOOK_S
+    findings.add(
+        "status.rate",
+        rate > STATUS_LEAST_SHARE * STATUS_RATE_HZ and not probe.status_errors,
+        got=f"{rate:.0f} Hz {probe.status_error}".strip(),
+        expected=f"{STATUS_RATE_HZ:g} Hz, following the schema",
+    )
+    status = probe.status
+    assert status is not None
+    findings.need(
+        "status.mode",
+        status.mode is RobotMode.HOLD,
+        got=f"{status.mode} {status.detail}".strip(),
+        expected="hold, before anyone commands; reset a fault first",
+    )
+    findings.need(
+        "status.commander",
+        not status.commander,
+        got=f"{status.commander or 'nobody'} commands",
+        expected="nobody; stop who does first",
+    )
+
+
+def check_lease(probe: Probe, findings: Findings) -> None:
+    """Take the lease, and try to get past it as someone else.
+
+    Raises:
+        RunBrokenOffError: the lease cannot be had.
+    """
+    without = probe.ask("mode", "enable")
+    findings.add(
+        "lease.needed",
+        not without.accepted,
+        got="enabled without a lease" if without.accepted else without.detail,
+        expected="no mode without the lease",
+    )
+    other = probe.ask("lease", "take", description=OTHER_DESCRIPTION)
+    findings.add(
+        "lease.description",
+        other.refusal is RequestRefusal.WRONG_ROBOT,
+        got=other.detail or "commanded by another robot file than its own",
+        expected="refused, naming what differs",
+    )
+    if other.accepted:
+        probe.ask("lease", "release")
+    taken = probe.ask("lease", "take")
+    findings.need(
+        "lease.take",
+        taken.accepted,
+        got=taken.detail or "taken",
+        expected="a free lease goes to who asks",
+    )
+    second = probe.ask("lease", "take", who=INTRUDER)
+    findings.add(
+        "lease.second",
+        second.refusal is RequestRefusal.LEASE,
+        got=second.detail or "a second commander got it, too",
+        expected=f"refused as {RequestRefusal.LEASE}: {probe.identity} holds it",
+    )
+    mode = probe.ask("mode", "enable", who=INTRUDER)
+    findings.add(
+        "lease.mode",
+        not mode.accepted,
+        got=mode.detail or "someone else enabled the robot",
+        expected="only the holder changes the mode",
+    )
+    if second.accepted:
+        probe.ask("lease", "release", who=INTRUDER)
+        probe.ask("lease", "take")
+    unknown = probe.ask("mode", "dance")
+    findings.add(
+        "mode.unknown",
+        unknown.refusal is RequestRefusal.UNKNOWN_ACTION,
+        got=unknown.detail or "accepted",
+        expected=f"refused as {RequestRefusal.UNKNOWN_ACTION}",
+    )
+
+
+def check_enabling(probe: Probe, findings: Findings) -> None:
+    """Enable the robot.
+
+    Raises:
+        RunBrokenOffError: it does not follow.
+    """
+    enabled = probe.start()
+    follows = probe.stream_until_active()
+    mode = probe.status.mode if probe.status is not None else "silent"
+    findings.need(
+        "mode.enable",
+        enabled.accepted and follows,
+        got=enabled.detail or str(mode),
+        expected="active, once the holder of the lease asks",
+    )
+
+
+def check_left(probe: Probe, findings: Findings) -> None:
+    """Leave the robot as it was found: in HOLD, free, without a fault."""
+    probe.ask("mode", "hold")
+    probe.ask("lease", "release")
+    is_left = probe.wait_status(
+        lambda s: s.mode is RobotMode.HOLD and not s.commander, timeout_s=LEFT_S
+    )
+    commander = probe.status.commander if probe.status is not None else ""
+    mode = probe.status.mode if probe.status is not None else "silent"
+    findings.add(
+        "left",
+        is_left is not None,
+        got=f"{mode}, {commander or 'nobody'} commands",
+        expected="hold, nobody commands, as at the start",
+    )
+
+
+def check_refusals(probe: Probe, findings: Findings) -> None:
+    """Send bad commands between good ones; the robot must be ACTIVE."""
+    posture = probe.q_held.tolist()
+    replayed = probe.command()
+    bad: dict[str, Callable[[], bytes]] = {
+        "malformed": lambda: b"\x00 no command \xff",
+        "schema": lambda: probe.command(schema=SCHEMA_VERSION + 1),
+        "lease": lambda: probe.command(commander=INTRUDER),
+        "sequence": lambda: replayed,
+        "late": lambda: probe.command(tick=max(0, probe.tick - FAR_TICKS)),
+        "future": lambda: probe.command(tick=probe.tick + FAR_TICKS),
+        "size": lambda: probe.command(q=posture[:-1]),
+        "not_finite": lambda: probe.command(q=[math.nan, *posture[1:]]),
+    }
+    for name, make in bad.items():
+        _check_one(probe, name, make, findings)
+    _check_held(probe, findings)
+
+
+def _check_one(
+    probe: Probe, name: str, make: Callable[[], bytes], findings: Findings
+) -> None:
+    before, errors = _counts(probe), probe.status_errors
+    sent = 0
+
+    def next_bad(count: int) -> bytes | None:
+        nonlocal sent
+        if sent == TRIES:
+            return None
+        sent += 1
+        return make()
+
+    grown: Counter[str] = Counter()
+    for _ in range(PATIENCE):
+        probe.stream(STREAM_S, extra=next_bad)
+        grown = _counts(probe) - before
+        if sent == TRIES <= grown.total():
+            break
+    if name != Refusal.LATE:  # a busy machine answers late by itself
+        del grown[Refusal.LATE]
+    refused = sum(grown.values())
+    status = probe.status
+    followed = (
+        probe.status_errors > errors
+        or status is None
+        or np.abs(np.array(status.q_command) - probe.q_held).max() > SAME_RAD
+    )
+    reasons = ", ".join(f"{reason} {count}" for reason, count in grown.items())
+    findings.add(
+        f"command.{name}",
+        refused >= LEAST_REFUSED and not followed,
+        got=f"{sent} sent, {reasons or 'none'} refused"
+        + (", and the robot follows something else" if followed else ""),
+        expected="all refused and counted on status, the posture kept",
+    )
+
+
+def _check_held(probe: Probe, findings: Findings) -> None:
+    """Check that in HOLD no command is followed, not even the commander's."""
+    probe.ask("mode", "hold")
+    before = _counts(probe)
+    probe.stream(STREAM_S)
+    refused = (_counts(probe) - before).total()
+    mode = probe.status.mode if probe.status is not None else "silent"
+    findings.add(
+        "command.mode",
+        refused >= LEAST_REFUSED and mode is RobotMode.HOLD,
+        got=f"{refused} refused in {mode}",
+        expected="commands in hold are refused",
+    )
+
+
+def _counts(probe: Probe) -> Counter[str]:
+    """Return the refusals so far, once all that was sent has been checked."""
+    for _ in range(2):
+        probe.wait_status(lambda status: True, timeout_s=STREAM_S)
+    return Counter(probe.status.refused if probe.status is not None else {})

@@ -11,10 +11,9 @@ from pathlib import Path
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role, expect_to_listen, unreachable
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
 from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
-from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 from surefoot.robot_io.relay.forwarder import (
     Dispatcher,
     Forwarder,

@@ -9,10 +9,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import (
     CommandLatency,
     Pacer,
+    StopRequest,
     TimingLog,
     quiet_interpreter,
 )

@@ -12,9 +12,8 @@ import zenoh
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.identity import new_identity
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.services import take_place
 from surefoot.schemas.codec import decode, encode

@@ -12,9 +12,8 @@ from typing import Self
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import NEVER, Channel
 from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.identity import RobotIdentity, new_identity
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult, Refusal

@@ -12,10 +12,9 @@ from typing import NamedTuple
 import zenoh
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import SecondRobotError
 from surefoot.robot_io.identity import SAME_FILE, RobotIdentity, differing, parse_token
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer

@@ -16,8 +16,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.balance_controller import BalanceController
-from surefoot.stabilizer.control.controller import ControllerOutput
+from surefoot.stabilizer.control.controller import BalanceController, ControllerOutput
 from surefoot.stabilizer.control.dik import Dik
 from surefoot.stabilizer.control.drives import DriveInverse, fastest_mode
 from surefoot.stabilizer.control.force_feedback import ForceFeedback

@@ -16,7 +16,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 import msgspec
 
 from surefoot.bench.bench_runs import Subject, Under
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file
 from surefoot.studies.paper_page import inline_svg, render
 
 Number = float | int | None

@@ -13,7 +13,7 @@ from surefoot.bench.bench_runs import NOISE, BenchCell, Subject, Under
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
-from surefoot.sim_robot.rods import RodState
+from surefoot.sim_robot.pushes import RodState
 from surefoot.simulation import Simulation
 
 WITHIN = 1.02

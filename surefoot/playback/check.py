@@ -20,9 +20,8 @@ from surefoot.playback.recompute import (
     find_sessions,
     recompute,
 )
-from surefoot.playback.sensors import RecordedSensors, to_wire
-from surefoot.playback.timeline import Entry, Timeline
-from surefoot.recording.attachments import VERSIONS, Versions, versions
+from surefoot.playback.timeline import Entry, RecordedSensors, Timeline, to_wire
+from surefoot.recording.contents import VERSIONS, Versions, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import MARKER, SCENARIO, SETTINGS

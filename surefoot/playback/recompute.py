@@ -10,7 +10,7 @@ from typing import Generic, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 
-from surefoot.playback.sensors import RecordedSensors
+from surefoot.playback.timeline import RecordedSensors
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import (

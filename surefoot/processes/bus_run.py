@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 from msgspec.structs import replace
 
-from surefoot.endpoints import ENDPOINTS, loopback_endpoints, write_endpoints
 from surefoot.errors import ChildFailedError, ExitCode
 from surefoot.outcome import Sides
 from surefoot.processes.child import Child, Event, Exit, Ready, Said, failure, supervise
+from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.run_folder import (
     CONTROLLER_TICKS,
     MARKER,
@@ -26,11 +26,12 @@ from surefoot.run_folder import (
     read_struct,
 )
 from surefoot.run_plan import RunPlan
-from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.endpoints import Endpoints, write_endpoints
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult, RelayResult
 
 _LOG = logging.getLogger("surefoot.run")
+ENDPOINTS = "endpoints.toml"
 
 _START_S = 60.0
 """Longest wait for a robot process to come up on a busy machine [s]."""

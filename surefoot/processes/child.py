@@ -1,7 +1,8 @@
-"""Child processes: started, watched, ended, and what each side of that says."""
+"""Child processes: started, watched, ended, and what a process says while it runs."""
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import subprocess
@@ -16,6 +17,7 @@ from typing import NamedTuple
 
 from surefoot.errors import ERROR_PREFIX, ChildFailedError, ExitCode
 
+_LOG = logging.getLogger("surefoot")
 LAST_LINES = 12
 _TERMINATE_S = 5.0
 """Time for a process to end when asked, before it is killed [s]."""
@@ -25,6 +27,30 @@ _PARTNER_S = 10.0
 """Time for the second process to end after the first has ended well [s]."""
 _CAUSE_S = 2.0
 """Time after the stabilizer's failure in which the robot's own still counts [s]."""
+
+
+def set_up_logging(name: str) -> None:
+    """Send our own notes, warnings and errors to stderr.
+
+    Args:
+        name: of the process, said first together with its number.
+    """
+    logging.basicConfig(
+        level=logging.INFO,
+        format="%(asctime)s %(levelname)s %(name)s: %(message)s",
+        datefmt="%H:%M:%S",
+    )
+    log_note(f"{name}, process {os.getpid()}")
+
+
+def log_note(text: str) -> None:
+    """Say something in passing."""
+    _LOG.info(text)
+
+
+def log_warning(text: str) -> None:
+    """Say something the user should not miss."""
+    _LOG.warning(text)
 
 
 def begin_as_child() -> None:

@@ -20,7 +20,7 @@ from mcap.writer import CompressionType, Writer
 
 from surefoot.errors import UsageError
 from surefoot.out_folder import claim_file
-from surefoot.recording.attachments import Attachment
+from surefoot.recording.contents import Attachment
 from surefoot.recording.mcap_records import BAD_CONTENT
 from surefoot.recording.read import LARGEST_GAP, count_message, new_count
 from surefoot.robot_io.client_side.observer import Sample

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from surefoot.loop_margins import compute_margins
+from surefoot.controllers import compute_margins
 from surefoot.out_folder import OutFolder
 from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of

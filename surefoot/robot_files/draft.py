@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from surefoot.errors import UsageError
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import UNUSED_TAGS, drop, read_urdf_element
 from surefoot.schemas.arrays import Mat, Vec3

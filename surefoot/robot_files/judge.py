@@ -1,22 +1,29 @@
-"""Judges a robot file: numbers, and a verdict on each."""
+"""Judges a robot file: numbers, a verdict on each, and how scenarios fit."""
 
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import msgspec
 import numpy as np
 
 from surefoot.robot_files.draft import listed
+from surefoot.robot_files.scenario_fit import ScenarioFit, fit
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
+from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.nominal import (
     Standing,
+    capture_limits,
+    reach_search,
     stand,
 )
 from surefoot.stabilizer.stance.solver import Reach
+
+if TYPE_CHECKING:
+    from surefoot.stabilizer.margins.margins import LoopMargins
 
 Verdict = Literal["ok", "warning"]
 
@@ -297,4 +304,57 @@ def capture_finding(capture: Array) -> Finding:
         "impulse_share = 1 in a scenario",
         advice="",
         values={"ahead_ns": ahead, "left_ns": left, "back_ns": back, "right_ns": right},
+    )
+
+
+class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
+    """A robot file, judged.
+
+    Attributes:
+        robot: its name.
+        path: of the file.
+        findings: line by line.
+        scenarios: the shipped ones.
+    """
+
+    robot: str
+    path: str
+    findings: list[Finding]
+    scenarios: list[ScenarioFit]
+
+
+def judge(robot: Robot, margins: LoopMargins) -> RobotFileReport:
+    """Judge a robot whose files were loaded, and so refused if they contradict.
+
+    Args:
+        robot: loaded.
+        margins: what the whole-body stabilizer bears on it.
+    """
+    model = RobotModel(robot)
+    search, capture = reach_search(model), capture_limits(model)
+    fits = []
+    for name in list_scenarios():
+        found = fit(load_scenario(name), robot, search=search, capture=capture)
+        fits.append(msgspec.structs.replace(found, name=name))
+    return RobotFileReport(
+        robot=robot.file.name,
+        path=str(robot.path),
+        findings=[
+            *quick_findings(robot),
+            capture_finding(capture),
+            *reach_findings(robot, search.reach()),
+            _margins(margins),
+        ],
+        scenarios=fits,
+    )
+
+
+def _margins(found: LoopMargins) -> Finding:
+    return Finding(
+        name=f"margins, {found.servo_profile} servos",
+        verdict="ok" if found.is_enough else "warning",
+        got="; ".join(found.in_words()),
+        advice=""
+        if found.is_enough
+        else "see surefoot margins; softer servos or a quicker loop have more",
     )

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from surefoot.studies import paper as d
 from surefoot.studies.cell import Cell, Group
-from surefoot.studies.summary import GroupSummary
-from surefoot.studies.tables import Summaries, curves_over
+from surefoot.studies.study import GroupSummary, Summaries
+from surefoot.studies.tables import curves_over
 
 WHOLE_BODY, PAPER, TUNED, STOCK = "whole-body", "paper", "zmp-tuned", "zmp-stock"
 IDEAL, SLOW = "ideal", "harmonic"

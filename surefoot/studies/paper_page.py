@@ -13,15 +13,15 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file
 from surefoot.run_plan import settings_text
 from surefoot.schemas.arrays import Array
 from surefoot.studies import paper as d
 from surefoot.studies.cell import VARIANTS, Cell, Group
 from surefoot.studies.paper import Claim, Evidence, claims, goals
+from surefoot.studies.study import Summaries
 from surefoot.studies.tables import (
     COLUMNS,
-    Summaries,
     cells_of,
     curves_over,
     draw_curves,

@@ -22,8 +22,7 @@ from typing import Any, BinaryIO, Self
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import make_out_folder
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file, make_out_folder
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import with_recordings
 from surefoot.stabilizer.factory import CONTROLLERS, find_target

@@ -10,16 +10,18 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file
 from surefoot.studies.cell import Group
-from surefoot.studies.summary import GroupSummary, success_limit
+
+if TYPE_CHECKING:
+    from surefoot.studies.study import GroupSummary, Summaries
 
 _LOG = logging.getLogger("surefoot")
 
-Summaries = dict[Group, GroupSummary]
 NONE = "-"
 COLUMNS = (
     "case",
@@ -32,6 +34,30 @@ COLUMNS = (
     "force peak [N]",
     "longest without ground [s]",
 )
+
+
+def success_limit(
+    levels: Sequence[float], rates: Sequence[float], *, at: float = 0.5
+) -> float | None:
+    """Find where the success rate first falls below a level, by interpolation.
+
+    Args:
+        levels: what was varied, rising.
+        rates: success rate at each.
+        at: the rate in question.
+
+    Returns:
+        None when the rate never falls below: the limit is beyond what was tried.
+        The first level when it is below from the start.
+    """
+    for i, (level, rate) in enumerate(zip(levels, rates, strict=True)):
+        if rate >= at:
+            continue
+        if i == 0:
+            return level
+        before, good = levels[i - 1], rates[i - 1]
+        return before + (level - before) * (good - at) / (good - rate)
+    return None
 
 
 @dataclass(frozen=True)

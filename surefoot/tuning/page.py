@@ -15,7 +15,7 @@ import optuna
 import tomli_w
 from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 
-from surefoot.robot_io.atomic_file import atomic_file
+from surefoot.out_folder import atomic_file
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.paper_page import inline_svg, render

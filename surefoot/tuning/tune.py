@@ -24,8 +24,7 @@ try:
     from surefoot.tuning.outcome import Candidate, Tuned, choose, compare
     from surefoot.tuning.page import OUTCOME, write_outcome
     from surefoot.tuning.parameters import rounded
-    from surefoot.tuning.trials import MOST_LOSSES, PLACE, Trials
-    from surefoot.tuning.worker import ROWS, STOPPED
+    from surefoot.tuning.trials import MOST_LOSSES, PLACE, ROWS, STOPPED, Trials
 except ModuleNotFoundError as missing:
     if missing.name != "optuna":
         raise
@@ -167,7 +166,7 @@ def run_workers(
                 arguments,
                 log=Path(logs) / f"{number}.log",
                 events=events,
-                module="surefoot.tuning.worker",
+                module="surefoot.tuning.trials",
             )
 
         alive = [start(number) for number in range(1, min(count, total - done) + 1)]

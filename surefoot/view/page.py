@@ -15,13 +15,13 @@ from scipy.spatial import QhullError
 from scipy.spatial.transform import Rotation
 
 from surefoot.errors import EnvironmentFailedError
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import (
     VIEWER_CHANNELS,
     LatestMessages,
     Observer,
 )
 from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode

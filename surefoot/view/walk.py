@@ -13,9 +13,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from surefoot.planner import VelocityPlanner, walk_on_bus
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.requests import PlannerClient
 from surefoot.robot_io.errors import RobotIoError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.endpoints import Endpoints

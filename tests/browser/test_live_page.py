@@ -16,10 +16,10 @@ from typing import Any
 import msgspec
 import pytest
 
-from surefoot.endpoints import loopback_endpoints, write_endpoints
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import Bus, loopback_endpoints
 from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import Role
+from surefoot.schemas.endpoints import write_endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult

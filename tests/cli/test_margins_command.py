@@ -7,7 +7,7 @@ import json
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
-from surefoot.loop_margins import loop_notice
+from surefoot.controllers import loop_notice
 from surefoot.run_plan import make_plan
 from surefoot.schemas.scenario import Delay, Scenario
 

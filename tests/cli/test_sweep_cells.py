@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from surefoot.cli.sweep_cells import all_cells, parse_seeds, parse_vary
+from surefoot.cli.study_commands import all_cells, parse_seeds, parse_vary
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.settings import ControllerSettings

@@ -19,8 +19,8 @@ from ros2_publisher import Ros2Publisher
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import LatestMessages
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas import messages
 from surefoot.view.scene_state import state_of

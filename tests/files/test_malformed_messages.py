@@ -18,7 +18,6 @@ from surefoot.cli.bus_topics import list_topics
 from surefoot.playback.timeline import read_timeline
 from surefoot.recording.read import LARGEST_GAP, read_record, record_info
 from surefoot.recording.write import LogTimes, McapFile
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.listener import Listener, RawMessage
 from surefoot.robot_io.client_side.observer import (
@@ -28,6 +27,7 @@ from surefoot.robot_io.client_side.observer import (
     Sample,
 )
 from surefoot.robot_io.errors import RobotIoError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.relay.lane import Lane
 from surefoot.robot_io.relay.relay import find_plan, list_plans
 from surefoot.robot_io.robot import load_robot

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (

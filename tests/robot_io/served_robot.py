@@ -10,7 +10,7 @@ from typing import TypeVar
 
 import msgspec
 
-from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer

@@ -11,10 +11,10 @@ import pytest
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.requests import ServiceCaller
 from surefoot.robot_io.errors import RequestRefusedError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import CommandResult
 from surefoot.robot_io.robot_side.server import NoAnswer, RobotServer

@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.realtime import (
     MAX_LAG_PERIODS,
     MS_PER_NS,
     SWITCH_INTERVAL_S,
     Pacer,
     RecentTimes,
+    StopRequest,
     TimingLog,
     quiet_interpreter,
 )

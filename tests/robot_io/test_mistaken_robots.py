@@ -10,7 +10,6 @@ import pytest
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.listener import Listener
 from surefoot.robot_io.client_side.observer import Observer
@@ -23,6 +22,7 @@ from surefoot.robot_io.errors import (
     SecondRobotError,
 )
 from surefoot.robot_io.identity import describe, new_identity
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.relay.relay import Relay
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.replay_server import REFUSAL, ReplayServer

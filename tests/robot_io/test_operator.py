@@ -11,8 +11,8 @@ import pytest
 import zenoh
 
 from surefoot.robot_io.bus.session import Role, open_session
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import pytest
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import SecondRobotError
 from surefoot.robot_io.identity import RobotIdentity, describe
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import RobotServer
 from surefoot.robot_io.robot_side.services import take_place

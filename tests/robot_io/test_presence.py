@@ -9,8 +9,8 @@ import pytest
 
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.server import NoAnswer, RobotServer
 from surefoot.schemas.endpoints import Endpoints

@@ -7,8 +7,8 @@ from pathlib import Path
 import msgspec
 
 from surefoot.robot_io.bus.session import Role, open_session
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints

@@ -14,10 +14,10 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 from surefoot.robot_io.bus.session import Role, open_session
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import LocatorError, RobotUnreachableError
 from surefoot.robot_io.identity import new_identity
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints

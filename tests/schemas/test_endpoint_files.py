@@ -4,7 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.schemas.endpoints import Endpoints, load_endpoints
+from surefoot.schemas.endpoints import (
+    Endpoints,
+    Tls,
+    load_endpoints,
+    write_endpoints,
+)
 from surefoot.schemas.errors import FileFormatError
 
 TLS = '[tls]\nca = "certs/ca.pem"\ncertificate = "certs/me.pem"\nkey = "certs/me.key"\n'
@@ -49,3 +54,23 @@ def test_a_misspelt_identity_list_is_refused(tmp_path: Path) -> None:
     path.write_text('[access]\nstabiliser = ["ann"]\n')
     with pytest.raises(FileFormatError, match=r"did you mean 'stabilizer'"):
         load_endpoints(path)
+
+
+def test_endpoints_read_back_as_they_were(tmp_path: Path) -> None:
+    endpoints = Endpoints(
+        listen=["tcp/127.0.0.1:7001", "tcp/127.0.0.1:7002"],
+        connect=["tcp/127.0.0.1:7001"],
+        lease_ms=1234,
+        retry_ms=77,
+        max_bytes=20000,
+        insecure=True,
+    )
+    path = tmp_path / "endpoints.toml"
+    write_endpoints(path, endpoints)
+    assert load_endpoints(path) == endpoints
+
+
+def test_certificates_are_not_copied(tmp_path: Path) -> None:
+    secret = Endpoints(tls=Tls(ca="ca.pem", certificate="me.pem", key="me.key"))
+    with pytest.raises(ValueError, match="expected none"):
+        write_endpoints(tmp_path / "endpoints.toml", secret)

@@ -10,9 +10,9 @@ import pytest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.ground import PlatformPlan, plan_platforms
 from surefoot.sim_robot.plant import Plant
-from surefoot.sim_robot.platforms import PlatformPlan, plan_platforms
-from surefoot.sim_robot.start_stance import Stance
+from surefoot.sim_robot.robot_spec import Stance
 
 PERIOD_S = 0.001
 SOLE_LEFT = np.array([0.026, 0.11, 0.0])

@@ -10,8 +10,7 @@ from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.motions import PrtsMotion
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.motion import motion_law
-from surefoot.sim_robot.motion_law import prts_states
+from surefoot.sim_robot.motion import motion_law, prts_states
 
 SPEED = 4.0
 CYCLE_S = 20.0 / SPEED

@@ -14,7 +14,7 @@ from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, Stri
 from surefoot.sim_robot.conventions import SIM_STEP_S
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.plant import Plant
-from surefoot.sim_robot.rods import RodAtWork
+from surefoot.sim_robot.pushes import RodAtWork
 
 MASS = 20.0
 PER_CENT = 0.01

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
-from surefoot.schemas.margins import LoopMargins
 from surefoot.schemas.settings import build_settings
 from surefoot.stabilizer.margins.linear_loop import LinearLoop
-from surefoot.stabilizer.margins.margins import compute_margins
+from surefoot.stabilizer.margins.margins import LoopMargins, compute_margins
 
 DEFAULT = build_settings({}, overrides=[])
 ENOUGH_DB = 6.0

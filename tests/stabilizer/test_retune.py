@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.live_settings import LIVE_SETTINGS, live_values, with_values
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.controller import HoldController, Tunable
 from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.requests import LIVE_SETTINGS, live_values, with_values
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 
 DEFAULTS = ControllerSettings()

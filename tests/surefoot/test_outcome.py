@@ -30,7 +30,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.studies.cell import Cell, Group, Task
-from surefoot.studies.summary import summarise
+from surefoot.studies.study import summarise
 
 TICKS, PERIOD_S = 1000, 0.001
 PLANT = PlantResult(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from deploy.driver.acme_driver import AcmeAdapter
-from surefoot.robot_io.bus.stop_request import StopRequest
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot_side.driver import run_driver
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult

@@ -10,10 +10,10 @@ from typing import Any
 
 import pytest
 
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.relay.relay import Relay
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.recording import record_bus
+from surefoot.recording import contents
 from surefoot.recording.write import McapFile
-from surefoot.robot_io.bus.stop_request import StopRequest
 from surefoot.robot_io.client_side.observer import Sample
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.schemas.codec import encode
 from tests.robot_io.sensor_messages import message
 
@@ -42,7 +42,7 @@ def test_more_than_may_wait_is_lost_and_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     size = len(encode(message("imu", 0)))
-    monkeypatch.setattr(record_bus, "KEPT_BYTES", size * MESSAGES // 2)
+    monkeypatch.setattr(contents, "KEPT_BYTES", size * MESSAGES // 2)
     path = tmp_path / "run.mcap"
     with McapFile(
         path,
@@ -51,7 +51,7 @@ def test_more_than_may_wait_is_lost_and_told(
         attachments=[],
         raw=True,
     ) as file:
-        record_bus.record_bus(
+        contents.record_bus(
             Flood(),  # type: ignore[arg-type]  # what it uses of one
             file,
             on_ready=lambda: None,

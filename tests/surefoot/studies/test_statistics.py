@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from surefoot.studies.summary import success_interval, success_limit
-from surefoot.studies.tables import short_name, value_in_words
+from surefoot.studies.study import success_interval
+from surefoot.studies.tables import short_name, success_limit, value_in_words
 
 TOLERANCE = 1e-4
 

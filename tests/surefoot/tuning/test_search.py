@@ -16,8 +16,7 @@ import surefoot as sf
 from surefoot.run_plan import resolve_settings
 from surefoot.studies.cell import Cell
 from surefoot.tuning.page import OUTCOME
-from surefoot.tuning.trials import PLACE, Trials
-from surefoot.tuning.worker import evaluate
+from surefoot.tuning.trials import PLACE, Trials, evaluate
 from tests.support import wait_until
 from tests.surefoot.tuning.searches import PARAMS, spec_of, still
 

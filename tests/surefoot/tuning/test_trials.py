@@ -11,8 +11,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.errors import UsageError
-from surefoot.tuning.trials import PLACE, Trials
-from surefoot.tuning.worker import DOWN, ROWS, STOPPED
+from surefoot.tuning.trials import DOWN, PLACE, ROWS, STOPPED, Trials
 from tests.command import environment
 from tests.support import PATIENCE_S
 from tests.surefoot.tuning.searches import spec_of, still

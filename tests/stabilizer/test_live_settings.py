@@ -3,13 +3,13 @@ from __future__ import annotations
 import pytest
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.live_settings import (
+from surefoot.schemas.settings import ControllerSettings, setting_names
+from surefoot.stabilizer.requests import (
     LIVE_SETTINGS,
     between,
     live_values,
     with_values,
 )
-from surefoot.schemas.settings import ControllerSettings, setting_names
 
 DEFAULTS = ControllerSettings()
 

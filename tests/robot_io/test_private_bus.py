@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.endpoints import LONGEST_SOCKET_PATH, private_bus
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import LONGEST_SOCKET_PATH, Bus, private_bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.topics import ALIVE_ROBOT
 from tests.support import PATIENCE_S, wait_until
