@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.ground_swing import GroundSwing
 
 GROUND_SPEED_MEMORY_S = 3.0
 """How long ground that moved is taken to move still."""
@@ -17,6 +18,8 @@ STILL_BIAS_PULL = 0.5
 STILL_FOR_BIAS = 0.99
 """Stillness from which an error is the accelerometer's: ground that begins to move is
 not taken for it."""
+MOVES = 0.5
+"""Stillness below which the ground moves."""
 STILL_WEIGHT = 50.0
 """A second of still ground tells as much as so many of ground that moves."""
 LEAST_KNOWN_S = 0.3
@@ -132,7 +135,8 @@ class HeightFilter:
         self._over = self._level_rate = self._taken = self._ride = 0.0
         self._forget_taken = math.exp(-period_s / TAKEN_MEMORY_S)
         self._felt_speed = self._leg_mean = self._speed_mean = 0.0
-        self._ground_speed = 0.0
+        self._speed = self._ground_speed = 0.0
+        self._swing = GroundSwing(period_s=period_s)
 
     def calibrate(
         self,
@@ -193,12 +197,23 @@ class HeightFilter:
         stillness = self._stillness(acceleration - self.bias, rate)
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height
+        swing = self._swing
+        swing.update(self._speed)
+        if stillness > MOVES or self._is_at_end or self._is_taken or not self._is_known:
+            swing.forget()
+        else:
+            moves = (1.0 - stillness) * (1.0 - self._ride)
+            error = swing.follow(error, size=self._ground_speed, moves=moves)
+            share, (s_1, s_2, s_3) = swing.share, swing.gains
+            k_1 += share * (s_1 - k_1)
+            k_2 += share * (s_2 - k_2)
+            k_3 += share * (s_3 - k_3)
         if stillness > STILL_FOR_BIAS and not self._is_seen:
             self._is_seen = abs(error) > SEEN_M
             k_3 *= self._is_seen
         self._go_along(self._rate - rate)
-        moves = self._is_at_end or abs(self._level_rate) > LEVEL_MOVES_M_S
-        if moves and stillness < 0.5:
+        is_led = self._is_at_end or abs(self._level_rate) > LEVEL_MOVES_M_S
+        if is_led and stillness < MOVES:
             k_2, k_3 = AT_END * k_2, AT_END * k_3
         self._height += dt * (self._rate - self._level_rate + k_1 * error)
         self._rate += dt * (acceleration - self.bias + k_2 * error)
@@ -234,9 +249,8 @@ class HeightFilter:
         room = highest - self._over if closing > 0.0 else self._over - lowest
         braking = closing * closing / (2.0 * max(room, LEAST_ROOM_M))
         self._taken *= self._forget_taken
-        is_known = self._learnt is None or self._learnt.share > KNOWN_SHARE
         is_met = self._is_at_end or braking > BRAKING_M_S2
-        self._is_taken = is_known and is_met
+        self._is_taken = self._is_known and is_met
         if self._is_taken:
             braking = min(braking, 2.0 * BRAKING_M_S2)
             self._level_rate += math.copysign(braking * self._dt, closing)
@@ -244,6 +258,10 @@ class HeightFilter:
             self._taken = min(self._taken + abs(speed) * self._dt, most)
         elif self._level_rate:
             self._level_rate -= self._dt / LEVEL_RESTS_S * self._level_rate
+
+    @property
+    def _is_known(self) -> bool:
+        return self._learnt is None or self._learnt.share > KNOWN_SHARE
 
     def _riding(self) -> float:
         """Return how much of the ground's motion the robot is to go along with [1]."""
@@ -286,8 +304,8 @@ class HeightFilter:
         self._leg_mean += step * (leg_rate - self._leg_mean)
         speed = self._felt_speed - (leg_rate - self._leg_mean)
         self._speed_mean += step * (speed - self._speed_mean)
-        speed = abs(speed - self._speed_mean)
-        self._ground_speed = max(speed, self._ground_speed * self._forget)
+        self._speed = speed - self._speed_mean
+        self._ground_speed = max(abs(self._speed), self._ground_speed * self._forget)
         ratio = self._ground_speed / self._settings.still_speed_m_s
         stillness: float = 1.0 / (1.0 + ratio**4)
         return stillness
