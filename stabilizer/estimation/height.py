@@ -9,6 +9,8 @@ from surefoot.stabilizer.estimation.ground_swing import GroundSwing
 
 GROUND_SPEED_MEMORY_S = 3.0
 """How long ground that moved is taken to move still."""
+AT_END_MEMORY_S = 0.5
+"""The same at the stroke's end: ground that moves there no more is left behind."""
 GROUND_SPEED_CUTOFF = 0.5
 """Slower changes of the ground's speed are the accelerometer's drift [rad/s]."""
 STILL_DAMPING = 0.7
@@ -123,6 +125,7 @@ class HeightFilter:
         self._stroke = stroke
         self._dt = period_s
         self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
+        self._forget_at_end = math.exp(-period_s / AT_END_MEMORY_S)
         self._count = 0
         self._sum = self._moment = 0.0
         self.height = self.rate = self.bias = self.ground = 0.0
@@ -305,7 +308,8 @@ class HeightFilter:
         speed = self._felt_speed - (leg_rate - self._leg_mean)
         self._speed_mean += step * (speed - self._speed_mean)
         self._speed = speed - self._speed_mean
-        self._ground_speed = max(abs(self._speed), self._ground_speed * self._forget)
+        forget = self._forget_at_end if self._is_at_end else self._forget
+        self._ground_speed = max(abs(self._speed), self._ground_speed * forget)
         ratio = self._ground_speed / self._settings.still_speed_m_s
         stillness: float = 1.0 / (1.0 + ratio**4)
         return stillness

@@ -65,6 +65,15 @@ def test_ground_beyond_the_stroke_takes_the_level_along(lift: float) -> None:
     assert np.min(estimate * np.sign(lift)) > -0.35 * abs(end)
 
 
+def test_after_a_slow_lift_the_stroke_s_end_is_left_soon() -> None:
+    """The rate that a slow lift leaves behind leads there, but must not stay there."""
+    lift, speed = 0.45, 0.08
+    _, estimate = follow(lambda t: ramp(t, lift=lift, speed=speed), duration_s=11.2)
+    lowest, _ = STROKE
+    assert np.isclose(estimate, lowest).any()
+    assert abs(estimate[-1]) < 0.02
+
+
 @pytest.mark.parametrize("period_s", [6.0, 12.0])
 def test_ground_that_swings_beyond_the_stroke_is_ridden(period_s: float) -> None:
     """A deck in a swell: held in the world, the robot was at its legs' end for good."""
