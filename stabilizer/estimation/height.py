@@ -185,7 +185,13 @@ class HeightFilter:
         self._learnt = Learnt() if moves else None
 
     def update(
-        self, acceleration: float, difference: float | None, *, over: float, rate: float
+        self,
+        acceleration: float,
+        difference: float | None,
+        *,
+        over: float,
+        rate: float,
+        steps: bool = False,
     ) -> None:
         """Advance by one period.
 
@@ -194,6 +200,7 @@ class HeightFilter:
             difference: as for :meth:`calibrate`.
             over: height of the point over the ground, by the legs [m].
             rate: its rate [m/s].
+            steps: whether the robot walks: it is other ground that swings then.
         """
         dt = self._dt
         acceleration -= self._half_of(difference)
@@ -202,7 +209,8 @@ class HeightFilter:
         error = over - self._height
         swing = self._swing
         swing.update(self._speed)
-        if stillness > MOVES or self._is_at_end or self._is_taken or not self._is_known:
+        is_led = self._is_at_end or self._is_taken
+        if steps or is_led or stillness > MOVES or not self._is_known:
             swing.forget()
         else:
             moves = (1.0 - stillness) * (1.0 - self._ride)

@@ -34,6 +34,7 @@ def follow(
     drift: float = 0.0,
     payload_s: float = 1e9,
     moves: bool = False,
+    steps: bool = False,
 ) -> tuple[Array, Array]:
     """Return true and estimated height of the ground, a row per tick."""
     height = HeightFilter(EstimatorSettings(), stroke=STROKE, period_s=PERIOD_S)
@@ -48,7 +49,9 @@ def follow(
                 acceleration, difference, height=STANDS_M, rate=0.0, moves=moves
             )
         else:
-            height.update(acceleration, difference, over=STANDS_M, rate=0.0)
+            height.update(
+                acceleration, difference, over=STANDS_M, rate=0.0, steps=steps
+            )
         rows.append((now, height.ground))
     truth, estimate = np.array(rows).T
     return truth, estimate
@@ -152,6 +155,23 @@ def test_a_drift_is_followed_on_ground_that_swings(
     )
     lasting = (estimate - truth)[round(20.0 / PERIOD_S) :]
     assert np.sqrt(np.mean(lasting**2)) < 8e-3
+
+
+@pytest.mark.parametrize("steps", [False, True])
+def test_who_walks_is_on_other_ground_at_each_step(
+    monkeypatch: pytest.MonkeyPatch, steps: bool
+) -> None:
+    asked: list[float] = []
+
+    def counted(
+        swing: GroundSwing, error: float, *, size: float, moves: float
+    ) -> float:
+        asked.append(swing.share)
+        return error
+
+    monkeypatch.setattr(GroundSwing, "follow", counted)
+    follow(lambda t: swinging(t, frequency_hz=0.5), duration_s=6.0, steps=steps)
+    assert bool(asked) is not steps
 
 
 def test_waves_of_several_lengths_are_no_swing_of_one_pace() -> None:
