@@ -170,7 +170,13 @@ class Estimator:
         over, rate = self._point_over_ground()
         if self._dt > SAME_TIME_S:
             difference = None
-        self._vertical.update(self._acceleration(), difference, over=over, rate=rate)
+        self._vertical.update(
+            self._acceleration(),
+            difference,
+            over=over,
+            rate=rate,
+            steps=self.anchors.by_load,
+        )
         self._take_height()
         self._place()
         if not all(self.anchors.planted):

@@ -25,6 +25,9 @@ OFFSET_SHARES = (0.1, 0.2)
 less is a payload or a model's error [1]."""
 OFFSET_MEMORY_S = 2.0
 """Over which they are compared [s]."""
+OFFSET_LAG_S, OFFSET_ODD_S, OFFSET_ANEW_S = 0.1, 0.1, 0.03
+"""Low-pass by which a sudden one is noticed; for how long it must last, as impacts do
+not; how much of it the comparison that begins anew has seen then [s]."""
 BIAS_LIMIT_M_S2 = 0.5
 """More than any accelerometer is off by [m/s^2]; a robot that is pulled at looks so."""
 GROUND_BANDWIDTH = 15.0
@@ -63,8 +66,10 @@ class FeltMotion:
         self._least = LEAST_SHARE * model.weight
         self._rate = 1.0 / period_s
         self._apart: tuple[float, float, float] | None = None
+        self._dt = period_s
         self._least_gain = period_s / OFFSET_MEMORY_S
         self._count = 0
+        self._sudden = self._odd_s = 0.0
         self._excess = self._aside = 0.0
         self.offsets: Array = np.zeros(2)
         self.relative = (0.0, 0.0, 0.0)
@@ -151,9 +156,10 @@ class FeltMotion:
         p_x, p_y, _ = self.by_pressure
         arm = self._mass * (com_z - 0.5 * (left[2] + right[2])) / apart
         aside = -arm * (p_x * d_x + p_y * d_y)
+        excess = -self._mass * self.by_force[2]
+        self._look_for_sudden(excess)
         self._count += 1
         gain = max(1.0 / self._count, self._least_gain)
-        excess = -self._mass * self.by_force[2]
         self._excess += gain * (excess - self._excess)
         self._aside += gain * (aside - self._aside)
         begins, ends = OFFSET_SHARES
@@ -165,6 +171,21 @@ class FeltMotion:
         a_left = ((com_x - left[0]) * d_x + (com_y - left[1]) * d_y) / apart
         self.offsets[0] = share * ((a_left + apart) * self._excess - self._aside)
         self.offsets[1] = share * (self._aside - a_left * self._excess)
+
+    def _look_for_sudden(self, excess: float) -> None:
+        """Begin the comparison anew when a force is off that was not.
+
+        Two seconds are too long: meanwhile the foot yields to what it does not feel.
+        """
+        gap = excess - self._excess
+        self._sudden += self._dt / OFFSET_LAG_S * (gap - self._sudden)
+        if abs(self._sudden) < 2.0 * self._least * OFFSET_SHARES[1]:
+            self._odd_s = 0.0
+            return
+        self._odd_s += self._dt
+        if self._odd_s > OFFSET_ODD_S:
+            self._count = round(OFFSET_ANEW_S / self._dt)
+            self._sudden = self._odd_s = 0.0
 
 
 class GroundAcceleration:

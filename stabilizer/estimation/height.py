@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 
 from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.ground_swing import GroundSwing
 
 GROUND_SPEED_MEMORY_S = 3.0
 """How long ground that moved is taken to move still."""
+AT_END_MEMORY_S = 0.5
+"""The same at the stroke's end: ground that moves there no more is left behind."""
 GROUND_SPEED_CUTOFF = 0.5
 """Slower changes of the ground's speed are the accelerometer's drift [rad/s]."""
 STILL_DAMPING = 0.7
@@ -17,6 +20,8 @@ STILL_BIAS_PULL = 0.5
 STILL_FOR_BIAS = 0.99
 """Stillness from which an error is the accelerometer's: ground that begins to move is
 not taken for it."""
+MOVES = 0.5
+"""Stillness below which the ground moves."""
 STILL_WEIGHT = 50.0
 """A second of still ground tells as much as so many of ground that moves."""
 LEAST_KNOWN_S = 0.3
@@ -120,6 +125,7 @@ class HeightFilter:
         self._stroke = stroke
         self._dt = period_s
         self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
+        self._forget_at_end = math.exp(-period_s / AT_END_MEMORY_S)
         self._count = 0
         self._sum = self._moment = 0.0
         self.height = self.rate = self.bias = self.ground = 0.0
@@ -132,7 +138,8 @@ class HeightFilter:
         self._over = self._level_rate = self._taken = self._ride = 0.0
         self._forget_taken = math.exp(-period_s / TAKEN_MEMORY_S)
         self._felt_speed = self._leg_mean = self._speed_mean = 0.0
-        self._ground_speed = 0.0
+        self._speed = self._ground_speed = 0.0
+        self._swing = GroundSwing(period_s=period_s)
 
     def calibrate(
         self,
@@ -178,7 +185,13 @@ class HeightFilter:
         self._learnt = Learnt() if moves else None
 
     def update(
-        self, acceleration: float, difference: float | None, *, over: float, rate: float
+        self,
+        acceleration: float,
+        difference: float | None,
+        *,
+        over: float,
+        rate: float,
+        steps: bool = False,
     ) -> None:
         """Advance by one period.
 
@@ -187,18 +200,31 @@ class HeightFilter:
             difference: as for :meth:`calibrate`.
             over: height of the point over the ground, by the legs [m].
             rate: its rate [m/s].
+            steps: whether the robot walks: it is other ground that swings then.
         """
         dt = self._dt
         acceleration -= self._half_of(difference)
         stillness = self._stillness(acceleration - self.bias, rate)
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height
+        swing = self._swing
+        swing.update(self._speed)
+        is_led = self._is_at_end or self._is_taken
+        if steps or is_led or stillness > MOVES or not self._is_known:
+            swing.forget()
+        else:
+            moves = (1.0 - stillness) * (1.0 - self._ride)
+            error = swing.follow(error, size=self._ground_speed, moves=moves)
+            share, (s_1, s_2, s_3) = swing.share, swing.gains
+            k_1 += share * (s_1 - k_1)
+            k_2 += share * (s_2 - k_2)
+            k_3 += share * (s_3 - k_3)
         if stillness > STILL_FOR_BIAS and not self._is_seen:
             self._is_seen = abs(error) > SEEN_M
             k_3 *= self._is_seen
         self._go_along(self._rate - rate)
-        moves = self._is_at_end or abs(self._level_rate) > LEVEL_MOVES_M_S
-        if moves and stillness < 0.5:
+        is_led = self._is_at_end or abs(self._level_rate) > LEVEL_MOVES_M_S
+        if is_led and stillness < MOVES:
             k_2, k_3 = AT_END * k_2, AT_END * k_3
         self._height += dt * (self._rate - self._level_rate + k_1 * error)
         self._rate += dt * (acceleration - self.bias + k_2 * error)
@@ -234,9 +260,8 @@ class HeightFilter:
         room = highest - self._over if closing > 0.0 else self._over - lowest
         braking = closing * closing / (2.0 * max(room, LEAST_ROOM_M))
         self._taken *= self._forget_taken
-        is_known = self._learnt is None or self._learnt.share > KNOWN_SHARE
         is_met = self._is_at_end or braking > BRAKING_M_S2
-        self._is_taken = is_known and is_met
+        self._is_taken = self._is_known and is_met
         if self._is_taken:
             braking = min(braking, 2.0 * BRAKING_M_S2)
             self._level_rate += math.copysign(braking * self._dt, closing)
@@ -244,6 +269,10 @@ class HeightFilter:
             self._taken = min(self._taken + abs(speed) * self._dt, most)
         elif self._level_rate:
             self._level_rate -= self._dt / LEVEL_RESTS_S * self._level_rate
+
+    @property
+    def _is_known(self) -> bool:
+        return self._learnt is None or self._learnt.share > KNOWN_SHARE
 
     def _riding(self) -> float:
         """Return how much of the ground's motion the robot is to go along with [1]."""
@@ -286,8 +315,9 @@ class HeightFilter:
         self._leg_mean += step * (leg_rate - self._leg_mean)
         speed = self._felt_speed - (leg_rate - self._leg_mean)
         self._speed_mean += step * (speed - self._speed_mean)
-        speed = abs(speed - self._speed_mean)
-        self._ground_speed = max(speed, self._ground_speed * self._forget)
+        self._speed = speed - self._speed_mean
+        forget = self._forget_at_end if self._is_at_end else self._forget
+        self._ground_speed = max(abs(self._speed), self._ground_speed * forget)
         ratio = self._ground_speed / self._settings.still_speed_m_s
         stillness: float = 1.0 / (1.0 + ratio**4)
         return stillness

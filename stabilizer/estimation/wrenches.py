@@ -30,6 +30,8 @@ OFFSET_EVERY_S, OFFSET_CUTOFF_HZ = 0.02, 5.0
 """A force along the sole is compared so often, and so slowly followed."""
 OFFSET_MEMORY_S, OFFSET_COUNT = 1.0, 4
 """Over which it is averaged, and the fewest comparisons that tell."""
+SUDDEN_COUNT = 6
+"""So many in a row that are off the average have it begin anew; impacts are shorter."""
 OFFSET_SHARE = 0.2
 """Of the weight: less may be friction in the joints, or the model's error [1]."""
 
@@ -274,7 +276,7 @@ class ForceOffsets:
         self._normals = robot.sole_normals
         self._limit = OFFSET_SHARE * model.weight
         self._least_gain = period_s / OFFSET_MEMORY_S
-        self._ticks = self._count = 0
+        self._ticks = self._count = self._sudden = 0
         self._gap: Array = np.zeros((2, 3))
         self._offset: Array = np.zeros((2, 6))
         self.found = [False, False]
@@ -303,6 +305,7 @@ class ForceOffsets:
         gap -= np.stack((virtual.ft_left[:3], virtual.ft_right[:3]))
         if not np.isfinite(gap.sum()):
             return
+        self._look_for_sudden(gap - self._gap)
         self._count += 1
         self._gap += max(1.0 / self._count, self._least_gain) * (gap - self._gap)
         normals = (self._gap * self._normals).sum(axis=1)
@@ -315,3 +318,17 @@ class ForceOffsets:
                 self.found[side] = True
             if self.found[side]:
                 self._offset[side, :3] = along
+
+    def _look_for_sudden(self, change: Array) -> None:
+        """Begin the average anew when a force along a sole is off that was not.
+
+        Args:
+            change: (2, 3) of a comparison against the average [N].
+        """
+        normals = (change * self._normals).sum(axis=1)
+        along = change - normals[:, np.newaxis] * self._normals
+        squares = (along * along).sum(axis=1).tolist()
+        is_off = np.abs(normals).max() < self._limit < math.sqrt(max(squares))
+        self._sudden = self._sudden + 1 if is_off and self._count else 0
+        if self._sudden == SUDDEN_COUNT:
+            self._sudden = self._count = 0

@@ -9,6 +9,7 @@ import pytest
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.ground_swing import GroundSwing, Pace
 from surefoot.stabilizer.estimation.height import HeightFilter
 
 PERIOD_S, STEP_S = 0.002, 1e-3
@@ -30,22 +31,27 @@ def follow(
     *,
     duration_s: float,
     bias: float = 0.0,
+    drift: float = 0.0,
     payload_s: float = 1e9,
     moves: bool = False,
+    steps: bool = False,
 ) -> tuple[Array, Array]:
     """Return true and estimated height of the ground, a row per tick."""
     height = HeightFilter(EstimatorSettings(), stroke=STROKE, period_s=PERIOD_S)
     rows = []
     for time_s in PERIOD_S * np.arange(round(duration_s / PERIOD_S)):
         before, now, after = (ground(time_s + d) for d in (-STEP_S, 0.0, STEP_S))
-        acceleration = bias + (after - 2.0 * now + before) / STEP_S**2
-        difference = bias - (0.4 if time_s > payload_s else 0.0)
+        off = bias + drift * time_s
+        acceleration = off + (after - 2.0 * now + before) / STEP_S**2
+        difference = off - (0.4 if time_s > payload_s else 0.0)
         if time_s < 0.3:
             height.calibrate(
                 acceleration, difference, height=STANDS_M, rate=0.0, moves=moves
             )
         else:
-            height.update(acceleration, difference, over=STANDS_M, rate=0.0)
+            height.update(
+                acceleration, difference, over=STANDS_M, rate=0.0, steps=steps
+            )
         rows.append((now, height.ground))
     truth, estimate = np.array(rows).T
     return truth, estimate
@@ -60,6 +66,15 @@ def test_ground_beyond_the_stroke_takes_the_level_along(lift: float) -> None:
     back = estimate[-1]
     assert abs(back) < 0.01
     assert np.min(estimate * np.sign(lift)) > -0.35 * abs(end)
+
+
+def test_after_a_slow_lift_the_stroke_s_end_is_left_soon() -> None:
+    """The rate that a slow lift leaves behind leads there, but must not stay there."""
+    lift, speed = 0.45, 0.08
+    _, estimate = follow(lambda t: ramp(t, lift=lift, speed=speed), duration_s=11.2)
+    lowest, _ = STROKE
+    assert np.isclose(estimate, lowest).any()
+    assert abs(estimate[-1]) < 0.02
 
 
 @pytest.mark.parametrize("period_s", [6.0, 12.0])
@@ -118,3 +133,64 @@ def test_ground_that_moves_at_the_start_is_no_bias(
     lasting = (estimate - truth)[round(6.0 / PERIOD_S) :]
     assert np.sqrt(np.mean(lasting**2)) < 0.5 * amplitude
     assert abs(np.mean(lasting)) < 0.25 * amplitude
+
+
+def swinging(time_s: float, *, frequency_hz: float) -> float:
+    moved = frequency_hz * max(time_s - 1.0, 0.0)
+    fade = min(moved, 1.0)
+    return 0.05 * fade * fade * float(np.sin(2.0 * np.pi * moved))
+
+
+@pytest.mark.parametrize("frequency_hz", [0.3, 0.8])
+@pytest.mark.parametrize(("bias", "drift"), [(0.0, 0.03 / 60.0), (0.2, -0.03 / 60.0)])
+def test_a_drift_is_followed_on_ground_that_swings(
+    frequency_hz: float, bias: float, drift: float
+) -> None:
+    """Told from a swing by its pace; pulled slowly, the height was 20 to 40 mm off."""
+    truth, estimate = follow(
+        lambda t: swinging(t, frequency_hz=frequency_hz),
+        duration_s=60.0,
+        bias=bias,
+        drift=drift,
+    )
+    lasting = (estimate - truth)[round(20.0 / PERIOD_S) :]
+    assert np.sqrt(np.mean(lasting**2)) < 8e-3
+
+
+@pytest.mark.parametrize("steps", [False, True])
+def test_who_walks_is_on_other_ground_at_each_step(
+    monkeypatch: pytest.MonkeyPatch, steps: bool
+) -> None:
+    asked: list[float] = []
+
+    def counted(
+        swing: GroundSwing, error: float, *, size: float, moves: float
+    ) -> float:
+        asked.append(swing.share)
+        return error
+
+    monkeypatch.setattr(GroundSwing, "follow", counted)
+    follow(lambda t: swinging(t, frequency_hz=0.5), duration_s=6.0, steps=steps)
+    assert bool(asked) is not steps
+
+
+def test_waves_of_several_lengths_are_no_swing_of_one_pace() -> None:
+    """Taken for one, they would be let into the height."""
+    ground = GroundSwing(period_s=PERIOD_S)
+    for time_s in PERIOD_S * np.arange(round(30.0 / PERIOD_S)):
+        speed = 0.05 * np.cos(1.3 * time_s) + 0.06 * np.cos(2.9 * time_s)
+        ground.update(float(speed))
+        ground.follow(-0.02 * float(np.sin(time_s)), size=0.1, moves=1.0)
+        assert time_s < 10.0 or ground.share < 0.05
+
+
+@pytest.mark.parametrize("frequency_hz", [0.22, 0.5, 1.1])
+def test_the_pace_is_read_within_ten_seconds(frequency_hz: float) -> None:
+    pace = Pace(period_s=PERIOD_S)
+    for time_s in PERIOD_S * np.arange(round(10.0 / PERIOD_S)):
+        before, after = (
+            swinging(time_s + d, frequency_hz=frequency_hz) for d in (-STEP_S, STEP_S)
+        )
+        pace.update((after - before) / (2.0 * STEP_S))
+    assert pace.value == pytest.approx(2.0 * np.pi * frequency_hz, rel=0.1)
+    assert pace.purity > 0.9

@@ -139,6 +139,26 @@ def test_a_normal_force_that_is_far_off_is_told_by_foot(
     np.testing.assert_allclose(estimator.force_offsets, [left, right], atol=3.0)
 
 
+@pytest.mark.parametrize(("lasts_s", "expected"), [(0.6, -250.0), (0.1, 0.0)])
+def test_a_normal_force_that_suddenly_is_off_is_told_from_an_impact(
+    model: RobotModel, lasts_s: float, expected: float
+) -> None:
+    """Told within two seconds, the foot had long yielded to what it did not feel."""
+    ticks, begins, rest_s = 0, round(3.0 / PERIOD_S), 0.6
+
+    def disturbed(wrenches: Array) -> Array:
+        nonlocal ticks
+        ticks += 1
+        off = np.zeros(12)
+        is_off = begins <= ticks < begins + round(lasts_s / PERIOD_S)
+        off[8] = -250.0 if is_off else 0.0
+        return wrenches + off
+
+    readings = at_rest(model, duration_s=3.0 + rest_s)
+    estimator = follow(model, readings, disturb=disturbed)
+    np.testing.assert_allclose(estimator.force_offsets, [0.0, expected], atol=25.0)
+
+
 def test_a_payload_is_no_offset(model: RobotModel) -> None:
     load = np.zeros(12)
     load[[2, 8]] = 0.04 * model.weight

@@ -176,16 +176,23 @@ def test_a_reading_that_is_no_number_costs_one_tick(walker: Robot) -> None:
 OFF = np.array([-220.0, 200.0, 0.0, 0.0, 0.0, 0.0])
 
 
-def corrected(walker: Robot, *, off: Array, effort: float = 1.0) -> tuple[Array, bool]:
+def corrected(
+    walker: Robot,
+    *,
+    off: Array,
+    effort: float = 1.0,
+    ticks: int = 600,
+    lasts: tuple[int, int] = (0, 600),
+) -> tuple[Array, bool]:
     """Error of the left sensor in the end, and whether it was said to be off."""
     model = RobotModel(walker)
     course, offsets = Course(model, 0), ForceOffsets(model)
-    for k in range(600):
+    for k in range(ticks):
         snapshot, felt = course.tick(k)
         reading = replace(
             snapshot,
             effort=effort * snapshot.effort,
-            ft_left=felt[:6] + off,
+            ft_left=felt[:6] + off * (lasts[0] <= k < lasts[1]),
             ft_right=felt[6:],
         )
         seen = offsets.correct(reading)
@@ -197,6 +204,18 @@ def test_a_force_along_the_sole_that_no_joint_feels_is_taken_off(walker: Robot) 
     error, is_off = corrected(walker, off=OFF)
     assert is_off
     assert np.linalg.norm(error) < 0.2 * np.linalg.norm(OFF)
+
+
+@pytest.mark.parametrize(("length", "is_told"), [(300, True), (90, False)])
+def test_one_that_comes_suddenly_is_told_from_an_impact_by_its_length(
+    walker: Robot, length: int, is_told: bool
+) -> None:
+    """Averaged over a second, the foot had yielded for half of it."""
+    off, ends = np.array([0.0, 260.0, 0.0, 0.0, 0.0, 0.0]), 2000 + length
+    error, is_off = corrected(walker, off=off, ticks=ends, lasts=(2000, ends))
+    assert is_off is is_told
+    left = np.linalg.norm(error) / np.linalg.norm(off)
+    assert left < 0.2 if is_told else left == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,200 @@
+"""Ground that swings at one pace, as platforms do, told from the robot's height."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from surefoot.schemas.arrays import Mat
+
+PACE_CUTOFF = 1.0
+"""The pace is read from the ground's way without what is slower [rad/s]."""
+PACE_MEMORY_S = 4.0
+"""Over which it is read."""
+LIKELY_PACE, LEAST_SWING_M_S = 2.0, 2e-3
+"""Of ground that has moved by less, summed up twice [rad/s], [m s]."""
+SLOWEST, SLOW, FASTEST = 0.9, 1.3, 12.0
+"""Slower ground is none of these, ground slower than the second only in part; none is
+taken to be faster than the last [rad/s]."""
+PURE_FROM, PURE = 0.9, 0.97
+"""Squared correlation of the way and its acceleration from which ground in part, and
+wholly, swings at one pace: 1 for a sine, less for waves of several lengths [1]."""
+FROM_CYCLES, CYCLES = 0.25, 1.0
+"""After so many it begins to count, and it takes so many more to count wholly [1]."""
+LAG_S = 0.5
+"""So gently it comes and goes."""
+COHERENT_S = 6.0
+"""For so long a swing goes on as it was."""
+COVARIANCE_S = 0.01
+"""How often the gains are made anew."""
+ACCELERATION_NOISE, BIAS_WALK = 1e-3, 1.4e-3
+"""Of the acceleration [m/s^2 s^0.5] and of its bias [m/s^2 s^-0.5]."""
+FLAT_M, MISFIT_S, CORRELATION_S = 2e-3, 3.0, 0.25
+"""What is no swing: at least so much; as it was over so long; lasting so long."""
+HEIGHT_M, RATE_M_S, BIAS_M_S2, SWING = 1e-3, 1e-3, 2e-3, 1e-5
+"""Standard deviations when ground that stood still begins to move."""
+_SEEN = np.array([1.0, 0.0, 0.0, -1.0, 0.0])
+
+
+class Pace:
+    """At what pace ground swings, and whether it does so at one.
+
+    The ground's speed, freed of what is slow, is integrated twice with a leak l:
+
+        p' = u - l p,   x' = p - l x,   x'' = u - 2 l p + l^2 x
+
+    and of a swing x'' = -pace^2 x, whatever the filters, which all of it passed.
+
+    Attributes:
+        value: of the ground [rad/s].
+        purity: squared correlation of x'' and x [1].
+    """
+
+    def __init__(self, *, period_s: float) -> None:
+        """Begin on ground that has not moved yet."""
+        self._dt = period_s
+        self._blend = period_s / PACE_MEMORY_S
+        self._way = self._sum = 0.0
+        self._xx = self._xa = self._aa = 0.0
+        self.value, self.purity = LIKELY_PACE, 0.0
+
+    def update(self, speed: float) -> None:
+        """Advance by one period.
+
+        Args:
+            speed: of the ground, without its slow part [m/s].
+        """
+        dt, leak, blend = self._dt, PACE_CUTOFF, self._blend
+        self._way += dt * (speed - leak * self._way)
+        self._sum += dt * (self._way - leak * self._sum)
+        x = self._sum
+        a = speed - 2.0 * leak * self._way + leak * leak * x
+        self._xx += blend * (x * x - self._xx)
+        self._xa += blend * (x * a - self._xa)
+        self._aa += blend * (a * a - self._aa)
+        least = LEAST_SWING_M_S * LEAST_SWING_M_S
+        square = (least * LIKELY_PACE**2 - self._xa) / (least + self._xx)
+        self.value = math.sqrt(min(max(square, 0.25 * SLOWEST**2), FASTEST**2))
+        powers = self._aa * self._xx
+        self.purity = self._xa * self._xa / powers if powers > 0.0 else 0.0
+
+
+class GroundSwing:
+    """Sees ground that swings at one pace for what it is, so that the rest is height.
+
+    What the legs say more than the height's estimate is, on moving ground, mostly that
+    the ground has moved. Pulled to it slowly, the height lets little of this in, but
+    follows a drift of the accelerometer just as slowly. A swing can be foreseen: with g
+    the ground's height, w its pace and T how long it keeps,
+
+        h' = rate,   rate' = acceleration - bias,   g'' = -w^2 g - 2 / T g',
+
+    the legs see h - g, and a Kalman filter of these five tells h from g by their
+    pace. What does not fit is noise to it: the worse a swing fits, the slower is the
+    pull. Before the ground has swung for a while, and where it does not swing at one
+    pace, the filter's share is none.
+
+    Attributes:
+        share: how far its gains are to be used [1].
+        height: of the ground, as far as it swings [m].
+        gains: k_1, k_2 and k_3 of the height filter.
+    """
+
+    def __init__(self, *, period_s: float) -> None:
+        """Begin on ground that stands still.
+
+        Args:
+            period_s: time between two updates [s].
+        """
+        self._dt = period_s
+        self._every = max(1, round(COVARIANCE_S / period_s))
+        self._pace = Pace(period_s=period_s)
+        self._ticks = 0
+        self._cycles = self._misfit = 0.0
+        self._speed = self.height = 0.0
+        self._speed_gain = self._height_gain = 0.0
+        self._F: Mat = np.eye(5)
+        self._P: Mat = np.zeros((5, 5))
+        self._moved = False
+        self.share = 0.0
+        self.gains = (0.0, 0.0, 0.0)
+
+    def update(self, speed: float) -> None:
+        """Learn the pace, at every tick.
+
+        Args:
+            speed: of the ground, without its slow part [m/s].
+        """
+        self._pace.update(speed)
+
+    def forget(self) -> None:
+        """Take the ground for none that swings, until it has done so again."""
+        self._moved = False
+        self.share = 0.0
+
+    def follow(self, error: float, *, size: float, moves: float) -> float:
+        """Advance by a tick on ground that moves.
+
+        Args:
+            error: what the legs say more than the height's estimate [m].
+            size: the ground's largest speed lately [m/s].
+            moves: how far the ground moves at all [1].
+
+        Returns:
+            What of the error is no swing, as far as :attr:`share` goes [m].
+        """
+        dt, pace = self._dt, self._pace.value
+        if not self._moved:
+            self._begin()
+        self._cycles += dt * pace / (2.0 * math.pi)
+        if self._ticks % self._every == 0:
+            self._renew(size / pace)
+        self._ticks += 1
+        rest = error + self.height
+        self._misfit += dt / MISFIT_S * (rest * rest - self._misfit)
+        spring = pace * pace * self.height + 2.0 / COHERENT_S * self._speed
+        self._speed += dt * (self._speed_gain * rest - spring)
+        self.height += dt * (self._speed + self._height_gain * rest)
+        wanted = (
+            moves
+            * _part(self._cycles, FROM_CYCLES, FROM_CYCLES + CYCLES)
+            * _part(self._pace.purity, PURE_FROM, PURE)
+            * _part(pace, SLOWEST, SLOW)
+        )
+        self.share += dt / LAG_S * (wanted - self.share)
+        return error + self.share * self.height
+
+    def _begin(self) -> None:
+        sizes = np.array([HEIGHT_M, RATE_M_S, BIAS_M_S2, SWING, SWING])
+        self._P = np.diag(sizes * sizes)
+        self._moved = True
+        self._ticks = 0
+        self._cycles = self._misfit = self._speed = self.height = self.share = 0.0
+
+    def _renew(self, amplitude: float) -> None:
+        """Make the gains by the covariance of height, rate, bias, g and g'."""
+        dt, pace, F = self._every * self._dt, self._pace.value, self._F
+        half_square = 0.5 * amplitude * amplitude
+        damping = 2.0 / COHERENT_S
+        spring, keep = dt * pace * pace, 1.0 - dt * damping
+        F[0, 1], F[1, 2] = dt, -dt
+        F[3, 3], F[3, 4] = 1.0 - dt * spring, dt * keep
+        F[4, 3], F[4, 4] = -spring, keep
+        P = F @ self._P @ F.T
+        P[1, 1] += dt * ACCELERATION_NOISE**2
+        P[2, 2] += dt * BIAS_WALK**2
+        P[4, 4] += dt * 2.0 * damping * pace * pace * half_square
+        no_swing = FLAT_M**2 + self._misfit + half_square * math.exp(-self._cycles)
+        seen = P @ _SEEN
+        total = float(_SEEN @ seen) + no_swing * CORRELATION_S / dt
+        P -= np.outer(seen, seen / total)
+        self._P = P
+        k = (seen / (total * dt)).tolist()
+        self.gains = k[0], k[1], -k[2]
+        self._height_gain, self._speed_gain = k[3], k[4]
+
+
+def _part(value: float, begins: float, ends: float) -> float:
+    """Return how far a value is from where something begins to where it is whole."""
+    return min(max((value - begins) / (ends - begins), 0.0), 1.0)
