@@ -14,13 +14,14 @@ from scipy.spatial.transform import Rotation
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import SineMotion
-from surefoot.schemas.settings import ControllerSettings, SwaySettings
-from surefoot.schemas.toml_file import convert
+from surefoot.schemas.settings import ControllerSettings, SwaySettings, build_settings
+from surefoot.schemas.toml_file import convert, read_toml
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.control.reference import Stance, standing
 from surefoot.stabilizer.control.sway import REACH, Sway
 from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.factory import PRESETS_DIR
 from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.closed_loop import Run, run_closed_loop
 
@@ -229,6 +230,13 @@ def test_soles_that_disagree_show_no_tilt_to_go_with(model: RobotModel) -> None:
         sway.step(soles, stance, stands=True)
     sway.move(stance, 1.0)
     assert np.abs(stance.com - standing(model).com).max() < 1e-4
+
+
+def test_shipped_settings_change_nothing_but_the_sway() -> None:
+    found = build_settings(read_toml(PRESETS_DIR / "person.toml"), overrides=[])
+    assert found.sway.gain > 1.0
+    others = msgspec.structs.replace(found, sway=ControllerSettings().sway)
+    assert others == ControllerSettings()
 
 
 def tilting(axis: str, size_deg: float) -> dict[str, Any]:
