@@ -28,7 +28,8 @@ class Sway:
     """The way of the centre of mass from its reference, given by the ground's tilt.
 
     The ground's normal leans by as much as the ground tilts, so its level part is the
-    input, along both axes of the feet. What of it lasts is taken off, and a low-pass of
+    input, along both axes of the feet. What of it lasts is taken off, what is too far
+    for the soles is bent, lest the way there be too fast for them, and a low-pass of
     second order gives place, velocity and acceleration at once. Without common ground
     under two standing feet the input is zero, and the way leads back.
 
@@ -93,7 +94,8 @@ class Sway:
             lasts += dt / settings.upright_again_s * (tilt[axis] - lasts)
             self._lasting[axis] = lasts
             p, v = self._p[axis], self._v[axis]
-            a = omega * omega * (lever * (tilt[axis] - lasts) - p)
+            wanted = reach * math.tanh(lever * (tilt[axis] - lasts) / reach)
+            a = omega * omega * (wanted - p)
             a -= 2.0 * settings.damping * omega * v
             self._v[axis] = v = v + dt * a
             self._p[axis] = p = p + dt * v
