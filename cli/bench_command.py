@@ -32,7 +32,7 @@ ControllersOption = Annotated[
     typer.Option(
         "--controllers",
         metavar="NAMES",
-        help="Comma-separated: whole-body, zmp-tuned, zmp-stock, paper, hold.",
+        help="Comma-separated: whole-body, person, zmp-tuned, zmp-stock, paper, hold.",
     ),
 ]
 ServosOption = Annotated[

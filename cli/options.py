@@ -194,7 +194,8 @@ SettingsOption = Annotated[
     typer.Option(
         "--settings",
         metavar="FILE",
-        help="Shipped settings (zmp-stock, zmp-tuned), or a file (.toml); any subset.",
+        help="Shipped settings (person, zmp-stock, zmp-tuned), or a file (.toml); any "
+        "subset.",
         rich_help_panel=_CONTROLLER,
     ),
 ]

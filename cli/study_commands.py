@@ -50,7 +50,8 @@ def sweep(
         str,
         typer.Option(
             "--controllers",
-            help="Comma-separated: whole-body, paper, zmp-tuned, zmp-stock, hold.",
+            help="Comma-separated: whole-body, person, paper, zmp-tuned, zmp-stock, "
+            "hold.",
         ),
     ] = "whole-body",
     servo_profiles: Annotated[

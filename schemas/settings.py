@@ -144,6 +144,21 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     """Time it takes to return after a foot was unloaded [s]."""
 
 
+class SwaySettings(FileStruct, frozen=True, kw_only=True):
+    """Swaying with ground that tilts, as people do (whole-body); off with gain 0."""
+
+    gain: NonNegative = 0.0
+    """Lean of the CoM for each tilt of the ground, never farther than the soles bear:
+    0 stands upright in space, people have 2 to 5. For hard ground: soft ground tilts
+    more the farther the robot leans [1]."""
+    frequency_hz: Positive = 0.5
+    """Where tilts begin to be too fast to be followed."""
+    damping: Positive = 0.5
+    """Damping ratio there: less sways more at that frequency [1]."""
+    upright_again_s: Positive = 6.0
+    """Time constant with which the robot stands up again on a tilt that stays [s]."""
+
+
 class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     """Base attitude, velocity and position from the robot's own sensors."""
 
@@ -297,6 +312,8 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     """Second QP."""
     ground: GroundSettings = GroundSettings()
     """Feed-forward of the ground's motion."""
+    sway: SwaySettings = SwaySettings()
+    """Swaying with ground that tilts."""
     estimator: EstimatorSettings = EstimatorSettings()
     """Estimator."""
     contact: ContactSettings = ContactSettings()

@@ -21,6 +21,7 @@ from surefoot.stabilizer.control.dik import Dik
 from surefoot.stabilizer.control.drives import DriveInverse, fastest_mode
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Approach
+from surefoot.stabilizer.control.sway import Sway
 from surefoot.stabilizer.control.tasks import Task, standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
 from surefoot.stabilizer.dynamics import Dynamics
@@ -125,6 +126,12 @@ class WholeBodyController(BalanceController):
         self._v_joint: Array = np.zeros(self.model.n_a)
         self._ages = ReadingAges(period_s=robot.period_s)
         self._approach = Approach(period_s=robot.period_s)
+        self._sway = Sway(
+            settings.sway,
+            settings.walk,
+            half_sizes=self.model.half_sizes,
+            period_s=robot.period_s,
+        )
         self._return_ticks = 0
         self._return_step: Array = np.zeros(self.model.n_a)
 
@@ -197,17 +204,34 @@ class WholeBodyController(BalanceController):
         stance.ground_acceleration[:2] = state.ground_acceleration
         stance.limit_height(state.ground_height, travel=self.model.com_travel)
         stance.compare_base(state.R_world_base)
-        approach = self._approach
-        if state.is_calibrating:
-            approach.begin(dynamics, stance)
-        if state.is_calibrating or approach.is_over:
-            return self._solve(state)
-        approach.step()
-        approach.move(stance, 1.0)
+        shifts = self._shifts(state)
+        for shift in shifts:
+            shift.move(stance, 1.0)
         try:
             return self._solve(state)
         finally:
-            approach.move(stance, -1.0)
+            for shift in shifts:
+                shift.move(stance, -1.0)
+
+    def _shifts(self, state: ObservedState) -> list[Approach | Sway]:
+        """Advance what moves the reference in this tick, and return it."""
+        dynamics, stance, walk = self.dynamics, self.stance, self.walk
+        approach, sway = self._approach, self._sway
+        if state.is_calibrating:
+            approach.begin(dynamics, stance)
+            if sway.is_on:
+                sway.begin(dynamics, stance)
+            return []
+        shifts: list[Approach | Sway] = []
+        if not approach.is_over:
+            approach.step()
+            shifts.append(approach)
+        if sway.is_on:
+            is_to_walk = walk.is_walking or len(walk.queue) > 0
+            stands = all(state.in_contact) and not is_to_walk
+            sway.step(dynamics, stance, stands=stands)
+            shifts.append(sway)
+        return shifts
 
     def _solve(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
         """Solve both QPs and integrate."""

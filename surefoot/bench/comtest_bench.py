@@ -132,8 +132,8 @@ def comtest(
         robot: shipped name or path of a robot file.
         quick: some minutes of it: one size, pitch and x, fewer sines, two controllers
             and the robot's own servo profile, where these are not given.
-        controllers: ``whole-body``, ``zmp-tuned``, ``zmp-stock`` or any name as on the
-            command line.
+        controllers: ``whole-body``, ``person``, ``zmp-tuned``, ``zmp-stock`` or any
+            name as on the command line.
         servo_profiles: of the robot file; all it has when None.
         protocols: ``transient``, ``sinus``, ``prts``; all when None.
         axes: ``pitch``, ``roll``, ``x``, ``y``.

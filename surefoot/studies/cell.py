@@ -196,6 +196,12 @@ _KNOWN = (
         about="the published law alone: nothing fed forward",
     ),
     Variant(
+        "person",
+        "whole-body",
+        "person",
+        about="sways with ground that tilts, as people do",
+    ),
+    Variant(
         "zmp-tuned",
         "zmp",
         "zmp-tuned",

@@ -178,8 +178,8 @@ def study(
     Args:
         scenarios: shipped names or paths.
         vary: values of scenario keys by path, such as ``{"friction": [0.4, 0.7]}``.
-        controllers: ``whole-body``, ``paper``, ``zmp-tuned``, ``zmp-stock`` or any
-            name as on the command line.
+        controllers: ``whole-body``, ``person``, ``paper``, ``zmp-tuned``,
+            ``zmp-stock`` or any name as on the command line.
         servo_profiles: of the robot file.
         seeds: how many, from 0 on, or which.
         robot: shipped name or path of a robot file.

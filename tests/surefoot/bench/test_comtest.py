@@ -32,6 +32,8 @@ HEIGHT_M = 0.8
 ME = Under("hold", "ideal")
 SPEED = 10.0
 """Of the ternary sequence: two seconds a cycle."""
+PERSON_DEG = 2.0
+"""So small that three times as much lean keeps well inside the soles."""
 
 
 def truth(*, lean: float, axis: SwayAxis, ground: float) -> PlantTruth:
@@ -133,3 +135,23 @@ def test_a_stiff_robot_goes_with_the_ground_and_files_say_so(
     assert all(address.startswith("data:") for address in addresses)
     assert "hold" in page
     assert f"{human_sway().score_percentiles[50]:.2f}" in page
+
+
+@pytest.mark.slow
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("servo_profile", ["ideal", "harmonic"])
+def test_settings_of_a_person_are_nearer_to_people_than_half_of_them(
+    servo_profile: str,
+) -> None:
+    found = comtest(
+        controllers=["person"],
+        servo_profiles=[servo_profile],
+        protocols=["prts"],
+        axes=["pitch"],
+        sizes_deg=[PERSON_DEG],
+        jobs=1,
+    )
+    (result,) = found.results
+    assert result.is_up
+    assert result.score is not None
+    assert result.score < human_sway().score_percentiles[50]

@@ -18,7 +18,7 @@ from surefoot.studies.execute import run_tasks, tasks_of
 from tests.command import environment
 from tests.support import free_port, wait_until
 
-SHORT = 'name = "short"\nduration_s = 0.2\n[sensors]\nforce_noise_n = 2.0\n'
+SHORT = 'name = "short"\nduration_s = {}\n[sensors]\nforce_noise_n = 2.0\n'
 
 
 @contextmanager
@@ -57,18 +57,34 @@ def worker(
     return process(folder / f"{name}.log", "worker", *words, *place)
 
 
-def cells(folder: Path, seeds: int) -> list[Cell]:
+def cells(
+    folder: Path, seeds: int, *, controller: str = "hold", duration_s: float = 0.2
+) -> list[Cell]:
     scenario = folder / "short.toml"
-    scenario.write_text(SHORT)
-    group = Group(str(scenario), (), "hold", "ideal")
+    scenario.write_text(SHORT.format(duration_s))
+    group = Group(str(scenario), (), controller, "ideal")
     return [Cell(group, seed) for seed in range(seeds)]
 
 
 @pytest.mark.process
+@pytest.mark.parametrize(
+    ("controller", "runs", "duration_s", "kill_after"),
+    [
+        ("hold", 12, 0.2, 3),
+        pytest.param("whole-body", 200, 0.4, 70, marks=pytest.mark.slow),
+    ],
+)
 def test_rows_are_the_local_ones_and_a_killed_worker_costs_nothing(
-    tmp_path: Path, scheduler: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
+    scheduler: str,
+    monkeypatch: pytest.MonkeyPatch,
+    controller: str,
+    runs: int,
+    duration_s: float,
+    kill_after: int,
 ) -> None:
-    tasks = tasks_of(cells(tmp_path, 12), robot="walker", overrides=())
+    made = cells(tmp_path, runs, controller=controller, duration_s=duration_s)
+    tasks = tasks_of(made, robot="walker", overrides=())
     rows: list[Row] = []
     with ExitStack() as stack:
         first, _ = (
@@ -76,7 +92,7 @@ def test_rows_are_the_local_ones_and_a_killed_worker_costs_nothing(
         )
         for row in run_tasks(tasks, scheduler=scheduler):
             rows.append(row)
-            if len(rows) == 3:
+            if len(rows) == kill_after:
                 first.send_signal(signal.SIGKILL)
                 first.wait()
         changed = execute.about_code() | {"code": "0" * 64, "mujoco": "3.0"}
