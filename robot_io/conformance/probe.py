@@ -249,20 +249,19 @@ class Probe:
             How long it took, as :meth:`since` tells it [s]; None when it did not come.
         """
         begin = newest = self.now()
-        while (
-            # Its time is slow on a busy machine, or stands still: then ours counts.
-            self.since(begin) < timeout_s
-            and (give_up_s := newest.clock_s + max(timeout_s, ANSWER_S))
-            > time.monotonic()
-        ):
+        while self.since(begin) < timeout_s:
+            # What came while we were kept from running is looked at before giving up.
+            give_up_s = newest.clock_s + max(timeout_s, ANSWER_S)
             data = self._statuses.wait(give_up_s)
-            if data is None or not self._read_status(data):
-                continue
-            assert self.status is not None
-            if condition(self.status):
-                return self.since(begin)
-            if self.status.tick > newest.tick:
-                newest = self.now()
+            if data is not None and self._read_status(data):
+                assert self.status is not None
+                if condition(self.status):
+                    return self.since(begin)
+                if self.status.tick > newest.tick:
+                    newest = self.now()
+                    continue
+            if time.monotonic() >= give_up_s:
+                break  # the robot's time stands still
         return None
 
     def now(self) -> Instant:
