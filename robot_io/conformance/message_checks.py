@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from surefoot.robot_io.conformance.probe import Recording
+from surefoot.robot_io.conformance.recording import Recording
 from surefoot.robot_io.conformance.skeleton import GRAVITY_M_S2, Findings, Skeleton
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
@@ -47,8 +47,9 @@ def check_messages(robot: Robot, recording: Recording, findings: Findings) -> No
 
 
 def _check_form(name: str, recording: Recording, findings: Findings) -> None:
-    count, bad = len(recording.messages[name]), recording.malformed[name]
-    why = f", {bad} unreadable: {recording.error[name]}" if bad else ""
+    read = recording.read(name)
+    count, bad = len(read.messages), read.malformed
+    why = f", {bad} unreadable: {read.error}" if bad else ""
     findings.need(
         f"{name}.format",
         count > 1 and not bad,

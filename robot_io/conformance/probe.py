@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Any
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,6 +14,7 @@ from surefoot.robot_io.bus.bus import Bus, dialed_bus
 from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.requests import ServiceCaller
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
+from surefoot.robot_io.conformance.recording import Recording
 from surefoot.robot_io.errors import (
     RequestRefusedError,
     RobotMismatchError,
@@ -30,52 +30,37 @@ from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     EstopRequest,
     JointCommand,
+    JointState,
     LeaseRequest,
     ModeRequest,
     RobotMode,
     RobotStatus,
     ServiceReply,
 )
-from surefoot.schemas.reasons import RequestRefusal
-from surefoot.schemas.topics import ALIVE_STABILIZER, TICK_SENSORS, topic
+from surefoot.schemas.reasons import ModeCause, RequestRefusal
+from surefoot.schemas.topics import ALIVE_STABILIZER, TICK_SENSORS
 
 KEPT = 512
 ANSWER_S = 2.0
 STREAM_S = 0.1
 GAP_S = 0.2
 """Lateness of a tick after which streaming stops for this time [s]."""
+TOO_LATE = (ModeCause.SILENCE, ModeCause.LOOP_TOO_SLOW)
+"""Why a robot gives up a commander that answers late, as a busy computer does."""
 Offset = Callable[[float], Array]
 """Of the time since the stream began [s] to (n_a,) beside the held posture [rad]."""
 
 
-@dataclass
-class Recording:
-    """Sensor messages by channel, in the order they came.
+class Instant(NamedTuple):
+    """When something was.
 
     Attributes:
-        messages: those that could be read.
-        malformed: how many could not.
-        error: what was wrong with the last of these.
+        clock_s: by our clock [s].
+        tick: newest tick of the robot heard by then.
     """
 
-    messages: dict[str, list[Any]] = field(
-        default_factory=lambda: {name: [] for name in TICK_SENSORS}
-    )
-    malformed: dict[str, int] = field(
-        default_factory=lambda: dict.fromkeys(TICK_SENSORS, 0)
-    )
-    error: dict[str, str] = field(
-        default_factory=lambda: dict.fromkeys(TICK_SENSORS, "")
-    )
-
-    def column(self, channel: str, name: str) -> Array:
-        """Return one field of a channel's messages: (messages,) or (messages, size)."""
-        return np.array([getattr(m, name) for m in self.messages[channel]])
-
-    def mean(self, channel: str, name: str) -> Array:
-        """Return the mean of one field over the recording."""
-        mean: Array = self.column(channel, name).mean(axis=0)
-        return mean
+    clock_s: float
+    tick: int
 
 
 class Probe:
@@ -110,7 +95,6 @@ class Probe:
         self._sensors = {
             name: bus.channel(keys[name], depth=KEPT) for name in TICK_SENSORS
         }
-        self._kinds = {name: topic(name).message for name in TICK_SENSORS}
         self._statuses = bus.channel(keys["status"], depth=KEPT)
         self._command = bus.publisher(keys["joint_command"], urgent=True)
         self._services = ServiceCaller(
@@ -121,6 +105,14 @@ class Probe:
             check=watch.check_reply,
         )
         bus.announce(f"{ALIVE_STABILIZER}/{identity}")
+
+    @property
+    def was_too_late(self) -> str:
+        """Why the robot gave us up, if it is in fault for late answers; else empty."""
+        status = self.status
+        if status is None or status.mode is not RobotMode.FAULT:
+            return ""
+        return status.detail if status.cause in TOO_LATE else ""
 
     def ask(
         self,
@@ -207,7 +199,7 @@ class Probe:
             extra: asked at each tick, by its number in this stream, for something
                 to send before the answer.
         """
-        recording = Recording()
+        recording = Recording(joint_count=self.robot.n_a)
         begin = counted = time.monotonic()
         first: int | None = None
         newest, count, passed_s = -1, 0, 0.0
@@ -249,17 +241,42 @@ class Probe:
     ) -> float | None:
         """Wait for a status without commanding.
 
+        Args:
+            condition: what it must fulfil.
+            timeout_s: how long, by this clock and by the robot's ticks [s].
+
         Returns:
-            How long it took [s]; None when it did not come.
+            How long it took, as :meth:`since` tells it [s]; None when it did not come.
         """
-        begin = time.monotonic()
-        while time.monotonic() < begin + timeout_s:
-            data = self._statuses.wait(begin + timeout_s)
+        begin = newest = self.now()
+        while self.since(begin) < timeout_s:
+            # What came while we were kept from running is looked at before giving up.
+            give_up_s = newest.clock_s + max(timeout_s, ANSWER_S)
+            data = self._statuses.wait(give_up_s)
             if data is not None and self._read_status(data):
                 assert self.status is not None
                 if condition(self.status):
-                    return time.monotonic() - begin
+                    return self.since(begin)
+                if self.status.tick > newest.tick:
+                    newest = self.now()
+                    continue
+            if time.monotonic() >= give_up_s:
+                break  # the robot's time stands still
         return None
+
+    def now(self) -> Instant:
+        """Return the present, to tell later how long something took."""
+        told = self.tick if self.status is None else self.status.tick
+        return Instant(time.monotonic(), max(self.tick, told))
+
+    def since(self, begin: Instant) -> float:
+        """Return the time since then: by our clock or the robot's ticks, the less [s].
+
+        A watchdog in a robot's own time may be no slower than the clock is.
+        """
+        now = self.now()
+        ticks_s = (now.tick - begin.tick) * self.robot.period_s
+        return min(now.clock_s - begin.clock_s, ticks_s)
 
     def count_statuses(self, duration_s: float) -> int:
         """Count the status messages that come in a time [s]."""
@@ -276,13 +293,6 @@ class Probe:
             self.wait_status(lambda s: s.mode is mode, timeout_s=timeout_s) is not None
         )
 
-    def listen(self) -> Recording:
-        """Take what has come meanwhile, without commanding."""
-        recording = Recording()
-        while self._hear(recording, deadline=0.0):
-            pass
-        return recording
-
     def wait_for_robot(self, *, timeout_s: float) -> bool:
         """Wait for the robot's first status."""
         return self.wait_status(lambda s: True, timeout_s=timeout_s) is not None
@@ -290,32 +300,21 @@ class Probe:
     def _hear(self, recording: Recording, *, deadline: float) -> bool:
         """Take all ticks that have come, and wait for one when there is none."""
         data = self._sensors["joints"].wait(deadline)
-        if data is None:
-            self._hear_others(recording)
-            return False
-        self._take(recording, "joints", data)
-        while (data := self._sensors["joints"].poll()) is not None:  # catch up
-            self._take(recording, "joints", data)
-        self._hear_others(recording)
-        messages = recording.messages["joints"]
-        if messages:
-            self.tick = messages[-1].tick
-            self._watch_motion(np.array(messages[-1].q))
-        return True
-
-    def _hear_others(self, recording: Recording) -> None:
+        newest = data
+        while data is not None:  # catch up
+            newest = data
+            recording.add("joints", data)
+            data = self._sensors["joints"].poll()
         for name in TICK_SENSORS[1:]:
             while (data := self._sensors[name].poll()) is not None:
-                self._take(recording, name, data)
-
-    def _take(self, recording: Recording, name: str, data: bytes) -> None:
-        try:
-            message = decode(data, self._kinds[name], joint_count=self.robot.n_a)
-        except MessageError as error:
-            recording.malformed[name] += 1
-            recording.error[name] = str(error)
-        else:
-            recording.messages[name].append(message)
+                recording.add(name, data)
+        if newest is None:
+            return False
+        with suppress(MessageError):  # told by who reads the recording
+            joints = decode(newest, JointState, joint_count=self.robot.n_a)
+            self.tick = joints.tick
+            self._watch_motion(np.array(joints.q))
+        return True
 
     def _watch_motion(self, q: Array) -> None:
         if self.q_first is None:

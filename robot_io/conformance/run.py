@@ -222,20 +222,32 @@ def check_enabling(probe: Probe, findings: Findings) -> None:
 
 
 def check_left(probe: Probe, findings: Findings) -> None:
-    """Leave the robot as it was found: in HOLD, free, without a fault."""
+    """Leave the robot as it was found: in HOLD, free, without a fault of our making."""
+    is_left = _give_back(probe)
+    why = probe.was_too_late
+    if why:
+        probe.ask("lease", "take")
+        probe.ask("mode", "reset")
+        is_left = _give_back(probe)
+    commander = probe.status.commander if probe.status is not None else ""
+    mode = probe.status.mode if probe.status is not None else "silent"
+    findings.add(
+        "left",
+        is_left,
+        got=f"{mode}, {commander or 'nobody'} commands"
+        + (f", once reset ({why})" if why else ""),
+        expected="hold, nobody commands, as at the start",
+    )
+
+
+def _give_back(probe: Probe) -> bool:
+    """Return whether the robot holds, and nobody commands it any more."""
     probe.ask("mode", "hold")
     probe.ask("lease", "release")
     is_left = probe.wait_status(
         lambda s: s.mode is RobotMode.HOLD and not s.commander, timeout_s=LEFT_S
     )
-    commander = probe.status.commander if probe.status is not None else ""
-    mode = probe.status.mode if probe.status is not None else "silent"
-    findings.add(
-        "left",
-        is_left is not None,
-        got=f"{mode}, {commander or 'nobody'} commands",
-        expected="hold, nobody commands, as at the start",
-    )
+    return is_left is not None
 
 
 def check_refusals(probe: Probe, findings: Findings) -> None:

@@ -13,7 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from surefoot.robot_io.client_side.requests import Requests
-from surefoot.robot_io.errors import RequestRefusedError, RobotIoError
+from surefoot.robot_io.errors import (
+    RequestRefusedError,
+    RobotIoError,
+    RobotUnreachableError,
+)
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import SchemaError
 
@@ -307,6 +311,7 @@ class GainSliders:
         self._moved: dict[str, float] = {}
         self._moved_at_s = 0.0
         self._handles: dict[str, Any] = {}
+        self._is_asked = self._is_late = False
         with gui.add_folder(
             "Gains (ramped over 0.5 s, recorded)", expand_by_default=False
         ):
@@ -322,21 +327,38 @@ class GainSliders:
                 )
                 handle.on_update(self._note_move(gain))
 
-    @property
-    def are_known(self) -> bool:
-        """Whether the stabilizer's values are shown."""
-        return bool(self._known)
+    def watch(self, *, has_stabilizer: bool) -> None:
+        """Have the sliders show the values of the stabilizer there is; called often.
+
+        Args:
+            has_stabilizer: whether there is one.
+        """
+        if has_stabilizer and not self._is_asked:
+            self._is_asked = True
+            self._asker.ask("present gains", self.learn, by_hand=False)
+        elif self._is_asked and not has_stabilizer:
+            self.forget()
 
     def forget(self) -> None:
         """Forget the values: another stabilizer may have others."""
+        self._is_asked = self._is_late = False
         with self._lock:
             self._known, self._moved = {}, {}
         for handle in self._handles.values():
             handle.disabled = True
 
     def learn(self, requests: Requests) -> None:
-        """Ask the stabilizer for its values and show them."""
-        reply = requests.change_settings({})
+        """Ask the stabilizer for its values and show them.
+
+        One that does not answer in time is asked again; that it is late is told once.
+        """
+        try:
+            reply = requests.change_settings({})
+        except RobotUnreachableError:
+            was_late, self._is_late, self._is_asked = self._is_late, True, False
+            if was_late:
+                return
+            raise
         values = reply.settings
         for gain in GAINS:
             if gain.name not in values:

@@ -225,17 +225,12 @@ class LivePage:
 
     def _watch(self, observer: Observer, stop: StopRequest) -> None:
         self._asker.through(observer.requests)
+        self._gains.forget()
         due_s = time.monotonic()
-        had_stabilizer = False
         while not stop.is_set:
             began_s = time.monotonic()
             sight = observer.latest_messages()
-            has_stabilizer = bool(observer.stabilizers)
-            if has_stabilizer and not had_stabilizer:
-                self._asker.ask("present gains", self._gains.learn, by_hand=False)
-            elif had_stabilizer and not has_stabilizer:
-                self._gains.forget()
-            had_stabilizer = has_stabilizer
+            self._gains.watch(has_stabilizer=bool(observer.stabilizers))
             self._draw(sight)
             self._gains.send()
             self._walk.watch(has_visitors=bool(self._server.get_clients()))

@@ -80,12 +80,55 @@ def running(target: Any, *args: Any) -> Iterator[Running]:
             started.kill()
 
 
-def robot(endpoints: Endpoints, table: dict[str, Any], pace: Pace) -> RobotRun:
-    """The simulated Walker in a scenario; in real time a patient one."""
+class Silence:
+    """A commander's, which lasts until the test has seen what comes of it.
+
+    No clock may end it: a robot on a busy machine is slow, and so is its time.
+    """
+
+    def __init__(self) -> None:
+        self._test, self._commander = FORKED.Pipe()
+        self._is_over = False
+
+    def keep(self, tick: int) -> bool:
+        """In the commander's process: leave a tick unanswered for so long.
+
+        Returns:
+            Whether it was kept: once only.
+        """
+        if self._is_over:
+            return False
+        self._commander.send(tick)
+        assert self._commander.poll(PATIENCE_S), "nobody ended the silence"
+        self._commander.recv()
+        self._is_over = True
+        return True
+
+    def begun(self) -> int:
+        """The tick it begins at, once it has."""
+        assert self._test.poll(PATIENCE_S), "the commander did not fall silent"
+        tick: int = self._test.recv()
+        return tick
+
+    def end(self) -> None:
+        self._test.send(None)
+
+
+def robot(
+    endpoints: Endpoints, table: dict[str, Any], pace: Pace, **gate: float
+) -> RobotRun:
+    """The simulated Walker in a scenario; in real time a patient one.
+
+    Args:
+        endpoints: where it listens.
+        table: the scenario, but for its name.
+        pace: how it keeps time.
+        gate: values of the patient one's gate that shall be others.
+    """
     scenario = scenario_from_table({"name": "test", **table}, source="test")
     walker = load_robot("walker")
     return run_robot(
-        patient(walker) if pace is Pace.REALTIME else walker,
+        patient(walker, **gate) if pace is Pace.REALTIME else walker,
         scenario,
         seed=SEED,
         endpoints=endpoints,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,16 +25,21 @@ from surefoot.stabilizer.control.controller import (
     HoldController,
 )
 from surefoot.stabilizer.node import run_stabilizer
-from tests.nodes.processes import SEED, balancing, robot, running
+from tests.nodes.processes import SEED, Silence, balancing, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
-from tests.nodes.test_reconnect import FAR_RAD, PAUSE_S, is_commanded_again
+from tests.nodes.test_reconnect import (
+    FAR_RAD,
+    KEEPS_LEASE,
+    SILENT_TICK,
+    end_once_held,
+    is_commanded_again,
+)
 from tests.nodes.test_requests import looking
 from tests.patient_robot import HOLD_AFTER_S
 from tests.support import PATIENCE_S, wait_until
 
 WALKER = load_robot("walker")
 NEW_GAIN = 35.0
-STALL_TICK = 100
 ANSWERED_TICKS = round(1.2 * HOLD_AFTER_S / WALKER.period_s)
 HELD_FROM_S, RAMP_S, HELD_TO_S = 1.0, 4.0, 5.0
 RECOVERED_S = 2.4
@@ -66,12 +70,13 @@ class Starts(NamedTuple):
 
 
 class Counting(HoldController):
-    """Counts its starts; the first one of all may stall once."""
+    """Counts its starts; one of all may fall silent, and ask for a posture far away."""
 
-    def __init__(self, starts: list[int], *, stalls: bool) -> None:
+    def __init__(self, starts: list[int], silence: Silence | None) -> None:
         super().__init__(WALKER.n_a)
-        self._starts, self._number, self._stalls = starts, len(starts), stalls
+        self._starts, self._number, self._silence = starts, len(starts), silence
         self._ticks = 0
+        self._is_ahead = False
         starts.append(0)
 
     def start(self, snapshot: Snapshot, q_command: np.ndarray) -> None:
@@ -86,20 +91,20 @@ class Counting(HoldController):
     ) -> ControllerOutput:
         self._ticks += 1
         output = super().step(snapshot, reference)
-        if self._stalls and self._number == 0 and self._ticks >= STALL_TICK:
-            if self._ticks == STALL_TICK:
-                time.sleep(PAUSE_S)  # the fault itself, not a wait for something
+        if self._ticks == SILENT_TICK and self._silence is not None:
+            self._is_ahead = self._silence.keep(snapshot.tick)
+        if self._is_ahead:
             output.q_command[0] = FAR_RAD
         return output
 
 
-def counted(endpoints: Endpoints, pace: Pace, *, stalls: bool = False) -> Starts:
+def counted(endpoints: Endpoints, pace: Pace, silence: Silence | None = None) -> Starts:
     starts: list[int] = []
     gains: list[float] = []
 
     def make(settings: ControllerSettings) -> Controller:
         gains.append(settings.tsid.com_kp[0])
-        return Counting(starts, stalls=stalls)
+        return Counting(starts, silence)
 
     result = run_stabilizer(
         make,
@@ -111,10 +116,6 @@ def counted(endpoints: Endpoints, pace: Pace, *, stalls: bool = False) -> Starts
         reconnect=True,
     )
     return Starts(result, starts, gains)
-
-
-def stalling(endpoints: Endpoints, pace: Pace) -> Starts:
-    return counted(endpoints, pace, stalls=True)
 
 
 def check(noted: Starts, *, starts: int) -> None:
@@ -152,11 +153,13 @@ def test_a_resume_starts_another_controller_with_the_gains_of_now(
 def test_a_restart_after_a_silence_starts_another_controller(
     endpoints: Endpoints,
 ) -> None:
+    silence = Silence()
     with (
-        running(robot, endpoints, LONG, Pace.REALTIME),
-        running(stalling, endpoints, Pace.REALTIME) as controller,
+        running(KEEPS_LEASE, endpoints, LONG, Pace.REALTIME),
+        running(counted, endpoints, Pace.REALTIME, silence) as controller,
         observer(endpoints) as when,
     ):
+        end_once_held(silence, when)
         refused = when(lambda s: s.refused.get("first_command"), what="the refusal")
         active = when(
             lambda s: s.tick > refused.tick and s.mode is RobotMode.ACTIVE,

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import signal
-import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import pytest
@@ -17,10 +18,9 @@ from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
 from surefoot.schemas.settings import ControllerSettings, SafetySettings
 from surefoot.stabilizer.control.controller import ControllerOutput, HoldController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.nodes.processes import ProcessError, Running, robot, running
+from tests.nodes.processes import ProcessError, Running, Silence, robot, running
 from tests.nodes.test_nodes import LONG, is_running, observer
 from tests.nodes.test_requests import looking
-from tests.patient_robot import HOLD_AFTER_S
 from tests.robot_io.served_robot import serving
 from tests.robot_io.strange_robots import MIRRORED
 from tests.support import PATIENCE_S, wait_until
@@ -28,19 +28,21 @@ from tests.support import PATIENCE_S, wait_until
 WALKER = load_robot("walker")
 FAR_RAD = 0.3
 """Beyond what a first command may be away from the held posture."""
-PAUSE_S = 3.0 * HOLD_AFTER_S
+SILENT_TICK = 100
 LONG_LEAVE_S = 120.0
+KEEPS_LEASE = partial(robot, lease_s=PATIENCE_S)
+"""A robot whose commander may be silent for long and still is its commander."""
 
 
 class HiccupController(HoldController):
-    """The first one falls silent for a moment, then asks for a posture far away."""
+    """One of them falls silent for a while, then asks for a posture far away.
 
-    made = 0
+    It is not always the first: a robot on a busy machine may have held before.
+    """
 
-    def __init__(self, joint_count: int) -> None:
+    def __init__(self, joint_count: int, silence: Silence) -> None:
         super().__init__(joint_count)
-        HiccupController.made += 1
-        self._is_first = HiccupController.made == 1
+        self._silence = silence
         self._ticks = 0
         self._is_ahead = False
 
@@ -48,9 +50,8 @@ class HiccupController(HoldController):
         self, snapshot: Snapshot, reference: Reference | None = None
     ) -> ControllerOutput:
         self._ticks += 1
-        if self._ticks == 100 and self._is_first:
-            self._is_ahead = True
-            time.sleep(PAUSE_S)  # the fault itself, not a wait for something
+        if self._ticks == SILENT_TICK:
+            self._is_ahead = self._silence.keep(snapshot.tick)
         output = super().step(snapshot, reference)
         if self._is_ahead:
             output.q_command[0] = FAR_RAD
@@ -69,9 +70,9 @@ def faithful(endpoints: Endpoints, pace: Pace) -> Any:
     )
 
 
-def hiccuping(endpoints: Endpoints) -> Any:
+def hiccuping(endpoints: Endpoints, silence: Silence) -> Any:
     return run_stabilizer(
-        lambda settings: HiccupController(WALKER.n_a),
+        lambda settings: HiccupController(WALKER.n_a, silence),
         WALKER,
         endpoints=endpoints,
         pace=Pace.REALTIME,
@@ -94,6 +95,13 @@ def slow_to_leave(endpoints: Endpoints) -> Any:
 
 def is_commanded_again(status: RobotStatus) -> bool:
     return is_running(status) and status.commander == "ann-2"
+
+
+def end_once_held(silence: Silence, when: Callable[..., RobotStatus]) -> None:
+    """End a silence when the robot holds for it."""
+    tick = silence.begun()
+    when(lambda s: s.tick > tick and s.mode is RobotMode.HOLD, what="HOLD")
+    silence.end()
 
 
 def end_it(controller: Running) -> Any:
@@ -190,11 +198,13 @@ def test_it_ends_while_it_waits_for_the_robot(endpoints: Endpoints) -> None:
 def test_a_robot_that_holds_for_late_commands_is_taken_up_from_its_posture(
     endpoints: Endpoints,
 ) -> None:
+    silence = Silence()
     with (
-        running(robot, endpoints, LONG, Pace.REALTIME) as plant,
-        running(hiccuping, endpoints) as controller,
+        running(KEEPS_LEASE, endpoints, LONG, Pace.REALTIME) as plant,
+        running(hiccuping, endpoints, silence) as controller,
         observer(endpoints) as when,
     ):
+        end_once_held(silence, when)
         refused = when(lambda s: s.refused.get("first_command"), what="the refusal")
         when(
             lambda s: s.tick > refused.tick and s.mode is RobotMode.ACTIVE,

@@ -18,6 +18,7 @@ from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import JointCommand
+from surefoot.schemas.reasons import ModeCause
 from tests.patient_robot import judged_walker
 
 Twist = Callable[[Snapshot, int], Snapshot]
@@ -109,6 +110,20 @@ class AcceptsReplays(CommandGate):
         self, command: JointCommand, *, tick: int, now_s: float
     ) -> CommandResult:
         self._sequence = -1
+        return super().accept(command, tick=tick, now_s=now_s)
+
+
+class GivesUsUp(CommandGate):
+    """Takes the commander for a computer that is too busy, once it wants a motion."""
+
+    has_given_up = False
+
+    def accept(
+        self, command: JointCommand, *, tick: int, now_s: float
+    ) -> CommandResult:
+        if not self.has_given_up and command.q != self.posture.tolist():
+            self.has_given_up = True
+            self.modes.fail(ModeCause.SILENCE, "no command for so long")
         return super().accept(command, tick=tick, now_s=now_s)
 
 

@@ -117,6 +117,14 @@ def test_wrong_wiring_is_seen(endpoints: Endpoints) -> None:
     assert wired == {"feet.order", "joints.order"}
 
 
+def test_a_robot_that_took_us_for_late_is_not_judged_and_is_left_as_it_was(
+    endpoints: Endpoints,
+) -> None:
+    found = failures(endpoints, "wiring", gate=broken.GivesUsUp)
+    assert "commands.rate" in found
+    assert all(name.endswith(OF_THE_MACHINE) for name in found)
+
+
 def test_sensors_and_base_may_be_mounted_anyhow(
     surefoot: Surefoot, endpoints: Endpoints, tmp_path: Path
 ) -> None:

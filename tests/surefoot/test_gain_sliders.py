@@ -1,0 +1,105 @@
+"""The sliders of the live page follow the stabilizer's own values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerReply
+from surefoot.schemas.reasons import RequestRefusal
+from surefoot.view.controls import GAINS, Asker, GainSliders
+from tests.support import wait_until
+
+NAME = "tsid.com_kp"
+VALUE = 30.0
+UNANSWERED = 3
+
+
+@dataclass
+class Slider:
+    value: float
+    disabled: bool
+
+    def on_update(self, react: Callable[[Any], None]) -> None:
+        """Nobody moves it here."""
+
+
+@dataclass
+class Panel:
+    """What the sliders need of viser's panel."""
+
+    sliders: dict[str, Slider] = field(default_factory=dict)
+
+    @contextmanager
+    def add_folder(self, title: str, *, expand_by_default: bool) -> Iterator[None]:
+        yield
+
+    def add_slider(
+        self, label: str, *, initial_value: float, disabled: bool, hint: str, **_: float
+    ) -> Slider:
+        self.sliders[hint] = Slider(initial_value, disabled)
+        return self.sliders[hint]
+
+
+class Stabilizer:
+    """Does first what it is told to each time it is asked, then tells its values."""
+
+    def __init__(self, *first: Exception) -> None:
+        self.asked = 0
+        self._first = list(first)
+
+    def change_settings(self, changes: dict[str, list[float]]) -> StabilizerReply:
+        assert not changes
+        self.asked += 1
+        if self._first:
+            raise self._first.pop(0)
+        return StabilizerReply(
+            schema=SCHEMA_VERSION,
+            accepted=True,
+            refusal=RequestRefusal.NONE,
+            detail="",
+            tick=0,
+            settings={NAME: [VALUE] * 3},
+        )
+
+
+def shown(stabilizer: Any) -> tuple[Panel, Asker, GainSliders]:
+    panel, asker = Panel(), Asker()
+    asker.through(stabilizer)
+    return panel, asker, GainSliders(panel, asker)
+
+
+def test_a_stabilizer_that_does_not_answer_in_time_is_asked_again() -> None:
+    late = [RobotUnreachableError("no answer")] * UNANSWERED
+    stabilizer = Stabilizer(*late)
+    panel, asker, sliders = shown(stabilizer)
+    slider = panel.sliders[NAME]
+
+    def is_known() -> bool:
+        sliders.watch(has_stabilizer=True)
+        return not slider.disabled
+
+    wait_until(is_known, what="the stabilizer's values")
+    assert slider.value == VALUE
+    assert stabilizer.asked == UNANSWERED + 1
+    assert asker.notes == ["present gains: no answer"]
+    sliders.watch(has_stabilizer=False)
+    assert all(panel.sliders[gain.name].disabled for gain in GAINS)
+
+
+def test_a_stabilizer_that_refuses_is_asked_once() -> None:
+    why = RequestRefusedError(
+        "refused", refusal=RequestRefusal.NOT_SUPPORTED, detail="takes no settings"
+    )
+    stabilizer = Stabilizer(why)
+    panel, asker, sliders = shown(stabilizer)
+    sliders.watch(has_stabilizer=True)
+    wait_until(lambda: asker.notes, what="the refusal")
+    sliders.watch(has_stabilizer=True)
+    asker.ask("later", lambda requests: None)
+    wait_until(lambda: len(asker.notes) == 2, what="what was asked later")
+    assert stabilizer.asked == 1
+    assert panel.sliders[NAME].disabled
