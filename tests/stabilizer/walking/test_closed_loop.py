@@ -87,26 +87,25 @@ def test_standing_is_a_walk_without_steps(walker: Robot) -> None:
     assert hashes[0] == hashes[1]
 
 
+SHIPPED = (
+    *("walk-flat-slow", "walk-flat-quick", "walk-turn", "walk-sideways"),
+    *("walk-platform-slow", "walk-platform-fast", "walk-push", "walk-tiles"),
+    *("walk-stairs", "walk-soft", "walk-seesaw"),
+)
+BEYOND = {"walk-platform-fast", "walk-tiles", "walk-seesaw"}
+"""With slow drives; why is in docs/walking.md."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", ["ideal", "harmonic"])
-@pytest.mark.parametrize(
-    "name",
-    [
-        *("walk-flat-slow", "walk-flat-quick", "walk-turn", "walk-sideways"),
-        *("walk-platform-slow", "walk-platform-fast", "walk-push", "walk-tiles"),
-        *("walk-stairs", "walk-soft"),
-    ],
-)
-def test_shipped_walks_are_walked_to_their_end(name: str, profile: str) -> None:
+@pytest.mark.parametrize("name", SHIPPED)
+def test_shipped_walks_are_walked_to_their_end(
+    request: pytest.FixtureRequest, name: str, profile: str
+) -> None:
     import surefoot as sf
 
+    if profile == "harmonic" and name in BEYOND:
+        why = "known not to be walked with slow drives"
+        request.applymarker(pytest.mark.xfail(reason=why, strict=True))
     run = sf.simulate("walker", name, servo_profile=profile, record=False)
-    assert run.outcome is Outcome.WALKED, run.result.outcome_detail
-
-
-@pytest.mark.slow
-def test_planks_that_tip_are_walked_over() -> None:
-    import surefoot as sf
-
-    run = sf.simulate("walker", "walk-seesaw", record=False)
     assert run.outcome is Outcome.WALKED, run.result.outcome_detail
