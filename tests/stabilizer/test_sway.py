@@ -289,6 +289,7 @@ def test_without_gain_the_filter_is_of_no_account(walker: Robot) -> None:
 
 
 @pytest.mark.closed_loop
+@pytest.mark.usual("pitch")  # as people were measured
 @pytest.mark.parametrize("axis", ["pitch", "roll"])
 def test_robot_sways_as_asked(walker: Robot, model: RobotModel, axis: str) -> None:
     scenario = tilting(axis, SMALL_DEG)
