@@ -164,20 +164,34 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     normal_agreement: Positive = 0.06
     """Soles whose normals, or the line between them, disagree by more than this show
     no common ground [rad]."""
-    adjust: Literal["off", "place"] = "place"
-    """Whether steps are shifted when the DCM leaves its reference."""
+    adjust: Literal["off", "place", "both"] = "both"
+    """Whether a step changes its place, or place and time, when the DCM leaves its
+    reference."""
     adjust_dead_m: tuple[NonNegative, NonNegative] = (0.02, 0.015)
-    """Error of the DCM, ahead and sideways, that shifts no step [m]."""
-    adjust_time_s: Positive = 0.04
-    """Time constant of the shift [s]."""
+    """Error of the DCM, ahead and sideways, that changes no step [m]."""
+    adjust_growth_m: Positive = 0.13
+    """A step that lasts so long that the DCM gets twice as far counts as much as one
+    that is shifted by this [m]."""
+    adjust_offset_weight: Positive = 5.0
+    """How much a DCM off its place at the end of the step counts more than a step off
+    its own [1]."""
+    adjust_zmp_share: Fraction = 0.5
+    """Part of the sole in which the ZMP is taken to answer an error of the DCM; over
+    the outer edge of the standing foot all of it [1]."""
+    adjust_wait_s: NonNegative = 0.3
+    """Longest that single support is made longer."""
+    adjust_pause_m: Positive = 0.05
+    """No foot leaves the ground while the DCM is farther off its reference [m]."""
+    adjust_pause_s: NonNegative = 0.8
+    """But each is kept no longer than this."""
     adjust_rate_m_s: Positive = 2.0
     """Fastest shift of a step."""
     adjust_limit_m: tuple[Positive, Positive] = (0.25, 0.20)
     """Largest shift of a step, ahead and sideways [m]."""
     adjust_until_s: NonNegative = 0.15
     """No shift any more so long before the planned touchdown."""
-    nearest_m: Positive = 0.17
-    """Least sideways distance of the feet [m]."""
+    nearest_m: Positive | None = None
+    """Least sideways distance of the feet; by default 15 mm between the soles [m]."""
     farthest_m: Positive = 0.45
     """Largest sideways distance of the feet [m]."""
     longest_m: Positive = 0.5

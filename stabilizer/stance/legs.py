@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -230,6 +231,33 @@ def find_leg(
         angles=angles,
         lengths=lengths,
     )
+
+
+def knee_torques(
+    model: pin.Model, q: Array, knees: Sequence[int], sole_ids: Sequence[int]
+) -> Array:
+    """Return what each knee has to hold while its foot alone carries the robot.
+
+    The soles stay where they are; only what turns the leg in its own plane counts.
+
+    Args:
+        model: with a floating base.
+        q: (n_q,) posture, the base upright.
+        knees: of left and right leg, in the model's velocities.
+        sole_ids: frames of the soles.
+
+    Returns:
+        (2,) without sign [N m].
+    """
+    data = model.createData()
+    pin.computeAllTerms(model, data, q, np.zeros(model.nv))
+    torques = np.empty(len(knees))
+    for side, (knee, sole_id) in enumerate(zip(knees, sole_ids, strict=True)):
+        J = pin.getFrameJacobian(model, data, sole_id, pin.LOCAL_WORLD_ALIGNED)
+        wrench = np.linalg.solve(J[:, :6].T, data.nle[:6])
+        wrench[[3, 5]] = 0.0
+        torques[side] = abs(data.nle[knee] - J[:, knee] @ wrench)
+    return torques
 
 
 def _lengths(model: pin.Model, middle: int, after: int, angles: Array) -> Array:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
-from surefoot.stabilizer.stance.legs import Leg, find_leg
+from surefoot.stabilizer.stance.legs import Leg, find_leg, knee_torques
 from surefoot.stabilizer.stance.solver import (
     Found,
     Reach,
@@ -32,6 +32,8 @@ MARGIN_RAD = 0.02
 """Kept to the ends of all joint ranges."""
 RISE_SHARE, SINK_SHARE = 0.14, 0.24
 """Of the leg's length: travel asked for when nobody says how much."""
+ONE_FOOT_SHARE = 0.85
+"""Of a knee's torque, to carry the robot alone: what is left moves it."""
 KEPT_SHARE = 0.9
 """Of the reach that is found: what the controller is told of."""
 
@@ -150,6 +152,30 @@ def capture_limits(model: RobotModel) -> Array:
     return impulses
 
 
+def one_foot_share(model: RobotModel) -> float:
+    """Return what a knee needs of its torque to carry the robot alone.
+
+    Args:
+        model: of the robot, in its nominal posture.
+
+    Returns:
+        The larger share of both knees; 0 for legs without one.
+    """
+    pin_model = model.pin_model
+    try:
+        legs = [
+            find_leg(pin_model, id_, lower=model.lower, upper=model.upper, side=side)
+            for id_, side in zip(model.sole_ids, ("left", "right"), strict=True)
+        ]
+    except RobotFileError:
+        return 0.0
+    knees = [leg.knee_index for leg in legs]
+    limits = model.torque_limit[knees]
+    q = model.nominal_configuration()
+    rows = [N_BASE_V + knee for knee in knees]
+    return float(np.max(knee_torques(pin_model, q, rows, model.sole_ids) / limits))
+
+
 def reach_search(model: RobotModel) -> ReachSearch:
     """Ready to try ground under a robot, within what its joints may use."""
     margin = np.minimum(MARGIN_RAD, 0.25 * (model.upper - model.lower))
@@ -180,6 +206,7 @@ class NominalPosture:
         knees: joint names.
         com_travel_m: how far the CoM may sink (negative) and rise.
         asked_m: sink and rise that were asked for, both positive.
+        one_foot_share: of its torque that a knee needs to carry the robot alone.
     """
 
     q: Array
@@ -189,6 +216,7 @@ class NominalPosture:
     knees: tuple[str, str]
     com_travel_m: tuple[float, float]
     asked_m: tuple[float, float]
+    one_foot_share: float
 
     def knee_angle(self, side: int) -> float:
         """Of the left (0) or right (1) knee [rad]."""
@@ -229,10 +257,11 @@ def find_nominal(
     rise_m: float | None = None,
     sink_m: float | None = None,
 ) -> NominalPosture:
-    """Bend the knees as far as the travel needs and the ankles allow.
+    """Bend the knees as far as the travel needs, and ankles and torques allow.
 
-    Of all bends that can be stood in, the one is taken whose reach, against what was
-    asked for, is largest where it is smallest; of equal ones the first tried.
+    Of all bends that can be stood in, that is taken whose reach, against what was
+    asked for, is largest where it is smallest; of equal ones the first tried. Unless
+    the rise is given, bends in which one knee can carry the robot come before others.
 
     Args:
         model: with a floating base.
@@ -271,12 +300,16 @@ def find_nominal(
         pitch_rad=(tilt, tilt),
     )
     between = np.array([0.0, apart_m, 0.0])
-    best: tuple[float, Found, Reach] | None = None
+    best: tuple[bool, float, Found, Reach] | None = None
+    knees = [leg.knee_index + N_BASE_V for leg in (left, right)]
+    limits = model.effortLimit[knees]
+    base = np.zeros(model.nq - len(lower))
+    base[3:] = pin.Quaternion(R_world_base).coeffs()
     nearest: Found | None = None
     for share in BENT_TO:
-        knees = {leg.knee_index: leg.bent(share) for leg in (left, right)}
+        bent = {leg.knee_index: leg.bent(share) for leg in (left, right)}
         found = solver.solve(
-            Wanted(q=np.clip(0.0, lower, upper), between=between, joints=knees)
+            Wanted(q=np.clip(0.0, lower, upper), between=between, joints=bent)
         )
         if nearest is None or found.error < nearest.error:
             nearest = found
@@ -284,9 +317,11 @@ def find_nominal(
             continue
         reach = ReachSearch(solver, found.q).reach(enough)
         score = _score(reach, asked_rise=asked_rise, asked_sink=asked_sink)
-        if best is None or score > best[0] + 1e-3:
-            best = (score, found, reach)
-        if score == 1.0:
+        needed = knee_torques(model, np.append(base, found.q), knees, sole_ids) / limits
+        stands = rise_m is not None or bool(np.all(needed <= ONE_FOOT_SHARE))
+        if best is None or (stands, score - 1e-3) > best[:2]:
+            best = (stands, score, found, reach)
+        if stands and score == 1.0:
             break
     if best is None:
         assert nearest is not None
@@ -296,7 +331,8 @@ def find_nominal(
             "are left and right soles those of two legs with at least pitch at hip, "
             "knee and ankle, and are the joint ranges right?"
         )
-    _, found, reach = best
+    _, _, found, reach = best
+    needed = knee_torques(model, np.append(base, found.q), knees, sole_ids) / limits
     travel = (
         -round(KEPT_SHARE * min(reach.sink_m, asked_sink / KEPT_SHARE), 3),
         round(KEPT_SHARE * min(reach.rise_m, asked_rise / KEPT_SHARE), 3),
@@ -309,6 +345,7 @@ def find_nominal(
         knees=(str(model.names[left.knee]), str(model.names[right.knee])),
         com_travel_m=travel,
         asked_m=(asked_sink, asked_rise),
+        one_foot_share=float(needed.max()),
     )
 
 

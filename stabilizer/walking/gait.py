@@ -120,7 +120,7 @@ class Gait:
         self._halfway = shift_between(
             com,
             com,
-            self._point(feet[support]),
+            self.point(feet[support]),
             dcm_now(phases, xi_end, self.omega),
             duration_s=self.duration_s,
             omega=self.omega,
@@ -145,16 +145,27 @@ class Gait:
         """The walk is over."""
         self._enter(Phase.STAND, 0.0)
 
-    def advance(self, feet: Sequence[Foothold], moves: Sequence[Move]) -> None:
+    def advance(
+        self,
+        feet: Sequence[Foothold],
+        moves: Sequence[Move],
+        *,
+        pause_at: Point | None = None,
+    ) -> None:
         """Advance by one tick.
 
         Args:
             feet: where left and right foot are, or are being set.
             moves: the steps to come after the present one.
+            pause_at: where the ZMP is to stay for now, the clock with it; the weight
+                goes onto the other foot from there [m].
         """
         dt, omega = self._dt, self.omega
-        self.t += dt
-        self.zmp = self._wanted_zmp(feet)
+        if pause_at is None:
+            self.t += dt
+            self.zmp = self._wanted_zmp(feet)
+        else:
+            self.t, self._from, self.zmp = 0.0, pause_at, pause_at
         if self._ticks % EVERY_TICKS == 0:
             self.dcm = dcm_now(*self._ahead(feet, moves), omega)
         elif self.left_s > 0.0 or self.phase is Phase.SETTLE:
@@ -172,7 +183,7 @@ class Gait:
 
     def middle(self, feet: Sequence[Foothold]) -> Point:
         """Where the centre of mass belongs when the robot stands on these [m]."""
-        left, right = self._point(feet[0]), self._point(feet[1])
+        left, right = self.point(feet[0]), self.point(feet[1])
         return 0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1])
 
     def rests(self, feet: Sequence[Foothold]) -> bool:
@@ -182,7 +193,7 @@ class Gait:
 
     def left_share(self, feet: Sequence[Foothold]) -> float:
         """Part of the weight that the left foot carries with the wanted ZMP [1]."""
-        left, right = self._point(feet[0]), self._point(feet[1])
+        left, right = self.point(feet[0]), self.point(feet[1])
         x, y = left[0] - right[0], left[1] - right[1]
         along = (self.zmp[0] - right[0]) * x + (self.zmp[1] - right[1]) * y
         return min(max(along / max(x * x + y * y, 1e-6), 0.0), 1.0)
@@ -191,7 +202,7 @@ class Gait:
         self.phase, self.t, self.duration_s = phase, 0.0, duration_s
         self._ticks = 0
 
-    def _point(self, foot: Foothold) -> Point:
+    def point(self, foot: Foothold) -> Point:
         """Where the ZMP belongs while a foot carries alone [m]."""
         x, y = self._offset
         cos, sin = math.cos(foot.yaw), math.sin(foot.yaw)
@@ -201,7 +212,7 @@ class Gait:
         phase = self.phase
         if phase is Phase.STAND:
             return self.middle(feet)
-        to = self._point(feet[self.support])
+        to = self.point(feet[self.support])
         if phase is Phase.SINGLE:
             return to
         done = min(self.t / self.duration_s, 1.0)
@@ -221,7 +232,7 @@ class Gait:
         if phase in (Phase.STAND, Phase.SETTLE):
             middle = self.middle(feet)
             return [ZmpPhase(left_s, self.zmp, middle)], middle
-        here = self._point(feet[self.support])
+        here = self.point(feet[self.support])
         half_s = 0.5 * self.duration_s
         if phase is Phase.SHIFT and left_s > half_s:
             now = [
@@ -237,14 +248,14 @@ class Gait:
         self, feet: Sequence[Foothold], moves: Sequence[Move]
     ) -> tuple[list[ZmpPhase], Point]:
         """What follows the present phase."""
-        here, places = self._point(feet[self.support]), list(feet)
+        here, places = self.point(feet[self.support]), list(feet)
         phases: list[ZmpPhase] = []
         if self.phase is Phase.SINGLE and moves:
-            there = self._point(feet[1 - self.support])
+            there = self.point(feet[1 - self.support])
             phases.append(ZmpPhase(self._double_s, here, there))
             here = there
         for number, move in enumerate(moves):
-            there = self._point(move.place)
+            there = self.point(move.place)
             places[move.side] = move.place
             if number == self._settings.preview_steps:
                 return phases, end_of_support(

@@ -58,6 +58,7 @@ class StepQueue:
         settings: WalkSettings,
         *,
         half_width: float,
+        nearest: float,
         leg_speed: float = math.inf,
     ) -> None:
         """Begin without a plan.
@@ -65,11 +66,12 @@ class StepQueue:
         Args:
             settings: how far steps may go.
             half_width: sole to middle, standing [m].
+            nearest: least sideways distance of the feet [m].
             leg_speed: of the end of a straight leg, by the speed of its drives; a step
                 that needs more than a part of it takes longer [m/s].
         """
         self._leg_speed = leg_speed
-        self._settings = settings
+        self._settings, self._nearest = settings, nearest
         self._width = 2.0 * half_width
         self._steps: deque[Move] = deque()
         self.shift = (0.0, 0.0)
@@ -217,9 +219,9 @@ class StepQueue:
         apart = y if move.side == 0 else -y
         if abs(x) > limits.longest_m:
             return f"{x:+.2f} m ahead of the other, at most {limits.longest_m:g} m"
-        if not limits.nearest_m <= apart <= limits.farthest_m:
+        if not self._nearest <= apart <= limits.farthest_m:
             return (
-                f"{apart:.2f} m beside the other, expected {limits.nearest_m:g} to "
+                f"{apart:.2f} m beside the other, expected {self._nearest:.2f} to "
                 f"{limits.farthest_m:g} m"
             )
         if abs(yaw) > limits.turn_limit_rad:

@@ -16,6 +16,9 @@ from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP, travel_part
 
 LATE_RAMP_S = 0.06
 """A foot that finds no ground speeds up for so long [s]."""
+PACE_RATE = 10.0
+"""How fast a foot that is to be down sooner or later changes its pace [1/s]."""
+FASTEST_PACE = 2.0
 SHIFT_RATE = 20.0
 """Shifts of the target reach the foot through a critically damped filter [rad/s]."""
 
@@ -36,6 +39,7 @@ class SwingPath:
         height: over the expected ground [m].
         height_rate: [m/s].
         height_acceleration: [m/s^2].
+        time: on the path as planned, from lift-off [s].
     """
 
     def __init__(self, settings: WalkSettings) -> None:
@@ -51,6 +55,7 @@ class SwingPath:
         self._travel_from_s = 0.0
         self._shift = [0.0, 0.0]
         self._shift_rate = [0.0, 0.0]
+        self.time, self._pace = 0.0, 1.0
 
     def begin(
         self,
@@ -88,18 +93,24 @@ class SwingPath:
         self._travel_from_s = begins * duration_s
         self._travel_s = (ends - begins) * duration_s
         self._shift, self._shift_rate = [0.0, 0.0], [0.0, 0.0]
+        self.time, self._pace = 0.0, 1.0
 
-    def advance(self, t: float, *, shift: tuple[float, float], dt: float) -> None:
+    def advance(
+        self, t: float, *, duration_s: float, shift: tuple[float, float], dt: float
+    ) -> None:
         """Compute where the foot belongs at a time.
 
         Args:
             t: since lift-off [s].
+            duration_s: until the touchdown as it is wanted now, since lift-off [s].
             shift: of the target, by step adjustment [m].
             dt: since the last call [s].
         """
-        T = self._travel_s
-        s, s_rate, s_acceleration = glide((t - self._travel_from_s) / T)
-        s_rate, s_acceleration = s_rate / T, s_acceleration / (T * T)
+        self._pass_time(t, duration_s, dt)
+        T, pace = self._travel_s, self._pace
+        s, s_rate, s_acceleration = glide((self.time - self._travel_from_s) / T)
+        s_rate = pace * s_rate / T
+        s_acceleration = pace * pace * s_acceleration / (T * T)
         xy, rate, acceleration = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
         for i in range(2):
             pull = SHIFT_RATE * SHIFT_RATE * (shift[i] - self._shift[i])
@@ -114,31 +125,46 @@ class SwingPath:
         self.xy_acceleration = (acceleration[0], acceleration[1])
         turn = self._yaw_to - self._yaw_from
         self.yaw, self.yaw_rate = self._yaw_from + turn * s, turn * s_rate
-        self.height, self.height_rate, self.height_acceleration = self._height_at(t)
+        self.height, rise, lift = self._height_at(self.time)
+        self.height_rate, self.height_acceleration = pace * rise, pace * pace * lift
 
-    def velocity_after(self, t: float, ahead_s: float) -> tuple[float, float, float]:
+    def velocity_after(self, ahead_s: float) -> tuple[float, float, float]:
         """Return the velocity some time later, the shift's rate as it is now.
 
         Args:
-            t: since lift-off [s].
             ahead_s: how much later, but not past the planned touchdown before it [s].
 
         Returns:
             x, y, and of the height over the expected ground [m/s].
         """
+        t, pace = self.time, self._pace
         if t < self._duration_s:
-            t = min(t + ahead_s, self._duration_s)
+            t = min(t + pace * ahead_s, self._duration_s)
         else:
             t += ahead_s
         T = self._travel_s
         _, s_rate, _ = glide((t - self._travel_from_s) / T)
+        s_rate *= pace
         way_x, way_y = self._to[0] - self._from[0], self._to[1] - self._from[1]
         _, rate, _ = self._height_at(t)
         return (
             way_x * s_rate / T + self._shift_rate[0],
             way_y * s_rate / T + self._shift_rate[1],
-            rate,
+            pace * rate,
         )
+
+    def _pass_time(self, t: float, duration_s: float, dt: float) -> None:
+        """Go along the path: as planned, or so that it ends when it now should."""
+        if t >= duration_s:
+            self.time, self._pace = self._duration_s + (t - duration_s), 1.0
+        elif duration_s == self._duration_s and self._pace == 1.0:
+            self.time = t
+        else:
+            needed = (self._duration_s - self.time) / (duration_s - t + dt)
+            needed = min(max(needed, 0.0), FASTEST_PACE)
+            most = PACE_RATE * dt
+            self._pace += min(max(needed - self._pace, -most), most)
+            self.time = min(self.time + self._pace * dt, self._duration_s)
 
     def stay(self, xy: tuple[float, float], yaw: float) -> None:
         """Keep a place: a foot that bounced goes straight down again."""

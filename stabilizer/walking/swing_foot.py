@@ -51,6 +51,11 @@ class SwingFoot:
         """Heading of the path [rad]."""
         return self._path.yaw
 
+    @property
+    def time(self) -> float:
+        """How far the foot is on its path, as planned [s]."""
+        return self._path.time
+
     def lift(
         self, move: Move, soles: SolesAndCom, *, rise: float, climb: float
     ) -> None:
@@ -80,7 +85,13 @@ class SwingFoot:
         )
 
     def go_on(
-        self, side: int, soles: SolesAndCom, *, t: float, shift: tuple[float, float]
+        self,
+        side: int,
+        soles: SolesAndCom,
+        *,
+        t: float,
+        duration_s: float,
+        shift: tuple[float, float],
     ) -> None:
         """Follow the path.
 
@@ -88,12 +99,13 @@ class SwingFoot:
             side: the foot.
             soles: at the present state.
             t: since lift-off [s].
+            duration_s: until the touchdown as it is wanted now, since lift-off [s].
             shift: of its goal, by step adjustment [m].
         """
         path, ground, reference = self._path, self._ground, self.references[side]
         support = soles.p_sole[1 - side]
         slope_x, slope_y = ground.slope()
-        path.advance(t, shift=shift, dt=self._dt)
+        path.advance(t, duration_s=duration_s, shift=shift, dt=self._dt)
         x, y = path.xy
         across_x, across_y = x - support[0], y - support[1]
         level = support[2] + slope_x * across_x + slope_y * across_y
@@ -102,7 +114,7 @@ class SwingFoot:
         along = slope_x * v_x + slope_y * v_y
         reference.v[:] = v_x, v_y, path.height_rate + along + ground.velocity
         reference.a[:] = *path.xy_acceleration, path.height_acceleration
-        v_x, v_y, v_z = path.velocity_after(t, self._lead_s)
+        v_x, v_y, v_z = path.velocity_after(self._lead_s)
         along = slope_x * v_x + slope_y * v_y
         reference.v_ahead[:] = v_x, v_y, v_z + along + ground.velocity
         self._turn(reference)

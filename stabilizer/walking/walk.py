@@ -26,15 +26,22 @@ from surefoot.stabilizer.dynamics import (
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY, RobotModel
-from surefoot.stabilizer.walking.dcm import StepAdjustment
+from surefoot.stabilizer.walking.dcm import Point
 from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
-from surefoot.stabilizer.walking.footsteps import Foothold, mean_yaw, turned
+from surefoot.stabilizer.walking.footsteps import (
+    BETWEEN_SOLES_M,
+    Foothold,
+    mean_yaw,
+    swing_time,
+    turned,
+)
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.ground import (
     ExpectedGround,
     GroundMotion,
     HeightReference,
 )
+from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
@@ -104,7 +111,12 @@ class Walk:
             period_s=period_s,
         )
         speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
-        self.queue = StepQueue(settings, half_width=half_width, leg_speed=speed)
+        widths = sum(width for _, width in model.half_sizes)
+        nearest = settings.nearest_m or widths + BETWEEN_SOLES_M
+        self._leg_speed = speed
+        self.queue = StepQueue(
+            settings, half_width=half_width, nearest=nearest, leg_speed=speed
+        )
         self.state: WalkState | None = None
         self._told = WalkState()
         self._ground = ExpectedGround(
@@ -118,12 +130,18 @@ class Walk:
         )
         self.swing_tasks = self._swing.tasks
         self.swing_references = self._swing.references
-        self._adjustment = StepAdjustment(settings, omega=omega, period_s=period_s)
+        self._adjustment = StepAdjustment(
+            settings,
+            nearest=nearest,
+            half_sizes=model.half_sizes[0],
+            period_s=period_s,
+        )
         self._move: Move | None = None
+        self._lifted_at = (0.0, 0.0)
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
         self._standing_base: Mat = np.eye(3)
-        self._waited_s = 0.0
+        self._waited_s = self._paused_s = 0.0
         self._height = height
 
     @property
@@ -205,7 +223,9 @@ class Walk:
         self._note_touchdowns(soles)
         self._ground.update(soles, law, state.F_meas, feet=self.feet)
         self._told.ahead = self._ahead()
-        self.gait.advance(self._footholds(), self._told.ahead)
+        self.gait.advance(
+            self._footholds(), self._told.ahead, pause_at=self._pause_at()
+        )
         self._adjust(soles)
         self._follow_height(stance, state, soles)
         self._write_stance(stance, state)
@@ -309,7 +329,7 @@ class Walk:
                 return
             assert self._move is not None
             if self._contacts.in_contact[self._move.side]:
-                self._waited_s = 0.0
+                self._waited_s = self._paused_s = 0.0
                 if self._ahead():
                     gait.begin_double()
                 else:
@@ -320,13 +340,33 @@ class Walk:
             if is_down and rests and all(self._contacts.in_contact):
                 gait.stand()
 
+    def _pause_at(self) -> Point | None:
+        """Where the ZMP stays, both feet down, until the DCM is back; None to go on."""
+        gait, settings, told = self.gait, self._settings, self._told
+        if (
+            gait.phase is not Phase.DOUBLE
+            or settings.adjust != "both"
+            or self._paused_s >= settings.adjust_pause_s
+        ):
+            return None
+        x, y = (told.dcm - told.dcm_reference).tolist()
+        if math.hypot(x, y) < settings.adjust_pause_m:
+            return None
+        self._paused_s += self._dt
+        leaving = 1 - gait.support
+        if self.feet.states[leaving] is FootState.LEAVING:
+            self.feet.give_back(leaving)
+        x, y = told.dcm.tolist()
+        return x, y
+
     def _lift(self, side: int, soles: SolesAndCom) -> None:
         """Begin the next step."""
         move = self.queue.begin(self._footholds())
         assert move.side == side
         self._move = move
+        self._lifted_at = tuple(soles.p_sole[side][:2].tolist())
         self.feet.lift(side)
-        self._adjustment.begin()
+        self._adjustment.begin(move)
         level = self._anchors.level
         z = move.place.z
         self._swing.lift(move, soles, rise=z - level[1 - side], climb=z - level[side])
@@ -362,11 +402,23 @@ class Walk:
             moved = self._adjustment.update(
                 (x, y),
                 move,
+                gait=gait,
                 support=self._footholds()[gait.support],
-                left_s=gait.left_s,
-                double_s=move.double_s,
+                least_s=self._least_left_s(move),
             )
             self.queue.shift_by(*moved)
+
+    def _least_left_s(self, move: Move) -> float:
+        """How long the foot in the air needs to be where it should, at least [s]."""
+        x, y = self._adjustment.shift
+        start_x, start_y = self._lifted_at
+        least_s = swing_time(
+            math.hypot(move.place.x + x - start_x, move.place.y + y - start_y),
+            self._settings,
+            leg_speed=self._leg_speed,
+            lift=move.height_m,
+        )
+        return least_s * (1.0 - self._swing.time / move.single_s)
 
     def _write_stance(self, stance: Stance, state: ObservedState) -> None:
         gait, feet = self.gait, self._footholds()
@@ -392,7 +444,13 @@ class Walk:
             x, y, _ = self._anchors.p[side]
             self._swing.go_down(side, soles, (x, y), self._anchors.yaw[side])
         else:
-            self._swing.go_on(side, soles, t=self.gait.t, shift=self._adjustment.shift)
+            self._swing.go_on(
+                side,
+                soles,
+                t=self.gait.t,
+                duration_s=self.gait.duration_s,
+                shift=self._adjustment.shift,
+            )
 
     def _tell(self) -> None:
         """Bring what is told of the walk up to date."""

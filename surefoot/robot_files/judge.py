@@ -15,8 +15,10 @@ from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.nominal import (
+    ONE_FOOT_SHARE,
     Standing,
     capture_limits,
+    one_foot_share,
     reach_search,
     stand,
 )
@@ -307,6 +309,23 @@ def capture_finding(capture: Array) -> Finding:
     )
 
 
+def one_foot_finding(share: float) -> Finding:
+    """Judge whether the robot can stand on one foot, as it must to walk.
+
+    Args:
+        share: of its torque that a knee needs for it.
+    """
+    return _finding(
+        "one foot",
+        f"to carry the robot alone a knee needs {100.0 * share:.0f} % of its torque",
+        advice="it cannot walk so, nor stand when a foot lifts; bend the knees less "
+        "(surefoot new-robot --rise), or check torque_limit_nm"
+        if share > ONE_FOOT_SHARE
+        else "",
+        values={"knee_torque_share": share},
+    )
+
+
 class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
     """A robot file, judged.
 
@@ -341,6 +360,7 @@ def judge(robot: Robot, margins: LoopMargins) -> RobotFileReport:
         path=str(robot.path),
         findings=[
             *quick_findings(robot),
+            one_foot_finding(one_foot_share(model)),
             capture_finding(capture),
             *reach_findings(robot, search.reach()),
             _margins(margins),

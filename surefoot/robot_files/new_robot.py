@@ -312,14 +312,16 @@ def _note_posture(draft: Draft, nominal: NominalPosture) -> None:
         "found",
         f"nominal posture: soles level, centre of mass over their middle, knees at "
         f"{nominal.knee_angle(0):.2f} and {nominal.knee_angle(1):.2f} rad; from there "
-        f"it can sink by {-1e3 * sink:.0f} and rise by {1e3 * rise:.0f} mm",
+        f"it can sink by {-1e3 * sink:.0f} and rise by {1e3 * rise:.0f} mm; to carry "
+        f"it alone a knee needs {1e2 * nominal.one_foot_share:.0f} % of its torque",
     )
     asked_sink, asked_rise = nominal.asked_m
     if -sink < 0.9 * asked_sink or rise < 0.9 * asked_rise:
         draft.note(
             "left to you",
             f"that is less than asked for, {1e3 * asked_sink:.0f} and "
-            f"{1e3 * asked_rise:.0f} mm: joint ranges end before; see check-robot-file",
+            f"{1e3 * asked_rise:.0f} mm: joint ranges, or what a knee can carry, "
+            "end before; see check-robot-file",
         )
 
 

@@ -13,7 +13,11 @@ from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.scenario import Platform, Push, Scenario
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.model import RobotModel
-from surefoot.stabilizer.stance.nominal import capture_limits, reach_search
+from surefoot.stabilizer.stance.nominal import (
+    capture_limits,
+    one_foot_share,
+    reach_search,
+)
 from surefoot.stabilizer.stance.solver import Ground, GroundPose, ReachSearch
 
 SAMPLE_S = 0.01
@@ -73,6 +77,8 @@ def fit(
         words.append(f"the legs reach {100.0 * share:.0f} % of the ground's motion")
     if pushed > 1.0:
         words.append(f"a push is {pushed:.1f} times what the soles can catch")
+    if scenario.walk is not None and (needed := one_foot_share(model)) > 1.0:
+        words.append(f"one knee alone needs {100.0 * needed:.0f} % of its torque")
     return ScenarioFit(
         name=scenario.name,
         ground_share=share,
@@ -100,6 +106,11 @@ def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
     found = fit(scenario, robot)
     if not found.why:
         return scenario, ""
+    if found.ground_share == 1.0 and found.push_share <= 1.0:
+        raise UsageError(
+            f"{scenario.name}: {robot.file.name} cannot walk: {found.why}; see "
+            "surefoot check-robot-file"
+        )
     if found.ground_share < LEAST_SHARE:
         raise UsageError(
             f"{scenario.name}: {robot.file.name} reaches "

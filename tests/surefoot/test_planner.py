@@ -12,6 +12,7 @@ from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold, Pace
 from surefoot.stabilizer.walking.step_queue import StepQueue
 
+NEAREST_M = 0.17
 HALF_M = 0.11
 PACE = Pace(0.25, 0.0, 0.0, single_s=0.6, double_s=0.2, height_m=0.05)
 STATUS = WalkStatus(
@@ -75,7 +76,7 @@ def test_plans_are_taken_on_the_way(
     planner: VelocityPlanner, ahead: float, yaw_rate: float
 ) -> None:
     planner.pace = PACE._replace(ahead=ahead, yaw_rate=yaw_rate)
-    queue = StepQueue(WalkSettings(), half_width=HALF_M)
+    queue = StepQueue(WalkSettings(), half_width=HALF_M, nearest=NEAREST_M)
     feet = [Foothold(0.0, HALF_M, 0.0, 0.0), Foothold(0.0, -HALF_M, 0.0, 0.0)]
     assert queue.take(planner.plan(None), feet, walks=False) == ""
     walks = False

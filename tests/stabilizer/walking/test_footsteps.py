@@ -20,6 +20,7 @@ from surefoot.stabilizer.walking.footsteps import (
 )
 from surefoot.stabilizer.walking.step_queue import StepQueue
 
+NEAREST_M = 0.17
 HALF_M = 0.11
 ORIGIN = Foothold(0.0, 0.0, 0.0, 0.0)
 PACES = {
@@ -72,7 +73,7 @@ def test_steps_can_be_walked(name: str) -> None:
     plan = WalkPlan(
         schema=SCHEMA_VERSION, tick=0, stamp_ns=0, begin_tick=0, steps=steps(name)
     )
-    queue = StepQueue(WalkSettings(), half_width=HALF_M)
+    queue = StepQueue(WalkSettings(), half_width=HALF_M, nearest=NEAREST_M)
     feet = [ORIGIN.beside(0.0, HALF_M), ORIGIN.beside(0.0, -HALF_M)]
     assert queue.take(plan, feet, walks=False) == ""
     assert [step.id for step in plan.steps] == list(range(5, 17))

@@ -13,6 +13,7 @@ from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold
 from surefoot.stabilizer.walking.step_queue import CLOSING_ID, StepQueue
 
+NEAREST_M = 0.17
 HALF_M = 0.11
 LEFT, RIGHT = Foothold(0.0, HALF_M, 0.0, 0.0), Foothold(0.0, -HALF_M, 0.0, 0.0)
 FEET = [LEFT, RIGHT]
@@ -42,7 +43,7 @@ def plan(*steps: Step) -> WalkPlan:
 
 @pytest.fixture
 def queue() -> StepQueue:
-    return StepQueue(LIMITS, half_width=HALF_M)
+    return StepQueue(LIMITS, half_width=HALF_M, nearest=NEAREST_M)
 
 
 def test_the_other_foot_comes_beside_the_last_step(queue: StepQueue) -> None:
@@ -134,7 +135,9 @@ def test_messages_in_disorder_are_refused(steps: tuple[Step, ...], words: str) -
 def test_a_step_takes_as_long_as_the_drives_need() -> None:
     times = []
     for leg_speed in (10.0, 0.5):
-        queue = StepQueue(LIMITS, half_width=HALF_M, leg_speed=leg_speed)
+        queue = StepQueue(
+            LIMITS, half_width=HALF_M, nearest=NEAREST_M, leg_speed=leg_speed
+        )
         queue.take(plan(step(0)), FEET, walks=False)
         times.append(queue.begin(FEET).single_s)
     assert times[0] == step(0).single_s

@@ -1,0 +1,205 @@
+"""Place and time of the step under way, by a small QP, when the DCM leaves its plan.
+
+In single support with the ZMP at p the DCM xi moves away from it: after a time T it is
+p + s (xi - p), with s = exp(w T), as in Khadiv et al. 2016, "Step timing adjustment: a
+step toward generating robust gaits". Then, in double support of duration D, the ZMP
+moves evenly to the place u of the foot that has landed; and as that foot begins to
+carry alone the DCM should be at u + b, b being what the steps after it ask for. Both
+together say what place, time and offset fit each other:
+
+    s (xi - p) = g (u - p) + d b,    d = exp(-w D),    g = (1 - d) / (w D)
+
+which is linear in u, s and b. The QP leaves the plan for all three as little as it can,
+by weight, within what the legs reach and how fast they swing.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.stabilizer.qp import DenseQp, QpSolution
+from surefoot.stabilizer.walking.dcm import Point
+from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.gait import Gait
+from surefoot.stabilizer.walking.step_queue import Move
+
+EVERY_TICKS = 4
+"""The QP is solved so often."""
+_AHEAD, _ASIDE, _GROWTH = range(3)
+"""Unknowns: shift ahead and to the left [m], and s over its plan [1]."""
+
+
+class StepAdjustment:
+    """Where and when the present step is set off its plan.
+
+    Attributes:
+        shift: (x, y) of the present step [m].
+    """
+
+    def __init__(
+        self,
+        settings: WalkSettings,
+        *,
+        nearest: float,
+        half_sizes: tuple[float, float],
+        period_s: float,
+    ) -> None:
+        """Begin without a shift.
+
+        Args:
+            settings: dead band, weights, speed and limits.
+            nearest: least sideways distance of the feet [m].
+            half_sizes: half length and half width of a sole [m].
+            period_s: time between two updates [s].
+        """
+        self._settings, self._dt = settings, period_s
+        self._nearest, self._half_sizes = nearest, half_sizes
+        self.shift: Point = (0.0, 0.0)
+        self._goal: Point = (0.0, 0.0)
+        self._planned_s = 0.0
+        self._is_over = True
+        self._ticks = 0
+        self._is_outward = False
+        self._qp = DenseQp("step adjustment", n=3, m=0)
+        self._weights: Array = np.array([1.0, 1.0, settings.adjust_growth_m**2])
+        self._row: Array = np.zeros(3)
+
+    def begin(self, move: Move) -> None:
+        """Begin with another step."""
+        self.shift = self._goal = (0.0, 0.0)
+        self._planned_s = move.single_s
+        self._is_over = self._settings.adjust == "off"
+        self._ticks = 0
+
+    def stop(self) -> None:
+        """The foot is down: it stays where it is."""
+        self._is_over = True
+
+    def update(
+        self,
+        error: tuple[float, float],
+        move: Move,
+        *,
+        gait: Gait,
+        support: Foothold,
+        least_s: float,
+    ) -> tuple[float, float]:
+        """Advance by one tick; may change how long the gait's single support lasts.
+
+        Args:
+            error: of the DCM against its reference, odometry frame [m].
+            move: the step, as planned.
+            gait: tells time, ZMP and reference of the DCM.
+            support: foothold of the other foot.
+            least_s: that the foot needs to be there, from now on [s].
+
+        Returns:
+            (x, y) by which the steps after it are to be moved, too [m].
+        """
+        settings = self._settings
+        if self._is_over or gait.left_s < settings.adjust_until_s:
+            return 0.0, 0.0
+        ahead, left = _turned(error, support)
+        dead_ahead, dead_left = settings.adjust_dead_m
+        beyond = (_dead(ahead, dead_ahead), _dead(left, dead_left))
+        if self._ticks % EVERY_TICKS == 0 and any(beyond):
+            self._fill(beyond, move, gait, support)
+            self._bound(move, gait, support, least_s)
+            self._take(self._qp.solve(), gait, support)
+        self._ticks += 1
+        return self._follow_goal(support)
+
+    def _plan_left_s(self, gait: Gait) -> float:
+        """What the plan leaves of single support [s]."""
+        return max(self._planned_s - gait.t, self._settings.adjust_until_s)
+
+    def _fill(self, beyond: Point, move: Move, gait: Gait, support: Foothold) -> None:
+        """Write the cost: what is left over is b's part, and weighs most."""
+        settings, omega, qp, row = self._settings, gait.omega, self._qp, self._row
+        growth = math.exp(omega * self._plan_left_s(gait))
+        growth_now = math.exp(omega * gait.left_s)
+        spread = omega * move.double_s
+        d = math.exp(-spread)
+        g = -math.expm1(-spread) / spread
+        weight = (settings.adjust_offset_weight / d) ** 2
+        (p_x, p_y), (xi_x, xi_y) = gait.zmp, gait.dcm
+        place = _turned(self.shift, support)
+        outward = -1.0 if move.side == 0 else 1.0
+        reference = _turned((xi_x - p_x, xi_y - p_y), support)
+        qp.P.fill(0.0)
+        qp.P[range(3), range(3)] = self._weights
+        qp.q_lin.fill(0.0)
+        qp.q_lin[_GROWTH] = -self._weights[_GROWTH]
+        for axis in (_AHEAD, _ASIDE):
+            edge = self._half_sizes[axis]
+            if axis == _AHEAD or beyond[axis] * outward < 0.0:
+                edge *= settings.adjust_zmp_share
+            # The ankles end the error with the step, if the sole is large enough.
+            zmp = beyond[axis] * growth / (growth - 1.0)
+            zmp = min(max(zmp, -edge), edge)
+            xi = reference[axis] + beyond[axis] - zmp
+            if axis == _ASIDE:
+                self._is_outward = xi * outward > 0.0
+            # The reference, with the present shift and time, is led where it should.
+            led = growth_now * reference[axis] - g * place[axis]
+            row.fill(0.0)
+            row[axis], row[_GROWTH] = -g, growth * xi
+            qp.P += weight * np.outer(row, row)
+            qp.q_lin += (weight * (zmp - led)) * row
+
+    def _bound(self, move: Move, gait: Gait, support: Foothold, least_s: float) -> None:
+        """Write what the legs reach, and how soon and late the foot may land."""
+        settings, qp, omega = self._settings, self._qp, gait.omega
+        limit_x, limit_y = settings.adjust_limit_m
+        p_x, p_y, _ = move.place.seen_from(support)
+        qp.x_l[_AHEAD] = max(-limit_x, min(0.0, -settings.longest_m - p_x))
+        qp.x_u[_AHEAD] = min(limit_x, max(0.0, settings.longest_m - p_x))
+        low = max(-limit_y, min(0.0, self._nearest - abs(p_y)))
+        high = min(limit_y, max(0.0, settings.farthest_m - abs(p_y)))
+        if move.side == 1:
+            low, high = -high, -low
+        qp.x_l[_ASIDE], qp.x_u[_ASIDE] = low, high
+        left_s = self._plan_left_s(gait)
+        soonest = latest = left_s
+        if settings.adjust == "both":
+            soonest = max(least_s, settings.adjust_until_s)
+            if self._is_outward:
+                soonest = max(soonest, left_s)
+            latest = max(self._planned_s + settings.adjust_wait_s - gait.t, soonest)
+        qp.x_l[_GROWTH] = math.exp(omega * (soonest - left_s))
+        qp.x_u[_GROWTH] = math.exp(omega * (latest - left_s))
+
+    def _take(self, solution: QpSolution, gait: Gait, support: Foothold) -> None:
+        if solution.ok:
+            ahead, left, growth = solution.x.tolist()
+            self._goal = _turned((ahead, left), support, back=True)
+            left_s = self._plan_left_s(gait) + math.log(growth) / gait.omega
+            if left_s != gait.left_s:
+                gait.duration_s = gait.t + left_s
+
+    def _follow_goal(self, support: Foothold) -> Point:
+        """Move the shift towards its goal, no faster than a leg follows."""
+        most = self._dt * self._settings.adjust_rate_m_s
+        x, y = self._goal[0] - self.shift[0], self._goal[1] - self.shift[1]
+        share = min(1.0, most / max(math.hypot(x, y), most))
+        x, y = share * x, share * y
+        self.shift = (self.shift[0] + x, self.shift[1] + y)
+        # What follows keeps the way gained ahead, and half of that to the side.
+        ahead, left = _turned((x, y), support)
+        return _turned((ahead, 0.5 * left), support, back=True)
+
+
+def _turned(v: Point, foot: Foothold, *, back: bool = False) -> Point:
+    """Return a vector in the axes of a foothold, or from them in the odometry's."""
+    cos, sin = math.cos(foot.yaw), math.sin(foot.yaw)
+    if back:
+        sin = -sin
+    return cos * v[0] + sin * v[1], cos * v[1] - sin * v[0]
+
+
+def _dead(value: float, band: float) -> float:
+    return math.copysign(max(abs(value) - band, 0.0), value)

@@ -1,0 +1,196 @@
+"""A step changes place and time so that place, time and DCM fit each other again."""
+
+from __future__ import annotations
+
+import math
+
+import msgspec
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.gait import Gait
+from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
+from surefoot.stabilizer.walking.step_queue import Move
+
+# No rate limit, so that one solution is seen at once.
+SETTINGS = WalkSettings(adjust_rate_m_s=1e6)
+NEAREST_M = 0.17
+HALF_SIZES = (0.135, 0.077)
+DT, OMEGA = 1e-3, 3.8
+SINGLE_S, DOUBLE_S, T = 0.6, 0.2, 0.2
+
+
+class Step:
+    """A step of a walk on the spot or ahead, at T in its single support."""
+
+    def __init__(
+        self,
+        *,
+        side: int = 0,
+        ahead: float = 0.1,
+        yaw: float = 0.0,
+        settings: WalkSettings = SETTINGS,
+        at: float = T,
+    ) -> None:
+        across = 0.22 if side == 0 else -0.22
+        self.support = Foothold(1.0, 2.0, 0.0, yaw)
+        self.move = Move(
+            id=0,
+            side=side,
+            place=self.support.beside(ahead, across),
+            single_s=SINGLE_S,
+            double_s=DOUBLE_S,
+            height_m=0.05,
+        )
+        self.gait = Gait(settings, omega=OMEGA, com_offset=(0.0, 0.0), period_s=DT)
+        self.gait.support = 1 - side
+        self.gait.begin_single(self.move)
+        feet = [self.support, self.support]
+        feet[side] = self.move.place
+        after = Move(1, 1 - side, self.support.beside(ahead * 2, 0.0), 0.6, 0.2, 0.05)
+        self.gait.t = at - DT
+        self.gait.advance(feet, [after])
+        self.adjustment = StepAdjustment(
+            settings, nearest=NEAREST_M, half_sizes=HALF_SIZES, period_s=DT
+        )
+        self.adjustment.begin(self.move)
+
+    def push(self, ahead: float, left: float, *, least_s: float = 0.15) -> None:
+        """Have the DCM off by so much, in the axes of the support."""
+        cos, sin = math.cos(self.support.yaw), math.sin(self.support.yaw)
+        self.adjustment.update(
+            (cos * ahead - sin * left, sin * ahead + cos * left),
+            self.move,
+            gait=self.gait,
+            support=self.support,
+            least_s=least_s,
+        )
+
+    @property
+    def shift(self) -> tuple[float, float]:
+        """In the axes of the support."""
+        x, y = self.adjustment.shift
+        cos, sin = math.cos(self.support.yaw), math.sin(self.support.yaw)
+        return cos * x + sin * y, cos * y - sin * x
+
+    @property
+    def left_s(self) -> float:
+        return self.gait.duration_s - self.gait.t
+
+
+def test_an_error_within_the_dead_band_changes_nothing() -> None:
+    step = Step()
+    step.push(0.019, -0.014)
+    assert step.adjustment.shift == (0.0, 0.0)
+    assert step.gait.duration_s == SINGLE_S
+
+
+def test_an_error_that_the_ankles_can_end_changes_nothing() -> None:
+    step = Step()
+    step.push(0.05, 0.03)
+    assert step.shift == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert step.gait.duration_s == pytest.approx(SINGLE_S)
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("yaw", [0.0, 0.7, -2.5])
+def test_a_push_ahead_is_stepped_after(side: int, yaw: float) -> None:
+    step = Step(side=side, yaw=yaw)
+    step.push(0.12, 0.0)
+    ahead, left = step.shift
+    assert ahead > 0.05
+    assert abs(left) < ahead / 2
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_push_to_the_swing_side_is_stepped_after_sooner(side: int) -> None:
+    outward = 1.0 if side == 0 else -1.0
+    step = Step(side=side)
+    step.push(0.0, 0.08 * outward)
+    assert step.shift[1] * outward > 0.02
+    assert step.left_s < SINGLE_S - T - 0.03
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_feet_stay_apart_and_a_push_over_the_standing_foot_hurries_none(
+    side: int,
+) -> None:
+    over = -1.0 if side == 0 else 1.0
+    step = Step(side=side)
+    step.push(0.0, 0.15 * over)
+    assert abs(step.shift[1]) <= 0.22 - NEAREST_M + 1e-6
+    assert step.left_s >= SINGLE_S - T - 1e-6
+
+
+def test_a_leg_is_given_the_time_that_it_needs() -> None:
+    step = Step()
+    step.push(0.0, 0.1, least_s=0.37)
+    assert step.left_s >= 0.37 - 1e-6
+
+
+def test_a_single_support_is_made_longer_only_so_far() -> None:
+    """However often it is solved again."""
+    step = Step()
+    for _ in range(800):
+        step.gait.t += DT
+        if step.left_s > 0.0:
+            step.push(-0.12, -0.05)
+    assert step.gait.duration_s <= SINGLE_S + SETTINGS.adjust_wait_s + 1e-6
+
+
+def test_only_the_place_changes_when_only_that_may() -> None:
+    step = Step(settings=msgspec.structs.replace(SETTINGS, adjust="place"))
+    step.push(0.12, 0.05)
+    assert step.shift[0] > 0.03
+    assert step.gait.duration_s == pytest.approx(SINGLE_S)
+    still = Step(settings=msgspec.structs.replace(SETTINGS, adjust="off"))
+    still.push(0.12, 0.05)
+    assert still.adjustment.shift == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("error", [(0.05, 0.03), (-0.06, 0.05), (0.09, -0.03)])
+def test_it_is_the_least_departure_from_the_plan(error: tuple[float, float]) -> None:
+    """Against a search without the QP, with place, time and offset as they are."""
+    step = Step()
+    gait, settings = step.gait, SETTINGS
+    reference = np.subtract(gait.dcm, gait.zmp)
+    beyond = np.sign(error) * np.maximum(np.abs(error) - settings.adjust_dead_m, 0.0)
+    edge = np.array(HALF_SIZES) * settings.adjust_zmp_share
+    if beyond[1] < 0.0:
+        edge[1] = HALF_SIZES[1]
+    growth = math.exp(OMEGA * (SINGLE_S - T))
+    zmp = np.clip(beyond * growth / (growth - 1.0), -edge, edge)
+    d = math.exp(-OMEGA * DOUBLE_S)
+    g = (1.0 - d) / (OMEGA * DOUBLE_S)
+    left_s = SINGLE_S - T
+
+    def cost(unknowns: np.ndarray) -> float:
+        shift, s = unknowns[:2], unknowns[2]
+        planned = math.exp(OMEGA * left_s) * reference
+        xi = zmp + s * math.exp(OMEGA * left_s) * (reference + beyond - zmp)
+        off = (xi - planned - g * shift) / d
+        return float(
+            shift @ shift
+            + settings.adjust_growth_m**2 * (s - 1.0) ** 2
+            + settings.adjust_offset_weight**2 * off @ off
+        )
+
+    is_outward = (reference + beyond - zmp)[1] < 0.0
+    soonest = 1.0 if is_outward else math.exp(OMEGA * (0.15 - left_s))
+    best = minimize(
+        cost,
+        [0.0, 0.0, 1.0],
+        method="L-BFGS-B",
+        bounds=[
+            (-0.25, 0.25),
+            (NEAREST_M - 0.22, 0.2),
+            (soonest, math.exp(OMEGA * settings.adjust_wait_s)),
+        ],
+        options={"ftol": 1e-15, "gtol": 1e-10},
+    )
+    step.push(*error)
+    assert step.shift == pytest.approx(best.x[:2], abs=2e-4)
+    assert step.left_s == pytest.approx(left_s + math.log(best.x[2]) / OMEGA, abs=1e-3)
