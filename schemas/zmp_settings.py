@@ -190,10 +190,10 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     """Largest shift of a step, ahead and sideways [m]."""
     adjust_until_s: NonNegative = 0.15
     """No shift any more so long before the planned touchdown."""
-    nearest_m: Positive | None = None
-    """Least sideways distance of the feet; by default 15 mm between the soles [m]."""
+    between_soles_m: NonNegative = 0.015
+    """Least gap between the soles, sideways [m]."""
     farthest_m: Positive = 0.45
-    """Largest sideways distance of the feet [m]."""
+    """Largest sideways distance of the middles of the feet [m]."""
     longest_m: Positive = 0.5
     """Farthest that a foot may be set ahead of, or behind, the other [m]."""
     turn_limit_rad: Positive = 0.6

@@ -29,8 +29,6 @@ FOOT_SHARE = 0.75
 
 QUINTIC_PEAK = 1.875
 """Fastest of a quintic from rest to rest over its mean [1]."""
-BETWEEN_SOLES_M = 0.015
-"""Least gap between the soles, sideways."""
 LIFT_SHARE = 0.25
 """Fastest that a foot rises, as part of its leg's speed: by a bent knee alone [1]."""
 

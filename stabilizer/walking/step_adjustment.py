@@ -106,8 +106,7 @@ class StepAdjustment:
         ahead, left = _turned(error, support)
         dead_ahead, dead_left = settings.adjust_dead_m
         beyond = (_dead(ahead, dead_ahead), _dead(left, dead_left))
-        if self._ticks % EVERY_TICKS == 0 and any(beyond):
-            self._fill(beyond, move, gait, support)
+        if self._ticks % EVERY_TICKS == 0 and self._fill(beyond, move, gait, support):
             self._bound(move, gait, support, least_s)
             self._take(self._qp.solve(), gait, support)
         self._ticks += 1
@@ -117,10 +116,25 @@ class StepAdjustment:
         """What the plan leaves of single support [s]."""
         return max(self._planned_s - gait.t, self._settings.adjust_until_s)
 
-    def _fill(self, beyond: Point, move: Move, gait: Gait, support: Foothold) -> None:
-        """Write the cost: what is left over is b's part, and weighs most."""
+    def _fill(self, beyond: Point, move: Move, gait: Gait, support: Foothold) -> bool:
+        """Write the cost; return whether there is more than the ankles can end.
+
+        What is left over is b's part, and weighs most.
+        """
         settings, omega, qp, row = self._settings, gait.omega, self._qp, self._row
         growth = math.exp(omega * self._plan_left_s(gait))
+        outward = -1.0 if move.side == 0 else 1.0
+        half_length, half_width = self._half_sizes
+        share = settings.adjust_zmp_share
+        is_over = beyond[_ASIDE] * outward > 0.0
+        edges = (share * half_length, half_width if is_over else share * half_width)
+        # The ankles end the error with the step, if the sole is large enough.
+        wanted = [error * growth / (growth - 1.0) for error in beyond]
+        if all(abs(zmp) <= edge for zmp, edge in zip(wanted, edges, strict=True)):
+            return False
+        zmps = [
+            min(max(zmp, -edge), edge) for zmp, edge in zip(wanted, edges, strict=True)
+        ]
         growth_now = math.exp(omega * gait.left_s)
         spread = omega * move.double_s
         d = math.exp(-spread)
@@ -128,28 +142,21 @@ class StepAdjustment:
         weight = (settings.adjust_offset_weight / d) ** 2
         (p_x, p_y), (xi_x, xi_y) = gait.zmp, gait.dcm
         place = _turned(self.shift, support)
-        outward = -1.0 if move.side == 0 else 1.0
         reference = _turned((xi_x - p_x, xi_y - p_y), support)
         qp.P.fill(0.0)
         qp.P[range(3), range(3)] = self._weights
         qp.q_lin.fill(0.0)
         qp.q_lin[_GROWTH] = -self._weights[_GROWTH]
         for axis in (_AHEAD, _ASIDE):
-            edge = self._half_sizes[axis]
-            if axis == _AHEAD or beyond[axis] * outward < 0.0:
-                edge *= settings.adjust_zmp_share
-            # The ankles end the error with the step, if the sole is large enough.
-            zmp = beyond[axis] * growth / (growth - 1.0)
-            zmp = min(max(zmp, -edge), edge)
-            xi = reference[axis] + beyond[axis] - zmp
-            if axis == _ASIDE:
-                self._is_outward = xi * outward > 0.0
+            xi = reference[axis] + beyond[axis] - zmps[axis]
             # The reference, with the present shift and time, is led where it should.
             led = growth_now * reference[axis] - g * place[axis]
             row.fill(0.0)
             row[axis], row[_GROWTH] = -g, growth * xi
             qp.P += weight * np.outer(row, row)
-            qp.q_lin += (weight * (zmp - led)) * row
+            qp.q_lin += (weight * (zmps[axis] - led)) * row
+        self._is_outward = xi * outward > 0.0
+        return True
 
     def _bound(self, move: Move, gait: Gait, support: Foothold, least_s: float) -> None:
         """Write what the legs reach, and how soon and late the foot may land."""

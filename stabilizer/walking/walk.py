@@ -29,7 +29,6 @@ from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.walking.dcm import Point
 from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
 from surefoot.stabilizer.walking.footsteps import (
-    BETWEEN_SOLES_M,
     Foothold,
     mean_yaw,
     swing_time,
@@ -112,7 +111,7 @@ class Walk:
         )
         speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
         widths = sum(width for _, width in model.half_sizes)
-        nearest = settings.nearest_m or widths + BETWEEN_SOLES_M
+        nearest = widths + settings.between_soles_m
         self._leg_speed = speed
         self.queue = StepQueue(
             settings, half_width=half_width, nearest=nearest, leg_speed=speed

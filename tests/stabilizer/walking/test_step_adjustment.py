@@ -91,8 +91,8 @@ def test_an_error_within_the_dead_band_changes_nothing() -> None:
 def test_an_error_that_the_ankles_can_end_changes_nothing() -> None:
     step = Step()
     step.push(0.05, 0.03)
-    assert step.shift == pytest.approx((0.0, 0.0), abs=1e-9)
-    assert step.gait.duration_s == pytest.approx(SINGLE_S)
+    assert step.adjustment.shift == (0.0, 0.0)
+    assert step.gait.duration_s == SINGLE_S
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -151,7 +151,7 @@ def test_only_the_place_changes_when_only_that_may() -> None:
     assert still.adjustment.shift == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("error", [(0.05, 0.03), (-0.06, 0.05), (0.09, -0.03)])
+@pytest.mark.parametrize("error", [(0.1, 0.03), (-0.06, 0.08), (0.09, -0.1)])
 def test_it_is_the_least_departure_from_the_plan(error: tuple[float, float]) -> None:
     """Against a search without the QP, with place, time and offset as they are."""
     step = Step()

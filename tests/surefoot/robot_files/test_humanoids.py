@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -13,6 +14,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.stance.nominal import ONE_FOOT_SHARE, one_foot_share
 from tests.humanoids import make_humanoid
 
 LEVEL_M, LEVEL_RAD = 1e-4, 1e-3
@@ -55,3 +57,23 @@ def test_it_stands_and_its_run_is_the_same_over_the_bus(
     over_bus = sf.run(robot, SHORT)
     assert over_bus.outcome is Outcome.STOOD
     assert over_bus.result.log_sha256 == alone.result.log_sha256
+
+
+def test_its_knees_carry_it_on_one_foot(tmp_path: Path) -> None:
+    """JVRC-1's have 100 N m, and would need 114 where they were bent for the reach."""
+    robot = make_humanoid("jvrc", tmp_path).robot
+    assert 0.5 < one_foot_share(RobotModel(robot)) <= ONE_FOOT_SHARE + 0.01
+
+
+@pytest.mark.closed_loop
+@pytest.mark.usual("jvrc")
+@pytest.mark.parametrize("name", ["jvrc", "g1", "icub"])
+def test_it_walks_untuned(name: str, tmp_path: Path) -> None:
+    robot = make_humanoid(name, tmp_path).robot
+    walk = msgspec.structs.replace(sf.load_scenario("walk-flat-slow"), duration_s=8.0)
+    assert walk.walk is not None
+    speed = msgspec.structs.replace(walk.walk, velocity_m_s=0.15)
+    run = sf.simulate(robot, msgspec.structs.replace(walk, walk=speed))
+    assert run.outcome is Outcome.WALKED
+    assert run.result.steps_done is not None
+    assert run.result.steps_done >= 4

@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
-from surefoot.robot_files.judge import quick_findings, warnings_of
+import surefoot as sf
+from surefoot.errors import UsageError
+from surefoot.robot_files.judge import (
+    one_foot_finding,
+    quick_findings,
+    warnings_of,
+)
 from surefoot.robot_files.scenario_fit import fit, scale_to_robot
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.schemas.motions import SineMotion
 from surefoot.schemas.scenario import Platform, Push, Scenario
+from surefoot.schemas.walk_plan import Walk
+from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.nominal import (
     DIRECTIONS,
     capture_limits,
+    one_foot_share,
     reach_search,
     stand,
 )
+from surefoot.stabilizer.walking.feet import FootState
 
 WALKER = load_robot("walker")
 STILL = Scenario(name="still", duration_s=1.0)
@@ -67,6 +78,45 @@ def test_shipped_robots_have_no_warnings(name: str) -> None:
 def test_a_mistake_is_warned_of(robot: Robot, name: str, word: str) -> None:
     warned = [f for f in quick_findings(robot) if f.verdict == "warning"]
     assert any(name in f.name and word in f.advice for f in warned)
+
+
+def test_a_robot_whose_knees_are_too_weak_to_walk_is_told_so(tmp_path: Path) -> None:
+    needed = one_foot_share(RobotModel(WALKER))
+    assert one_foot_finding(needed).verdict == "ok"
+    strong, limit = 270.0, round(0.8 * needed * 270.0, 3)
+    urdf = tmp_path / "weak.urdf"
+    text = WALKER.urdf_path.read_text(encoding="utf-8")
+    urdf.write_text(text.replace(f'effort="{strong:g}"', f'effort="{limit}"'))
+    joints = [
+        msgspec.structs.replace(joint, torque_limit_nm=limit)
+        if joint.torque_limit_nm == strong
+        else joint
+        for joint in WALKER.file.joint
+    ]
+    file = msgspec.structs.replace(WALKER.file, joint=joints)
+    weak = make_robot(file, path=WALKER.path, urdf_path=urdf)
+    assert one_foot_share(RobotModel(weak)) == pytest.approx(1.25, rel=1e-3)
+    assert one_foot_finding(1.25).verdict == "warning"
+    walk = load_scenario("walk-flat-slow")
+    assert fit(walk, WALKER).why == ""
+    assert "125 % of its torque" in fit(walk, weak).why
+    with pytest.raises(UsageError, match="cannot walk"):
+        scale_to_robot(walk, weak)
+
+
+def test_one_foot_needs_what_the_simulated_knee_gives() -> None:
+    """In single support on level ground, slowly: within what moving the robot takes."""
+    scenario = Scenario(
+        name="slow step",
+        duration_s=9.0,
+        walk=Walk(velocity_m_s=0.01, start_s=0.5, step_s=1.2, double_s=0.8),
+    )
+    signals = sf.simulate(WALKER, scenario).signals
+    knee = WALKER.joint_names.index("right_knee")
+    alone = signals["foot_state"][:, 0] == list(FootState).index(FootState.SWING)
+    torque = np.abs(signals["effort"][alone, knee])
+    share = float(np.median(torque)) / WALKER.torque_limit[knee]
+    assert share == pytest.approx(one_foot_share(RobotModel(WALKER)), rel=0.15)
 
 
 def test_torques_hold_the_robot_as_the_simulators_do() -> None:
