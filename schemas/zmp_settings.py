@@ -169,6 +169,8 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     reference."""
     adjust_dead_m: tuple[NonNegative, NonNegative] = (0.02, 0.015)
     """Error of the DCM, ahead and sideways, that changes no step [m]."""
+    adjust_filter_s: Positive = 0.03
+    """Low-pass of that error: impacts shake it [s]."""
     adjust_growth_m: Positive = 0.13
     """A step that lasts so long that the DCM gets twice as far counts as much as one
     that is shifted by this [m]."""

@@ -60,6 +60,7 @@ class StepAdjustment:
         self._nearest, self._half_sizes = nearest, half_sizes
         self.shift: Point = (0.0, 0.0)
         self._goal: Point = (0.0, 0.0)
+        self._error: Point = (0.0, 0.0)
         self._planned_s = 0.0
         self._is_over = True
         self._ticks = 0
@@ -70,7 +71,7 @@ class StepAdjustment:
 
     def begin(self, move: Move) -> None:
         """Begin with another step."""
-        self.shift = self._goal = (0.0, 0.0)
+        self.shift = self._goal = self._error = (0.0, 0.0)
         self._planned_s = move.single_s
         self._is_over = self._settings.adjust == "off"
         self._ticks = 0
@@ -103,7 +104,11 @@ class StepAdjustment:
         settings = self._settings
         if self._is_over or gait.left_s < settings.adjust_until_s:
             return 0.0, 0.0
-        ahead, left = _turned(error, support)
+        old_x, old_y = self._error
+        blend = min(1.0, self._dt / settings.adjust_filter_s)
+        x, y = old_x + blend * (error[0] - old_x), old_y + blend * (error[1] - old_y)
+        self._error = (x, y)
+        ahead, left = _turned((x, y), support)
         dead_ahead, dead_left = settings.adjust_dead_m
         beyond = (_dead(ahead, dead_ahead), _dead(left, dead_left))
         if self._ticks % EVERY_TICKS == 0 and self._fill(beyond, move, gait, support):

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Mat
+from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
@@ -94,7 +94,7 @@ class Walk:
         self._has_odometry = anchors is not None
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
         self._contacts, self._anchors = contacts, anchors
-        self._weight = model.weight
+        self._weight, self._half_sizes = model.weight, model.half_sizes[0]
         left, right = stance.p_sole
         half_width = 0.5 * float(left[1] - right[1])
         middle = 0.5 * (left + right)
@@ -132,7 +132,7 @@ class Walk:
         self._adjustment = StepAdjustment(
             settings,
             nearest=nearest,
-            half_sizes=model.half_sizes[0],
+            half_sizes=self._half_sizes,
             period_s=period_s,
         )
         self._move: Move | None = None
@@ -349,7 +349,7 @@ class Walk:
         ):
             return None
         x, y = (told.dcm - told.dcm_reference).tolist()
-        if math.hypot(x, y) < settings.adjust_pause_m:
+        if math.hypot(x, y) < settings.adjust_pause_m or not self._is_held(told.dcm):
             return None
         self._paused_s += self._dt
         leaving = 1 - gait.support
@@ -357,6 +357,19 @@ class Walk:
             self.feet.give_back(leaving)
         x, y = told.dcm.tolist()
         return x, y
+
+    def _is_held(self, dcm: Array) -> bool:
+        """Whether a DCM is over the soles, where both feet can bring it back."""
+        feet = self._footholds()
+        support = feet[self.gait.support]
+        other = feet[1 - self.gait.support].seen_from(support)
+        x, y = dcm.tolist()
+        ahead, left, _ = Foothold(x, y, support.z, support.yaw).seen_from(support)
+        half_length, half_width = self._half_sizes
+        return bool(
+            min(0.0, other[0]) - half_length < ahead < max(0.0, other[0]) + half_length
+            and min(0.0, other[1]) - half_width < left < max(0.0, other[1]) + half_width
+        )
 
     def _lift(self, side: int, soles: SolesAndCom) -> None:
         """Begin the next step."""

@@ -15,8 +15,8 @@ from surefoot.stabilizer.walking.gait import Gait
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
 from surefoot.stabilizer.walking.step_queue import Move
 
-# No rate limit, so that one solution is seen at once.
-SETTINGS = WalkSettings(adjust_rate_m_s=1e6)
+# Neither rate limit nor low-pass, so that one solution is seen at once.
+SETTINGS = WalkSettings(adjust_rate_m_s=1e6, adjust_filter_s=1e-6)
 NEAREST_M = 0.17
 HALF_SIZES = (0.135, 0.077)
 DT, OMEGA = 1e-3, 3.8
@@ -139,6 +139,18 @@ def test_a_single_support_is_made_longer_only_so_far() -> None:
         if step.left_s > 0.0:
             step.push(-0.12, -0.05)
     assert step.gait.duration_s <= SINGLE_S + SETTINGS.adjust_wait_s + 1e-6
+
+
+def test_an_impact_that_shakes_the_dcm_changes_nothing() -> None:
+    """100 mm for 6 ms; for 60 ms it is a push."""
+    settings = msgspec.structs.replace(SETTINGS, adjust_filter_s=0.03)
+    shaken, pushed = Step(settings=settings), Step(settings=settings)
+    for step, ticks in ((shaken, 6), (pushed, 60)):
+        for _ in range(ticks):
+            step.push(0.1, 0.1)
+    assert shaken.shift == (0.0, 0.0)
+    assert pushed.shift[1] > 0.0
+    assert pushed.left_s < shaken.left_s
 
 
 def test_only_the_place_changes_when_only_that_may() -> None:
