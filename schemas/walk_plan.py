@@ -143,6 +143,10 @@ class WalkStep(FileStruct, frozen=True, kw_only=True):
     """How high the foot is lifted; the walk's when absent."""
 
 
+PLANNED_M_S = 0.5
+"""A planner may have the robot walk as fast."""
+
+
 class Walk(FileStruct, frozen=True, kw_only=True):
     """Walk instead of stand: with a velocity, or by footsteps."""
 
@@ -181,3 +185,13 @@ class Walk(FileStruct, frozen=True, kw_only=True):
     def yaw_rate(self) -> float:
         """Of the walk [rad/s]."""
         return math.radians(self.yaw_rate_deg_s)
+
+    def reach_m(self, duration_s: float) -> float:
+        """How far from its start a robot may get, by this plan or another's [m].
+
+        Args:
+            duration_s: of the scenario.
+        """
+        speed = max(math.hypot(self.velocity_m_s, self.lateral_m_s), PLANNED_M_S)
+        written = [math.hypot(*step.position_m) for step in self.step]
+        return max(speed * duration_s, *written, 0.0)

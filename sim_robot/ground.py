@@ -34,8 +34,10 @@ HALF_THICKNESS_M = 0.03
 SHARED_HALF_SIZE_M = (0.40, 0.45)
 """Half length (x) and half width (y) of a platform under both feet."""
 
-WALKED_HALF_SIZE_M = (12.0, 12.0)
-"""The same where the robot walks."""
+WALKED_HALF_SIZE_M = 12.0
+"""Both, at least, where the robot walks."""
+BEYOND_WALK_M = 2.0
+"""Ground goes on so far beyond a walk."""
 
 SINGLE_HALF_LENGTH_M = 0.30
 
@@ -120,7 +122,10 @@ def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...
     """
     left, right = start.soles_in_world
     soles = {"left": left, "right": right, "both": 0.5 * (left + right)}
-    shared = SHARED_HALF_SIZE_M if scenario.walk is None else WALKED_HALF_SIZE_M
+    shared = SHARED_HALF_SIZE_M
+    if scenario.walk is not None:
+        far = scenario.walk.reach_m(scenario.duration_s) + BEYOND_WALK_M
+        shared = (max(WALKED_HALF_SIZE_M, far),) * 2
     plans = []
     for at, platform in enumerate(scenario.platform):
         placed = [

@@ -13,7 +13,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.scenario import Scenario, Tile
 from surefoot.sim_robot.conventions import SIM_STEP_S
-from surefoot.sim_robot.ground import PlatformPlan, let_soles_touch
+from surefoot.sim_robot.ground import BEYOND_WALK_M, PlatformPlan, let_soles_touch
 from surefoot.sim_robot.robot_spec import Stance
 
 FLOOR_Z_M = -0.42
@@ -21,8 +21,10 @@ FLOOR_Z_M = -0.42
 _SHADOW_PIXELS = 8192
 _MAT_RIM_M = 0.025
 _MAT_HALF_THICKNESS_M = 0.0005
-FLOOR_M = ((-3.0, 12.0), (-6.0, 6.0))
-"""From where to where the floor goes along x and y: as far as a walk needs [m]."""
+Extent = tuple[float, float]
+Extents = tuple[Extent, Extent]
+FLOOR_M: Extents = ((-3.0, 12.0), (-6.0, 6.0))
+"""From where to where the floor goes along x and y, at least [m]."""
 FLOOR_THICKNESS_M = 0.06
 BELOW_M = 0.3
 """Tiles are blocks that reach so far below the floor, and below their own top [m]."""
@@ -190,7 +192,7 @@ def plan_still_ground(scenario: Scenario) -> tuple[StillGround, ...]:
     )
     if not tiles or scenario.platform:
         return tiles
-    return (*tiles, *_floor(tiles, friction=scenario.friction))
+    return (*tiles, *_floor(tiles, scenario))
 
 
 def add_still_ground(spec: mujoco.MjSpec, ground: StillGround, *, robot: Robot) -> None:
@@ -324,17 +326,23 @@ def _tile(index: int, tile: Tile, *, friction: float) -> StillGround:
 
 
 def _floor(
-    tiles: tuple[StillGround, ...], *, friction: float
+    tiles: tuple[StillGround, ...], scenario: Scenario
 ) -> tuple[StillGround, ...]:
     """Return the floor less the tiles' footprints, as few rectangles as rows allow."""
-    xs = sorted({*FLOOR_M[0], *(e for tile in tiles for e in _extent(tile, 0))})
-    ys = sorted({*FLOOR_M[1], *(e for tile in tiles for e in _extent(tile, 1))})
+    floor, walk = FLOOR_M, scenario.walk
+    if walk is not None:
+        far = walk.reach_m(scenario.duration_s) + BEYOND_WALK_M
+        leaves = walk.velocity_m_s < 0.0 or walk.yaw_rate_deg_s != 0.0
+        if leaves or far > floor[0][1]:
+            floor = ((-far, max(far, floor[0][1])), (-far, far))
+    xs = sorted({*floor[0], *(e for tile in tiles for e in _extent(tile, 0, floor))})
+    ys = sorted({*floor[1], *(e for tile in tiles for e in _extent(tile, 1, floor))})
     boxes: list[list[float]] = []  # x from, x to, y from, y to
     for x, x_next in itertools.pairwise(xs):
         strips: list[list[float]] = []
         for y, y_next in itertools.pairwise(ys):
             middle = 0.5 * (x + x_next), 0.5 * (y + y_next)
-            if any(_covers(tile, *middle) for tile in tiles):
+            if any(_covers(tile, *middle, floor) for tile in tiles):
                 continue
             if strips and strips[-1][3] == y:
                 strips[-1][3] = y_next
@@ -352,19 +360,19 @@ def _floor(
             top_centre=np.array([0.5 * (x + x_to), 0.5 * (y + y_to), 0.0]),
             R_world_top=np.eye(3),
             size=np.array([x_to - x, y_to - y, FLOOR_THICKNESS_M]),
-            friction=friction,
+            friction=scenario.friction,
         )
         for index, (x, x_to, y, y_to) in enumerate(boxes)
     )
 
 
-def _extent(tile: StillGround, axis: int) -> tuple[float, float]:
+def _extent(tile: StillGround, axis: int, floor: Extents) -> Extent:
     """From where to where a tile's place goes along an axis, within the floor [m]."""
     centre, half = float(tile.top_centre[axis]), 0.5 * float(tile.size[axis])
-    low, high = FLOOR_M[axis]
+    low, high = floor[axis]
     return min(max(centre - half, low), high), min(max(centre + half, low), high)
 
 
-def _covers(tile: StillGround, x: float, y: float) -> bool:
-    within_x, within_y = _extent(tile, 0), _extent(tile, 1)
+def _covers(tile: StillGround, x: float, y: float, floor: Extents) -> bool:
+    within_x, within_y = _extent(tile, 0, floor), _extent(tile, 1, floor)
     return within_x[0] < x < within_x[1] and within_y[0] < y < within_y[1]

@@ -195,6 +195,23 @@ def test_feet_without_a_platform_stand_on_fixed_ground(
     assert not one["ground_left"].in_scenario
 
 
+@pytest.mark.parametrize(
+    "walk",
+    [
+        {"velocity_m_s": 0.25},
+        {"velocity_m_s": -0.7},
+        {"step": [{"side": "left", "position_m": [290.0, 0.1]}]},
+    ],
+)
+@pytest.mark.parametrize("ground", [{}, {"platform": [{"foot": "both"}]}])
+def test_ground_lasts_for_a_walk_of_five_minutes(
+    make_scenario: Callable[..., Scenario], walk: dict[str, Any], ground: dict[str, Any]
+) -> None:
+    plans = plans_by_name(make_scenario(duration_s=300.0, walk=walk, **ground))
+    farthest = 290.0 if "step" in walk else 300.0 * abs(walk["velocity_m_s"])
+    assert plans["ground_both"].half_size[:2].min() > farthest
+
+
 def test_platforms_of_two_feet_lie_under_them_without_overlap(
     make_scenario: Callable[..., Scenario],
 ) -> None:

@@ -66,6 +66,22 @@ def test_floor_is_as_large_as_a_walk_needs() -> None:
         assert any(g.height_at(x, y) == 0.0 for g in ground)
 
 
+@pytest.mark.parametrize(
+    ("walk", "x", "y"),
+    [
+        ({"velocity_m_s": 0.25}, 75.0, 0.0),
+        ({"velocity_m_s": -0.25}, -75.0, 0.0),
+        ({"velocity_m_s": 0.25, "yaw_rate_deg_s": 3.0}, 0.0, -75.0),
+    ],
+)
+def test_ground_lasts_for_a_walk_of_five_minutes(
+    walk: dict[str, float], x: float, y: float
+) -> None:
+    tile = {"center_m": [1.0, 0.0], "size_m": [0.3, 0.3], "height_m": 0.02}
+    ground = plan_still_ground(_scenario(tile, duration_s=300.0, walk=walk))
+    assert any(g.height_at(x, y) == 0.0 for g in ground)
+
+
 def test_no_tiles_no_such_ground() -> None:
     assert plan_still_ground(_scenario()) == ()
 
