@@ -22,10 +22,13 @@ EDGE = (0.93, 0.98)
 """A sole pressed farther out than this begins to tip, and tips [1]."""
 LEAST_FORCE_N = 20.0
 """Below it a centre of pressure is noise."""
-HEIGHT_RESERVE_M = 0.03
-"""Kept between the centre of mass and the highest that the legs can do [m]."""
+STAIRS_RISE_SHARE = 0.625
+"""Of how far the legs let the centre of mass rise over its nominal height: what stairs
+of the plan may use [1]."""
 DEEPEST_KEPT_S = 6.0
 """Time constant with which a deep place of the ground is forgotten [s]."""
+PRESSED_N = 60.0
+"""Soles on which the ground presses more lie on it, or on an edge."""
 STEEPEST = 0.3
 """No ground is expected to slope by more than this [rad]."""
 
@@ -85,6 +88,7 @@ class ExpectedGround:
         self._off: int | None = None
         self.middle_over_support = 0.0
         self.edge_share = [1.0, 1.0]
+        self._pressed_at: tuple[float, float] | None = None
         self._half_sizes = half_sizes
         self._in_sole: Vec3 = _UP.copy()
 
@@ -109,6 +113,8 @@ class ExpectedGround:
             if self._off != off:
                 self.stand_on(soles, support=1 - off)
             self.from_one(soles, law, F_meas, support=1 - off)
+            if min(F_meas.item(2), F_meas.item(8)) > PRESSED_N:
+                self._agree(soles, support=1 - off)
         self._off = off
         if self.under is None:
             self.middle_over_support = 0.0
@@ -130,13 +136,7 @@ class ExpectedGround:
 
     def from_both(self, soles: SolesAndCom) -> None:
         """Look at both soles, which stand."""
-        left, right = (R[:, 2] for R in soles.R_world_sole)
-        mean = left + right
-        mean /= math.sqrt(mean @ mean)
-        line = soles.p_sole[1] - soles.p_sole[0]
-        apart = left - right
-        slope = (line @ mean) / max(math.sqrt(line @ line), 1e-3)
-        trust = math.exp(-(apart @ apart + slope * slope) / self._agreement**2)
+        mean, trust = self._common(soles)
         w_left, w_right = soles.v_sole[3:6], soles.v_sole[9:12]
         turn = soles.R_world_sole[0] @ w_left + soles.R_world_sole[1] @ w_right
         self.normal += (0.5 * trust * self._dt) * np.cross(turn, self.normal)
@@ -144,6 +144,26 @@ class ExpectedGround:
         self._normalise()
         self.velocity = 0.0
         self.turn[:] = 0.0
+
+    def _common(self, soles: SolesAndCom) -> tuple[Vec3, float]:
+        """Return the soles' mean normal, and how far they agree on one plane [1]."""
+        left, right = (R[:, 2] for R in soles.R_world_sole)
+        mean = left + right
+        mean /= math.sqrt(mean @ mean)
+        line = soles.p_sole[1] - soles.p_sole[0]
+        apart = left - right
+        slope = (line @ mean) / max(math.sqrt(line @ line), 1e-3)
+        return mean, math.exp(-(apart @ apart + slope * slope) / self._agreement**2)
+
+    def _agree(self, soles: SolesAndCom, *, support: int) -> None:
+        """Believe both soles that are pressed, as far as they agree.
+
+        One that is pressed at its edge may tip; two do not tip into one plane.
+        """
+        mean, trust = self._common(soles)
+        self.normal += (self._blend * trust) * (mean - self.normal)
+        self._normalise()
+        self._in_sole[:] = self.normal @ soles.R_world_sole[support]
 
     def stand_on(self, soles: SolesAndCom, *, support: int) -> None:
         """From now on one sole alone shows the ground.
@@ -153,6 +173,7 @@ class ExpectedGround:
             support: the foot that stands.
         """
         self._in_sole[:] = self.normal @ soles.R_world_sole[support]
+        self._pressed_at = None
         self.edge_share[:] = 1.0, 1.0
 
     def from_one(
@@ -180,11 +201,13 @@ class ExpectedGround:
         pressed = max(normal, LEAST_FORCE_N)
         x = min(max(-m_y / pressed, -half_length), half_length)
         y = min(max(m_x / pressed, -half_width), half_width)
-        roll_room, pitch_room = _room(abs(y) / half_width), _room(abs(x) / half_length)
-        shares = self.edge_share
-        shares[0] += blend * (roll_room - shares[0])
-        shares[1] += blend * (pitch_room - shares[1])
-        roll, pitch = shares
+        # Slow drives let the pressure jump from edge to edge: that tips nothing.
+        mean_x, mean_y = self._pressed_at or (x, y)
+        mean_x, mean_y = mean_x + blend * (x - mean_x), mean_y + blend * (y - mean_y)
+        self._pressed_at = (mean_x, mean_y)
+        pitch_room = _room(abs(mean_x) / half_length)
+        roll_room = _room(abs(mean_y) / half_width)
+        roll, pitch = self.edge_share = [roll_room, pitch_room]
         # What a sole that tips leaves on the ground is the point it is pressed at.
         v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
         turn = self.turn
@@ -238,7 +261,7 @@ class HeightReference:
             period_s: time between two updates [s].
         """
         self._dt, self._climb_rate = period_s, 1.0 / settings.climb_s
-        self._rise = com_rise - HEIGHT_RESERVE_M
+        self._stairs_rise = STAIRS_RISE_SHARE * com_rise
         self._blend = period_s / settings.height_s
         self._forget = period_s / DEEPEST_KEPT_S
         self._deepest = 0.0
@@ -274,9 +297,8 @@ class HeightReference:
         self._deepest = min(low, self._deepest + self._forget * (low - self._deepest))
         planned = self._planned
         stance.com_height -= planned[0]
-        highest = self._deepest + self._rise
-        stance.approach_ground(middle, highest=highest, share=self._blend)
-        self._climb(min(0.5 * (level_left + level_right), lowest + self._rise))
+        stance.approach_ground(middle, highest=self._deepest, share=self._blend)
+        self._climb(min(0.5 * (level_left + level_right), lowest + self._stairs_rise))
         stance.com_height += planned[0]
         stance.com_velocity[2], stance.com_acceleration[2] = planned[1:]
 

@@ -40,6 +40,7 @@ class SwingPath:
         height_rate: [m/s].
         height_acceleration: [m/s^2].
         time: on the path as planned, from lift-off [s].
+        start: (x, y) of the lift-off [m].
     """
 
     def __init__(self, settings: WalkSettings) -> None:
@@ -48,7 +49,7 @@ class SwingPath:
         self.xy = self.xy_rate = self.xy_acceleration = (0.0, 0.0)
         self.yaw = self.yaw_rate = 0.0
         self.height = self.height_rate = self.height_acceleration = 0.0
-        self._from = self._to = (0.0, 0.0)
+        self.start = self._to = (0.0, 0.0)
         self._yaw_from = self._yaw_to = 0.0
         self._height_from = self._rise = self._apex = 0.0
         self._duration_s = self._travel_s = 1.0
@@ -83,7 +84,7 @@ class SwingPath:
             duration_s: to the planned touchdown.
             climb: height of the foothold over the one that is left, by plan [m].
         """
-        self._from, self._to = xy, target
+        self.start, self._to = xy, target
         self._yaw_from = yaw
         self._yaw_to = yaw + math.remainder(target_yaw - yaw, math.tau)
         self._height_from, self._rise = height, rise
@@ -117,8 +118,8 @@ class SwingPath:
             pull -= 2.0 * SHIFT_RATE * self._shift_rate[i]
             self._shift_rate[i] += dt * pull
             self._shift[i] += dt * self._shift_rate[i]
-            way = self._to[i] - self._from[i]
-            xy[i] = self._from[i] + way * s + self._shift[i]
+            way = self._to[i] - self.start[i]
+            xy[i] = self.start[i] + way * s + self._shift[i]
             rate[i] = way * s_rate + self._shift_rate[i]
             acceleration[i] = way * s_acceleration + pull
         self.xy, self.xy_rate = (xy[0], xy[1]), (rate[0], rate[1])
@@ -145,7 +146,7 @@ class SwingPath:
         T = self._travel_s
         _, s_rate, _ = glide((t - self._travel_from_s) / T)
         s_rate *= pace
-        way_x, way_y = self._to[0] - self._from[0], self._to[1] - self._from[1]
+        way_x, way_y = self._to[0] - self.start[0], self._to[1] - self.start[1]
         _, rate, _ = self._height_at(t)
         return (
             way_x * s_rate / T + self._shift_rate[0],

@@ -8,6 +8,7 @@ from surefoot.schemas.arrays import Mat, Vec3
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
+from surefoot.stabilizer.walking.footsteps import swing_time
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
 from surefoot.stabilizer.walking.swing import SwingPath, SwingReference, SwingTask
@@ -27,6 +28,7 @@ class SwingFoot:
         ground: ExpectedGround,
         *,
         lead_s: float,
+        leg_speed: float,
         period_s: float,
     ) -> None:
         """Wait for a step.
@@ -35,9 +37,11 @@ class SwingFoot:
             settings: of walking.
             ground: read, not advanced.
             lead_s: by which the velocity is ahead: the lag of the servos [s].
+            leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
             period_s: time between two updates [s].
         """
         self._settings, self._lead_s, self._dt = settings, lead_s, period_s
+        self._leg_speed = leg_speed
         self._ground = ground
         self._path = SwingPath(settings)
         self.references = (SwingReference(), SwingReference())
@@ -51,10 +55,22 @@ class SwingFoot:
         """Heading of the path [rad]."""
         return self._path.yaw
 
-    @property
-    def time(self) -> float:
-        """How far the foot is on its path, as planned [s]."""
-        return self._path.time
+    def least_left_s(self, move: Move, shift: tuple[float, float]) -> float:
+        """Return how long the foot needs at least to be where it should [s].
+
+        Args:
+            move: the step, as planned.
+            shift: of its goal, by step adjustment [m].
+        """
+        path, place = self._path, move.place
+        start_x, start_y = path.start
+        least_s = swing_time(
+            math.hypot(place.x + shift[0] - start_x, place.y + shift[1] - start_y),
+            self._settings,
+            leg_speed=self._leg_speed,
+            lift=move.height_m,
+        )
+        return least_s * (1.0 - path.time / move.single_s)
 
     def lift(
         self, move: Move, soles: SolesAndCom, *, rise: float, climb: float

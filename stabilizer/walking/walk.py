@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.arrays import Mat
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
@@ -31,7 +31,6 @@ from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
 from surefoot.stabilizer.walking.footsteps import (
     Foothold,
     mean_yaw,
-    swing_time,
     turned,
 )
 from surefoot.stabilizer.walking.gait import Gait, Phase
@@ -40,7 +39,7 @@ from surefoot.stabilizer.walking.ground import (
     GroundMotion,
     HeightReference,
 )
-from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
+from surefoot.stabilizer.walking.step_adjustment import Pause, StepAdjustment
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
@@ -94,7 +93,7 @@ class Walk:
         self._has_odometry = anchors is not None
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
         self._contacts, self._anchors = contacts, anchors
-        self._weight, self._half_sizes = model.weight, model.half_sizes[0]
+        self._weight = model.weight
         left, right = stance.p_sole
         half_width = 0.5 * float(left[1] - right[1])
         middle = 0.5 * (left + right)
@@ -112,7 +111,6 @@ class Walk:
         speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
         widths = sum(width for _, width in model.half_sizes)
         nearest = widths + settings.between_soles_m
-        self._leg_speed = speed
         self.queue = StepQueue(
             settings, half_width=half_width, nearest=nearest, leg_speed=speed
         )
@@ -125,6 +123,7 @@ class Walk:
             settings,
             self._ground,
             lead_s=settings.lead_s + servo_lag_s,
+            leg_speed=speed,
             period_s=period_s,
         )
         self.swing_tasks = self._swing.tasks
@@ -132,15 +131,15 @@ class Walk:
         self._adjustment = StepAdjustment(
             settings,
             nearest=nearest,
-            half_sizes=self._half_sizes,
+            half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
+        self._pause = Pause(settings, half_sizes=model.half_sizes[0], period_s=period_s)
         self._move: Move | None = None
-        self._lifted_at = (0.0, 0.0)
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
         self._standing_base: Mat = np.eye(3)
-        self._waited_s = self._paused_s = 0.0
+        self._waited_s = 0.0
         self._height = height
 
     @property
@@ -208,7 +207,8 @@ class Walk:
                 self._follow_height(stance, state, soles)
             return
         normals = (state.F_meas.item(NORMAL), state.F_meas.item(6 + NORMAL))
-        self._go_on(normals, commanded or soles)
+        pause_at = self._pause_at()
+        self._go_on(normals, commanded or soles, pauses=pause_at is not None)
         if not self.is_walking:
             self._stand(stance)
             return
@@ -222,9 +222,7 @@ class Walk:
         self._note_touchdowns(soles)
         self._ground.update(soles, law, state.F_meas, feet=self.feet)
         self._told.ahead = self._ahead()
-        self.gait.advance(
-            self._footholds(), self._told.ahead, pause_at=self._pause_at()
-        )
+        self.gait.advance(self._footholds(), self._told.ahead, pause_at=pause_at)
         self._adjust(soles)
         self._follow_height(stance, state, soles)
         self._write_stance(stance, state)
@@ -295,7 +293,9 @@ class Walk:
         self._waited_s = 0.0
         return True
 
-    def _go_on(self, normals: tuple[float, float], soles: SolesAndCom) -> None:
+    def _go_on(
+        self, normals: tuple[float, float], soles: SolesAndCom, *, pauses: bool
+    ) -> None:
         """Go on to the next phase when this one is over."""
         gait, feet = self.gait, self.feet
         phase = gait.phase
@@ -304,6 +304,10 @@ class Walk:
                 feet.settle(side)
         if phase in (Phase.SHIFT, Phase.DOUBLE):
             leaving = 1 - gait.support
+            if pauses:
+                if feet.states[leaving] is FootState.LEAVING:
+                    feet.give_back(leaving)
+                return
             moves = self._ahead()
             if moves and feet.states[leaving] is FootState.PLANTED:
                 left = gait.left_share(self._footholds())
@@ -328,7 +332,8 @@ class Walk:
                 return
             assert self._move is not None
             if self._contacts.in_contact[self._move.side]:
-                self._waited_s = self._paused_s = 0.0
+                self._waited_s = 0.0
+                self._pause.begin()
                 if self._ahead():
                     gait.begin_double()
                 else:
@@ -341,42 +346,16 @@ class Walk:
 
     def _pause_at(self) -> Point | None:
         """Where the ZMP stays, both feet down, until the DCM is back; None to go on."""
-        gait, settings, told = self.gait, self._settings, self._told
-        if (
-            gait.phase is not Phase.DOUBLE
-            or settings.adjust != "both"
-            or self._paused_s >= settings.adjust_pause_s
-        ):
+        gait, told = self.gait, self._told
+        if gait.phase is not Phase.DOUBLE:
             return None
-        x, y = (told.dcm - told.dcm_reference).tolist()
-        if math.hypot(x, y) < settings.adjust_pause_m or not self._is_held(told.dcm):
-            return None
-        self._paused_s += self._dt
-        leaving = 1 - gait.support
-        if self.feet.states[leaving] is FootState.LEAVING:
-            self.feet.give_back(leaving)
-        x, y = told.dcm.tolist()
-        return x, y
-
-    def _is_held(self, dcm: Array) -> bool:
-        """Whether a DCM is over the soles, where both feet can bring it back."""
-        feet = self._footholds()
-        support = feet[self.gait.support]
-        other = feet[1 - self.gait.support].seen_from(support)
-        x, y = dcm.tolist()
-        ahead, left, _ = Foothold(x, y, support.z, support.yaw).seen_from(support)
-        half_length, half_width = self._half_sizes
-        return bool(
-            min(0.0, other[0]) - half_length < ahead < max(0.0, other[0]) + half_length
-            and min(0.0, other[1]) - half_width < left < max(0.0, other[1]) + half_width
-        )
+        return self._pause.at(told.dcm, gait, self._footholds())
 
     def _lift(self, side: int, soles: SolesAndCom) -> None:
         """Begin the next step."""
         move = self.queue.begin(self._footholds())
         assert move.side == side
         self._move = move
-        self._lifted_at = tuple(soles.p_sole[side][:2].tolist())
         self.feet.lift(side)
         self._adjustment.begin(move)
         level = self._anchors.level
@@ -416,21 +395,9 @@ class Walk:
                 move,
                 gait=gait,
                 support=self._footholds()[gait.support],
-                least_s=self._least_left_s(move),
+                least_s=self._swing.least_left_s(move, self._adjustment.shift),
             )
             self.queue.shift_by(*moved)
-
-    def _least_left_s(self, move: Move) -> float:
-        """How long the foot in the air needs to be where it should, at least [s]."""
-        x, y = self._adjustment.shift
-        start_x, start_y = self._lifted_at
-        least_s = swing_time(
-            math.hypot(move.place.x + x - start_x, move.place.y + y - start_y),
-            self._settings,
-            leg_speed=self._leg_speed,
-            lift=move.height_m,
-        )
-        return least_s * (1.0 - self._swing.time / move.single_s)
 
     def _write_stance(self, stance: Stance, state: ObservedState) -> None:
         gait, feet = self.gait, self._footholds()
