@@ -88,7 +88,6 @@ class ExpectedGround:
         self._off: int | None = None
         self.middle_over_support = 0.0
         self.edge_share = [1.0, 1.0]
-        self._pressed_at: tuple[float, float] | None = None
         self._half_sizes = half_sizes
         self._in_sole: Vec3 = _UP.copy()
 
@@ -173,7 +172,6 @@ class ExpectedGround:
             support: the foot that stands.
         """
         self._in_sole[:] = self.normal @ soles.R_world_sole[support]
-        self._pressed_at = None
         self.edge_share[:] = 1.0, 1.0
 
     def from_one(
@@ -201,13 +199,11 @@ class ExpectedGround:
         pressed = max(normal, LEAST_FORCE_N)
         x = min(max(-m_y / pressed, -half_length), half_length)
         y = min(max(m_x / pressed, -half_width), half_width)
-        # Slow drives let the pressure jump from edge to edge: that tips nothing.
-        mean_x, mean_y = self._pressed_at or (x, y)
-        mean_x, mean_y = mean_x + blend * (x - mean_x), mean_y + blend * (y - mean_y)
-        self._pressed_at = (mean_x, mean_y)
-        pitch_room = _room(abs(mean_x) / half_length)
-        roll_room = _room(abs(mean_y) / half_width)
-        roll, pitch = self.edge_share = [roll_room, pitch_room]
+        roll_room, pitch_room = _room(abs(y) / half_width), _room(abs(x) / half_length)
+        shares = self.edge_share
+        shares[0] += blend * (roll_room - shares[0])
+        shares[1] += blend * (pitch_room - shares[1])
+        roll, pitch = shares
         # What a sole that tips leaves on the ground is the point it is pressed at.
         v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
         turn = self.turn

@@ -92,20 +92,13 @@ SHIPPED = (
     *("walk-platform-slow", "walk-platform-fast", "walk-push", "walk-tiles"),
     *("walk-stairs", "walk-soft", "walk-seesaw"),
 )
-BEYOND = {"walk-platform-fast", "walk-tiles", "walk-seesaw"}
-"""With slow drives; why is in docs/walking.md."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("profile", ["ideal", "harmonic"])
 @pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_walks_are_walked_to_their_end(
-    request: pytest.FixtureRequest, name: str, profile: str
-) -> None:
+def test_shipped_walks_are_walked_to_their_end(name: str, profile: str) -> None:
     import surefoot as sf
 
-    if profile == "harmonic" and name in BEYOND:
-        why = "known not to be walked with slow drives"
-        request.applymarker(pytest.mark.xfail(reason=why, strict=True))
     run = sf.simulate("walker", name, servo_profile=profile, record=False)
     assert run.outcome is Outcome.WALKED, run.result.outcome_detail
