@@ -237,7 +237,9 @@ class Feet:
     @property
     def airborne(self) -> int | None:
         """The foot that is in the air, if any."""
-        return next((side for side in range(2) if self.is_airborne(side)), None)
+        if self.is_airborne(0):
+            return 0
+        return 1 if self.is_airborne(1) else None
 
     @property
     def arriving(self) -> int | None:

@@ -12,7 +12,7 @@ from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom
+from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom, cross
 from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.walking.feet import Feet, FootState
@@ -138,7 +138,7 @@ class ExpectedGround:
         mean, trust = self._common(soles)
         w_left, w_right = soles.v_sole[3:6], soles.v_sole[9:12]
         turn = soles.R_world_sole[0] @ w_left + soles.R_world_sole[1] @ w_right
-        self.normal += (0.5 * trust * self._dt) * np.cross(turn, self.normal)
+        self.normal += (0.5 * trust * self._dt) * cross(turn, self.normal)
         self.normal += self._blend * (_UP + trust * (mean - _UP) - self.normal)
         self._normalise()
         self.velocity = 0.0
@@ -212,7 +212,7 @@ class ExpectedGround:
         across = soles.p_sole[1 - support] - soles.p_sole[support]
         vertical = R[2] @ (v_x, v_y, v_z)
         self.velocity = float(vertical + turn[0] * across[1] - turn[1] * across[0])
-        self.normal += self._dt * np.cross(turn, self.normal)
+        self.normal += self._dt * cross(turn, self.normal)
         slope_x, slope_y = self.slope()
         self.middle_over_support = 0.5 * float(
             slope_x * across[0] + slope_y * across[1]

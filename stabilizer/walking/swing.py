@@ -11,7 +11,7 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.zmp_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
+from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, cross
 from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP, travel_part
 
 LATE_RAMP_S = 0.06
@@ -256,7 +256,7 @@ class SwingTask(Task):
         wanted = reference.a + self._kp * (reference.p - dynamics.p_sole[side])
         wanted += self._kd * reference.v
         # The Jacobian's rate is that of the spatial twist: less w x v than a point's.
-        out[:3] = wanted @ R - self._kd * v - np.cross(w, v)
+        out[:3] = wanted @ R - self._kd * v - cross(w, v)
         turn = pin.log3(R.T @ reference.R)
         out[3:] = self._kp * turn + self._kd * (reference.w @ R - w)
 
