@@ -1,6 +1,8 @@
-"""Where a controller tick goes: estimator, dynamics, both QPs, codec.
+"""Where a controller tick goes: estimator, dynamics, both QPs, walk, codec.
 
     python -m benchmarks.bench_tick [SCENARIO] [--ticks N]
+
+A table for each phase of a walk; a robot that stands has one.
 
 Plant and controller run in one process, as in ``surefoot run --inline``; each stage
 of the controller is timed where it is called, so caches are as cold as in a run. Set
@@ -27,11 +29,17 @@ US_PER_NS = 1e-3
 
 
 class Stopwatch:
-    """Collects durations of calls by name."""
+    """Collects durations of calls by name, and by phase.
+
+    Attributes:
+        phase: of the walk, for the calls to come.
+        durations_ns: by name and phase [ns].
+    """
 
     def __init__(self) -> None:
         """Start with nothing measured."""
-        self.durations_ns: dict[str, list[int]] = {}
+        self.phase = "stand"
+        self.durations_ns: dict[str, dict[str, list[int]]] = {}
 
     def wrap(self, owner: object, method: str, name: str) -> None:
         """Replace a method of one object by a timed one."""
@@ -40,24 +48,26 @@ class Stopwatch:
 
     def timed(self, function: Callable[..., Any], name: str) -> Callable[..., Any]:
         """Return the function, its calls timed under a name."""
-        durations = self.durations_ns.setdefault(name, [])
+        durations = self.durations_ns.setdefault(name, {})
         clock = time.perf_counter_ns
 
         def call(*args: Any, **kwargs: Any) -> Any:
             start = clock()
             result = function(*args, **kwargs)
-            durations.append(clock() - start)
+            durations.setdefault(self.phase, []).append(clock() - start)
             return result
 
         return call
 
-    def table(self) -> str:
-        """Return median, 99th percentile and maximum by name [us]."""
-        lines = [f"{'stage':<26}{'median':>9}{'p99':>9}{'max':>9}   [us]"]
-        for name, values in self.durations_ns.items():
-            times = np.array(values[WARM_UP_TICKS:]) * US_PER_NS
-            low, high = np.percentile(times, (50, 99))
-            lines.append(f"{name:<26}{low:9.1f}{high:9.1f}{times.max():9.1f}")
+    def table(self, phase: str) -> str:
+        """Return median, 99th percentile and maximum by name, in a phase [us]."""
+        lines = [f"{phase:<26}{'median':>9}{'p99':>9}{'max':>9}   [us]"]
+        skipped = WARM_UP_TICKS if phase == "stand" else 0
+        for name, durations in self.durations_ns.items():
+            times = np.array(durations.get(phase, [])[skipped:]) * US_PER_NS
+            if len(times):
+                low, high = np.percentile(times, (50, 99))
+                lines.append(f"{name:<26}{low:9.1f}{high:9.1f}{times.max():9.1f}")
         return "\n".join(lines)
 
 
@@ -65,6 +75,7 @@ def run(scenario_name: str, *, ticks: int) -> str:
     """Run a scenario and report the stages."""
     sim = Simulation("walker", scenario_name)
     controller = WholeBodyController(sim.robot, ControllerSettings())
+    walk = controller.walk
     watch = Stopwatch()
     watch.wrap(controller, "step", "controller tick")
     watch.wrap(controller.observer.estimator, "update", "  estimator")
@@ -73,6 +84,8 @@ def run(scenario_name: str, *, ticks: int) -> str:
     watch.wrap(controller.tsid, "solve", "  TSID")
     watch.wrap(controller.law, "update", "  wrench law")
     watch.wrap(controller.dik, "solve", "  DIK")
+    watch.wrap(walk, "update", "  walk: references")
+    watch.wrap(walk, "swing_twist", "  walk: swing twist")
     watch.wrap(sim.simulated.plant, "sense", "plant: sense")
     watch.wrap(sim.simulated.plant, "step", "plant: step")
     watch.wrap(sim.gate, "accept", "command gate")
@@ -80,11 +93,13 @@ def run(scenario_name: str, *, ticks: int) -> str:
     decode = watch.timed(_decode_snapshot, "codec: decode 4 sensors")
     with quiet_interpreter():
         for _ in range(ticks):
+            watch.phase = walk.gait.phase.value
             decode(encode(sim.snapshot))
             sim.step(controller)
             if sim.finished:
                 break
-    return watch.table()
+    phases = dict.fromkeys(p for d in watch.durations_ns.values() for p in d)
+    return "\n\n".join(watch.table(phase) for phase in phases)
 
 
 def _encode_snapshot(snapshot: Any) -> list[tuple[bytes, type[messages.Message]]]:

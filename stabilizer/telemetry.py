@@ -113,9 +113,9 @@ def _of_walk(walk: WalkState | None) -> tuple[Array | None, ...]:
     phase = _PHASES.index(walk.phase)
     left, right = (_FOOT_STATES.index(state) for state in walk.feet)
     return (
-        walk.dcm,
-        walk.dcm_reference,
-        walk.zmp_reference,
+        np.array(walk.dcm),
+        np.array(walk.dcm_reference),
+        np.array(walk.zmp_reference),
         walk.footholds,
         walk.goals,
         np.array((phase,)),

@@ -43,14 +43,14 @@ class WalkState:
         phase: of the walk.
         step: id of the step under way, or taken last; -1 brings the feet together.
         feet: what left and right foot are doing.
-        dcm: (2,) estimated divergent component of motion, odometry frame [m].
-        dcm_reference: (2,) where it should be [m].
-        zmp_reference: (2,) wanted zero-moment point [m].
+        dcm: estimated divergent component of motion, odometry frame [m].
+        dcm_reference: where it should be [m].
+        zmp_reference: wanted zero-moment point [m].
         footholds: (8,) x, y, z [m] and yaw [rad] of left and right foot: where they
             were set down, or are.
         goals: (8,) the same, of a foot in the air where it is being set.
         ahead: steps to come, as far as the reference looks.
-        shift: (2,) of the present step, by step adjustment [m].
+        shift: of the present step, by step adjustment [m].
         done: steps of plans that were set down.
         planned: steps of all plans that were taken.
         plan_stamp_ns: stamp of the last plan [ns].
@@ -67,12 +67,10 @@ class WalkState:
         self.moved: int | None = None
         self.step = self.last_step = -1
         self.feet = [FootState.PLANTED, FootState.PLANTED]
-        self.dcm: Array = np.zeros(2)
-        self.dcm_reference: Array = np.zeros(2)
-        self.zmp_reference: Array = np.zeros(2)
+        self.dcm = self.dcm_reference = self.zmp_reference = (0.0, 0.0)
         self.footholds: Array = np.zeros(8)
         self.goals: Array = np.zeros(8)
-        self.shift: Array = np.zeros(2)
+        self.shift = (0.0, 0.0)
         self.done = self.planned = 0
         self.ahead: Sequence[Move] = ()
         self.plan_stamp_ns = 0
@@ -93,16 +91,15 @@ class WalkState:
         Returns:
             How far the DCM is ahead of its reference, and to the left of it [m].
         """
-        np.divide(soles.v_com[:2], gait.omega, out=self.dcm)
-        self.dcm += soles.p_com[:2]
-        self.dcm_reference[:] = gait.dcm
-        self.zmp_reference[:] = gait.zmp
+        v, p, (xi_x, xi_y) = soles.v_com, soles.p_com, gait.dcm
+        x = v.item(0) / gait.omega + p.item(0)
+        y = v.item(1) / gait.omega + p.item(1)
+        self.dcm, self.dcm_reference, self.zmp_reference = (x, y), gait.dcm, gait.zmp
         self._ticks += 1
-        off = (self.dcm - self.dcm_reference).tolist()
-        for axis, error in enumerate(map(abs, off)):
+        ahead, left = x - xi_x, y - xi_y
+        for axis, error in enumerate((abs(ahead), abs(left))):
             self._squares[axis] += error * error
             self._largest[axis] = max(self._largest[axis], error)
-        ahead, left = off
         return ahead, left
 
     def touch(self, *, off: float, late_s: float) -> None:
@@ -139,7 +136,6 @@ class WalkState:
         """
         left, right = self.feet
         places = self.footholds.tolist(), self.goals.tolist()
-        x, y = self.shift.tolist()
         return WalkStatus(
             schema=SCHEMA_VERSION,
             tick=tick,
@@ -159,10 +155,10 @@ class WalkState:
             ahead=[list(map(float, move.place)) for move in self.ahead]
             if self.phase is not Phase.STAND
             else [],
-            shift=[x, y],
-            dcm=self.dcm.tolist(),
-            dcm_reference=self.dcm_reference.tolist(),
-            zmp_reference=self.zmp_reference.tolist(),
+            shift=list(self.shift),
+            dcm=list(self.dcm),
+            dcm_reference=list(self.dcm_reference),
+            zmp_reference=list(self.zmp_reference),
             plan_stamp_ns=self.plan_stamp_ns,
             refusal=self.refusal,
         )

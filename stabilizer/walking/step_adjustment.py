@@ -16,7 +16,7 @@ by weight, within what the legs reach and how fast they swing.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -88,7 +88,7 @@ class StepAdjustment:
         *,
         gait: Gait,
         support: Foothold,
-        least_s: float,
+        least_left_s: Callable[[Move, Point], float],
     ) -> tuple[float, float]:
         """Advance by one tick; may change how long the gait's single support lasts.
 
@@ -97,7 +97,7 @@ class StepAdjustment:
             move: the step, as planned.
             gait: tells time, ZMP and reference of the DCM.
             support: foothold of the other foot.
-            least_s: that the foot needs to be there, from now on [s].
+            least_left_s: tells what the foot needs from now on, for a shift [s].
 
         Returns:
             (x, y) by which the steps after it are to be moved, too [m].
@@ -113,7 +113,7 @@ class StepAdjustment:
         dead_ahead, dead_left = settings.adjust_dead_m
         beyond = (_dead(ahead, dead_ahead), _dead(left, dead_left))
         if self._ticks % EVERY_TICKS == 0 and self._fill(beyond, move, gait, support):
-            self._bound(move, gait, support, least_s)
+            self._bound(move, gait, support, least_left_s(move, self.shift))
             self._take(self._qp.solve(), gait, support)
         self._ticks += 1
         return self._follow_goal(support)
@@ -231,11 +231,11 @@ class Pause:
         """Begin with another double support."""
         self._paused_s = 0.0
 
-    def at(self, dcm: Array, gait: Gait, feet: Sequence[Foothold]) -> Point | None:
+    def at(self, dcm: Point, gait: Gait, feet: Sequence[Foothold]) -> Point | None:
         """Advance by one tick of double support.
 
         Args:
-            dcm: (2,) where it is [m].
+            dcm: where it is [m].
             gait: tells where it should be.
             feet: left and right.
 
@@ -243,7 +243,7 @@ class Pause:
             Where the ZMP is to stay for now [m]; None to go on.
         """
         settings = self._settings
-        x, y = dcm.tolist()
+        x, y = dcm
         off = math.hypot(x - gait.dcm[0], y - gait.dcm[1])
         if (
             settings.adjust != "both"

@@ -78,6 +78,8 @@ class StepQueue:
         self.last: Move | None = None
         self.begun = CLOSING_ID
         self.planned = 0
+        self._known: list[Move] = []
+        self._known_for: tuple[object, ...] | None = None
 
     def __len__(self) -> int:
         """Steps of the plan that have not begun."""
@@ -107,8 +109,7 @@ class StepQueue:
             for step in plan.steps
             if step.id > self.begun
         ]
-        self.planned -= len(self._steps)
-        self._steps.clear()
+        self.drop()
         self.shift = (0.0, 0.0)
         why = self._why_not(moves, feet, walks=walks)
         if not why:
@@ -120,6 +121,7 @@ class StepQueue:
         """Forget all steps to come; the feet come together."""
         self.planned -= len(self._steps)
         self._steps.clear()
+        self._known_for = None
 
     def ahead(self, feet: Sequence[Foothold], count: int) -> list[Move]:
         """Return the steps to come, the closing one included.
@@ -127,9 +129,18 @@ class StepQueue:
         Args:
             feet: where left and right foot are, or are being set.
             count: as many, if there are.
+
+        Returns:
+            The steps; the same list as long as nothing changes them.
         """
-        x, y = self.shift
-        places, moves = list(feet), []
+        asked = (*feet, self.shift, count)
+        if asked != self._known_for:
+            self._known, self._known_for = self._look_ahead(feet, count), asked
+        return self._known
+
+    def _look_ahead(self, feet: Sequence[Foothold], count: int) -> list[Move]:
+        (x, y), places = self.shift, list(feet)
+        moves: list[Move] = []
         for move in itertools.islice(self._steps, count):
             p = move.place
             place = Foothold(p.x + x, p.y + y, p.z, p.yaw)
@@ -150,7 +161,7 @@ class StepQueue:
         move = self.ahead(feet, 1)[0]
         if self._steps:
             self._steps.popleft()
-        self.last = move
+        self.last, self._known_for = move, None
         self.begun = max(self.begun, move.id)
         return move
 

@@ -139,8 +139,11 @@ class Walk:
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
         self._standing_base: Mat = np.eye(3)
+        self._walking_base: Mat = np.eye(3)
         self._waited_s = 0.0
         self._height = height
+        self._places: list[Foothold] | None = None
+        self._base_yaw: float | None = None
 
     @property
     def is_walking(self) -> bool:
@@ -207,6 +210,7 @@ class Walk:
                 self._follow_height(stance, state, soles)
             return
         normals = (state.F_meas.item(NORMAL), state.F_meas.item(6 + NORMAL))
+        self._places = None
         pause_at = self._pause_at()
         self._go_on(normals, commanded or soles, pauses=pause_at is not None)
         if not self.is_walking:
@@ -219,6 +223,7 @@ class Walk:
         is_due = is_single and gait.left_s == 0.0
         if move is not None and is_due and self._blind[move.side]:
             self.feet.set_down(move.side)
+        self._places = None
         self._note_touchdowns(soles)
         self._ground.update(soles, law, state.F_meas, feet=self.feet)
         self._told.ahead = self._ahead()
@@ -255,8 +260,11 @@ class Walk:
     def _footholds(self) -> list[Foothold]:
         """Where the feet are; of the one on its way, where it is being set.
 
-        Heights are those of the plan: estimated ones drift on ground that moves.
+        Heights are those of the plan: estimated ones drift on ground that moves. Kept
+        until something moves them: the estimator, a lift-off or touchdown, a shift.
         """
+        if self._places is not None:
+            return self._places
         yaws, level = self._anchors.yaw, self._anchors.level
         feet = [
             Foothold(x, y, level[side], yaws[side])
@@ -267,6 +275,7 @@ class Walk:
             x, y = self._adjustment.shift
             p = move.place
             feet[move.side] = Foothold(p.x + x, p.y + y, p.z, p.yaw)
+        self._places = feet
         return feet
 
     def _ahead(self) -> list[Move]:
@@ -276,6 +285,7 @@ class Walk:
 
     def _begins(self, state: ObservedState, stance: Stance, tick: int) -> bool:
         """Begin to walk when it is time for the first step."""
+        self._places = None
         if (
             not len(self.queue)
             or tick < self._begin_tick
@@ -287,6 +297,7 @@ class Walk:
         self._standing_base[:] = turned(-mean_yaw(feet[0].yaw, feet[1].yaw)) @ (
             stance.R_base
         )
+        self._base_yaw = None
         self._anchors.by_load = True
         x, y = stance.com[:2].tolist()
         self.gait.begin_shift(1 - moves[0].side, feet, moves, com=(x, y))
@@ -362,6 +373,7 @@ class Walk:
         z = move.place.z
         self._swing.lift(move, soles, rise=z - level[1 - side], climb=z - level[side])
         level[side] = z
+        self._places = None
         self.gait.begin_single(move)
         self._told.step, self._told.moved = move.id, side
         self._told.last_step = self.queue.begun
@@ -395,9 +407,10 @@ class Walk:
                 move,
                 gait=gait,
                 support=self._footholds()[gait.support],
-                least_s=self._swing.least_left_s(move, self._adjustment.shift),
+                least_left_s=self._swing.least_left_s,
             )
             self.queue.shift_by(*moved)
+            self._places = None
 
     def _write_stance(self, stance: Stance, state: ObservedState) -> None:
         gait, feet = self.gait, self._footholds()
@@ -408,10 +421,12 @@ class Walk:
         airborne = self.feet.airborne
         if airborne is not None:
             yaws[airborne] = self._swing.yaw
-        stance.R_base[:] = turned(mean_yaw(*yaws)) @ self._standing_base
+        if (yaw := mean_yaw(*yaws)) != self._base_yaw:
+            self._base_yaw = yaw
+            np.matmul(turned(yaw), self._standing_base, out=self._walking_base)
+        stance.R_base[:] = self._walking_base
         for side in range(2):
-            x, y, z = self._anchors.p[side]
-            stance.p_sole[side][:] = x, y, z
+            stance.p_sole[side][:] = self._anchors.p[side]
             stance.yaw_sole[side] = self._anchors.yaw[side]
         self.feet.share_load(gait.left_share(feet), stance, state)
         if gait.phase is Phase.SINGLE:
@@ -436,7 +451,7 @@ class Walk:
         told = self._told
         told.phase, told.phase_s = self.gait.phase, self.gait.t
         told.feet = self.feet.states
-        told.shift[:] = self._adjustment.shift
+        told.shift = self._adjustment.shift
         told.see(self._anchors, self._footholds())
 
     def _stand(self, stance: Stance) -> None:

@@ -1,0 +1,434 @@
+"""Walks over many grounds, terrains and pushes: how many are walked to their end.
+
+    python -m benchmarks.walks [--only tiles push] [--count 50] [--out FOLDER]
+        [--controllers whole-body zmp] [--servo-profiles ideal harmonic]
+        [--set KEY=VALUE] [--figure pushes.svg]
+
+The k-th run of a line has noise seed k; its terrain, its push and where on the way of
+the ground it begins are drawn with k, too. Writes Markdown: runs walked, Wilson's 95 %
+interval of that share, and for the worst run that was walked the DCM's error, the
+placement's and the largest force of a touchdown. ``--out`` keeps finished runs, so that
+a study that was ended goes on; ``--figure`` draws pushes. A line of your own is an
+entry of ``LINES``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import random
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+
+from surefoot import load_scenario
+from surefoot.run_plan import RunPlan
+from surefoot.runs import run_inline
+from surefoot.schemas.motions import PrtsMotion
+from surefoot.schemas.reasons import Outcome
+from surefoot.schemas.scenario import Platform, Scenario, Tile
+from surefoot.schemas.scenario_robot import Delay, ModelError
+from surefoot.schemas.walk_plan import Walk, WalkStep
+from surefoot.studies.cell import Row, figures_of, plan_in
+from surefoot.studies.execute import execute
+from surefoot.studies.store import StudyStore
+from surefoot.studies.study import success_interval
+
+FIGURES = (
+    "dcm_error_rms_mm",
+    "dcm_error_max_mm",
+    "touchdown_peak_n",
+    "placement_error_max_mm",
+    "steps_done",
+    "steps_planned",
+)
+DIRECTIONS = 16
+PUSH_FROM_S, PUSH_WITHIN_S = 4.0, 1.6
+"""Of the pushes: the earliest, and for how long they are drawn from: two steps."""
+AFTER_PUSH_S = 4.5
+"""Of the run, after its push: five steps and more."""
+HALF_WIDTH_M = 0.11
+"""Of the Walker's stance."""
+replace = msgspec.structs.replace
+
+
+def drawn(number: int, *, line: str) -> random.Random:
+    """Return what the run of a line draws from."""
+    return random.Random(f"{line} {number}")
+
+
+def shipped(name: str) -> Callable[[int], Scenario]:
+    """Return a line that is a shipped scenario, whatever the number."""
+    return lambda number: load_scenario(name)
+
+
+def later(name: str, *, within_s: float) -> Callable[[int], Scenario]:
+    """Return a line that begins to walk later, anywhere on the way of its ground."""
+
+    def make(number: int) -> Scenario:
+        scenario = load_scenario(name)
+        assert scenario.walk is not None
+        wait = round(within_s * drawn(number, line=name).random(), 3)
+        walk = replace(scenario.walk, start_s=scenario.walk.start_s + wait)
+        return replace(scenario, walk=walk, duration_s=scenario.duration_s + wait)
+
+    return make
+
+
+def tiles(height_mm: float, tilt_deg: float) -> Callable[[int], Scenario]:
+    """Return a line over unknown tiles, one under each foothold."""
+
+    def make(number: int) -> Scenario:
+        draw = drawn(number, line="tiles")
+        scenario = load_scenario("walk-tiles")
+        assert scenario.walk is not None
+        high = max(0.08, 0.08 + 2.0 * (height_mm - 25.0) / 1e3)
+        return replace(
+            scenario,
+            walk=replace(scenario.walk, height_m=high),
+            tile=[
+                uneven(tile, draw, height_mm=height_mm, tilt_deg=tilt_deg)
+                for tile in scenario.tile
+            ],
+        )
+
+    return make
+
+
+def borders(number: int) -> Scenario:
+    """Return tiles as those of 25 mm and 5 deg whose borders run under footholds."""
+    draw = drawn(number, line="borders")
+    scenario = load_scenario("walk-tiles")
+    ahead, aside = 0.4, 0.21
+    moved = [
+        replace(
+            tile,
+            center_m=[tile.center_m[0] + 0.5 * ahead, tile.center_m[1]],
+            size_m=[ahead, aside],
+        )
+        for tile in scenario.tile
+    ]
+    return replace(
+        scenario,
+        tile=[uneven(tile, draw, height_mm=25.0, tilt_deg=5.0) for tile in moved],
+    )
+
+
+def uneven(
+    tile: Tile, draw: random.Random, *, height_mm: float, tilt_deg: float
+) -> Tile:
+    """Return a tile with another height and tilt, each drawn evenly."""
+    return replace(
+        tile,
+        height_m=round(draw.uniform(-height_mm, height_mm) / 1e3, 4),
+        roll_deg=round(draw.uniform(-tilt_deg, tilt_deg), 2),
+        pitch_deg=round(draw.uniform(-tilt_deg, tilt_deg), 2),
+    )
+
+
+def stop_and_go(number: int) -> Scenario:
+    """Return a walk of 0.25 m/s that stands for two seconds after every four steps."""
+    scenario = load_scenario("walk-flat-slow")
+    steps = [
+        WalkStep(
+            side=("left", "right")[i % 2],
+            position_m=(0.2 * (i + 1), (-1) ** i * HALF_WIDTH_M),
+            double_s=2.0 if i % 4 == 3 else None,
+        )
+        for i in range(16)
+    ]
+    return replace(scenario, walk=Walk(start_s=1.0, step=steps))
+
+
+def prts_in_place(number: int) -> Scenario:
+    """Return steps in place on ground that tilts as in human balance studies."""
+    scenario = load_scenario("walk-flat-slow")
+    axis = ("pitch", "roll")[number % 2]
+    start_s = round(1.0 + 8.0 * drawn(number, line="prts").random(), 3)
+    steps = [
+        WalkStep(side=("left", "right")[i % 2], position_m=(0.0, (-1) ** i * 0.11))
+        for i in range(16)
+    ]
+    return replace(
+        scenario,
+        duration_s=start_s + 16.0,
+        walk=Walk(start_s=start_s, step=steps, height_m=0.06),
+        platform=[
+            Platform(
+                foot="both",
+                motion=[PrtsMotion(axis=axis, peak_to_peak_deg=8.0, start_s=0.5)],
+            )
+        ],
+    )
+
+
+def push(impulse_n_s: float) -> Callable[[int], Scenario]:
+    """Return a line of pushes: the k-th from k/16 of a turn, at a time drawn."""
+
+    def make(number: int) -> Scenario:
+        scenario = load_scenario("walk-push")
+        [one] = scenario.push
+        angle, at_s = push_of(number)
+        force = impulse_n_s / one.duration_s
+        along = [force * math.cos(angle), force * math.sin(angle), 0.0]
+        return replace(
+            scenario,
+            push=[replace(one, force_n=along, start_s=at_s)],
+            duration_s=at_s + AFTER_PUSH_S,
+        )
+
+    return make
+
+
+def push_of(number: int) -> tuple[float, float]:
+    """Return direction [rad] and time [s] of the k-th push."""
+    angle = math.tau * (number % DIRECTIONS) / DIRECTIONS
+    within_s = PUSH_WITHIN_S * drawn(number, line="push").random()
+    return angle, round(PUSH_FROM_S + within_s, 3)
+
+
+def stairs(number: int) -> Scenario:
+    """Return three stairs of 10 cm, each off by up to 15 mm of what is planned."""
+    draw = drawn(number, line="stairs")
+    scenario = load_scenario("walk-stairs")
+    off = [
+        replace(tile, height_m=round(tile.height_m + draw.uniform(-0.015, 0.015), 4))
+        for tile in scenario.tile
+    ]
+    return replace(scenario, tile=off)
+
+
+def model_errors(number: int) -> Scenario:
+    """Return a walk of a robot that is not quite what the controller believes."""
+    draw = drawn(number, line="model errors")
+    scenario = load_scenario("walk-flat-slow")
+
+    def either(size: float) -> list[float]:
+        return [round(draw.choice((-size, size)), 5) for _ in range(3)]
+
+    return replace(
+        scenario,
+        friction=0.4,
+        model_error=ModelError(mass_scale=1.05, servo_kp_scale=0.9),
+        delay=Delay(command_ms=3.0),
+        sensors=replace(
+            scenario.sensors,
+            gyro_bias_rad_s=either(0.003),
+            accel_bias_m_s2=either(0.05),
+            force_bias_n=either(3.0),
+            encoder_resolution_rad=1e-4,
+        ),
+    )
+
+
+class Line(NamedTuple):
+    """One kind of walk.
+
+    Attributes:
+        name: shown in the table.
+        scenario: of the run with a number.
+    """
+
+    name: str
+    scenario: Callable[[int], Scenario]
+
+
+LINES = (
+    Line("flat, 0.25 m/s", shipped("walk-flat-slow")),
+    Line("flat, 0.46 m/s", shipped("walk-flat-quick")),
+    Line("turn, 17 deg/s", shipped("walk-turn")),
+    Line("sideways, 0.1 m/s", shipped("walk-sideways")),
+    Line("stop and go", stop_and_go),
+    Line("tiles, 25 mm, 5 deg", tiles(25.0, 5.0)),
+    Line("tiles, 35 mm, 8 deg", tiles(35.0, 8.0)),
+    Line("borders under the feet, 25 mm, 5 deg", borders),
+    Line("soft mat", shipped("walk-soft")),
+    Line("seesaw", shipped("walk-seesaw")),
+    Line("slow platform", later("walk-platform-slow", within_s=8.0)),
+    Line("fast platform", later("walk-platform-fast", within_s=2.0)),
+    Line("PRTS of 8 deg, in place", prts_in_place),
+    Line("push of 20 N s", push(20.0)),
+    Line("push of 30 N s", push(30.0)),
+    Line("stairs of 10 cm, off by up to 15 mm", stairs),
+    Line("model errors", model_errors),
+)
+SCENARIOS = {line.name: line.scenario for line in LINES}
+
+
+@dataclass(frozen=True)
+class WalkRun:
+    """One run of a line.
+
+    Attributes:
+        line: its name.
+        number: of the run, and seed of the sensor noise.
+        controller: as studies name it.
+        servo_profile: of the robot file.
+    """
+
+    line: str
+    number: int
+    controller: str
+    servo_profile: str
+
+    @property
+    def key(self) -> str:
+        """Unique in a study, and readable."""
+        return "|".join(
+            (self.line, self.controller, self.servo_profile, str(self.number))
+        )
+
+    @property
+    def case(self) -> str:
+        """What is run, in words."""
+        return f"{self.line}, run {self.number}"
+
+    @property
+    def group(self) -> tuple[str, int, str, str]:
+        """A group of its own: its ground is."""
+        return self.line, self.number, self.controller, self.servo_profile
+
+    def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
+        """Return its plan."""
+        return plan_in(
+            SCENARIOS[self.line](self.number),
+            None,
+            variant=self.controller,
+            servo_profile=self.servo_profile,
+            seed=self.number,
+            robot=robot,
+            overrides=overrides,
+        )
+
+    def run(self, plan: RunPlan) -> Row:
+        """Run its plan; what was run, and the figures."""
+        result = run_inline(plan, record=False).result
+        figures = msgspec.to_builtins(result)
+        return {
+            "line": self.line,
+            "number": self.number,
+            "controller": self.controller,
+            "servo_profile": self.servo_profile,
+            **figures_of(result),
+            **{name: figures[name] for name in FIGURES},
+        }
+
+
+def in_words(rows: Sequence[Row]) -> str:
+    """Return how many were walked, and the worst figures of those."""
+    walked = [row for row in rows if Outcome(row["outcome"]).is_up]
+    low, high = success_interval(len(walked), len(rows))
+    told = f"{len(walked)} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)"
+    errors = [row["dcm_error_rms_mm"] for row in walked if row["dcm_error_rms_mm"]]
+    if not errors:
+        return told
+    x, y = (max(axis) for axis in zip(*errors, strict=True))
+    off = max(row["placement_error_max_mm"] or 0.0 for row in walked)
+    peak = max(max(row["touchdown_peak_n"] or [0.0]) for row in walked)
+    return f"{told}: {x:.1f}, {y:.1f}; {off:.0f}; {peak:.0f}"
+
+
+def table(rows: Sequence[Row]) -> str:
+    """Return the Markdown table, a row a line and a column for each controller."""
+    cells: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        column = f"{row['controller']}, {row['servo_profile']}"
+        cells.setdefault((row["line"], column), []).append(row)
+    columns = list(dict.fromkeys(column for _, column in cells))
+    lines = list(dict.fromkeys(line for line, _ in cells))
+    told = [f"| walk | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+    for line in lines:
+        words = [in_words(cells.get((line, column), [])) for column in columns]
+        told.append(f"| {line} | {' | '.join(words)} |")
+    return "\n".join(told)
+
+
+def draw_pushes(rows: Sequence[Row], path: str) -> None:
+    """Draw pushes around: direction as the angle, time as the distance."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.2, 4.6), layout="constrained")
+    axes = figure.add_subplot(projection="polar")
+    axes.set_theta_zero_location("N")
+    for is_up, colour, mark, word in (
+        (True, "#2a7f62", "o", "walked on"),
+        (False, "#c0392b", "X", "fell"),
+    ):
+        chosen = [r for r in rows if Outcome(r["outcome"]).is_up is is_up]
+        places = [push_of(row["number"]) for row in chosen]
+        axes.scatter(
+            [angle for angle, _ in places],
+            [at_s - PUSH_FROM_S for _, at_s in places],
+            c=colour,
+            marker=mark,
+            s=44,
+            label=f"{word}: {len(chosen)}",
+        )
+    axes.set_ylim(-0.8, PUSH_WITHIN_S)
+    axes.set_yticks([0.0, 0.8, 1.6])
+    axes.set_xticks([0.0, math.pi / 2, math.pi, 3 * math.pi / 2])
+    axes.set_xticklabels(["ahead", "left", "back", "right"])
+    first = rows[0]
+    title = f"{first['line']}, {first['controller']}, {first['servo_profile']}"
+    axes.set_title(title, fontsize=10)
+    figure.legend(loc="lower center", ncols=2, frameon=False, fontsize=9)
+    figure.savefig(path)
+
+
+def main() -> int:
+    """Read the command line, run, print and draw."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--only", nargs="+", default=[""], help="parts of lines' names")
+    parser.add_argument("--first", type=int, default=0, help="number of the first run")
+    parser.add_argument("--count", type=int, default=16, help="runs of each line")
+    parser.add_argument("--controllers", nargs="+", default=["whole-body"])
+    parser.add_argument("--servo-profiles", nargs="+", default=["ideal", "harmonic"])
+    parser.add_argument("--set", action="append", default=[], help="section.name=value")
+    parser.add_argument("--jobs", type=int, default=0, help="processes; 0: all cores")
+    parser.add_argument("--out", type=Path, help="folder that keeps finished runs")
+    parser.add_argument("--figure", help="of the first push line that was run")
+    options = parser.parse_args()
+    names = [n for n in SCENARIOS if any(word in n for word in options.only)]
+    runs = [
+        WalkRun(name, number, controller, profile)
+        for name in names
+        for controller in options.controllers
+        for profile in options.servo_profiles
+        for number in range(options.first, options.first + options.count)
+    ]
+    about: dict[str, Any] = {"walks": sorted(options.set)}
+    place = nullcontext(options.out) if options.out else tempfile.TemporaryDirectory()
+    with place as folder, StudyStore(Path(folder), about=about) as store:
+        execute(
+            runs,
+            store,
+            robot="walker",
+            overrides=tuple(options.set),
+            jobs=options.jobs,
+            title="walks",
+        )
+        rows = [store.rows[run.key] for run in runs]
+    print(table(rows))
+    for row in rows:
+        if not Outcome(row["outcome"]).is_up:
+            print(f"{row['key']}: {row['outcome']} at {row['fell_at_s']} s")
+    if options.figure:
+        pushed = [row for row in rows if "push" in row["line"]]
+        of = [
+            row
+            for row in pushed
+            if row["key"].rpartition("|")[0] == pushed[0]["key"].rpartition("|")[0]
+        ]
+        draw_pushes(of, options.figure)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
