@@ -328,11 +328,10 @@ class Estimator:
             if anchors.planted[side]:
                 continue
             sole, other = data.oMf[frame], data.oMf[self._model.sole_ids[1 - side]]
+            x, y, z = sole.translation.tolist()
+            rise = z - other.translation.item(2)
             p = anchors.p[side]
-            p[0] = q.item(0) + sole.translation[0]
-            p[1] = q.item(1) + sole.translation[1]
-            rise = sole.translation[2] - other.translation[2]
-            p[2] = anchors.p[1 - side][2] + rise
+            p[:] = q.item(0) + x, q.item(1) + y, anchors.p[1 - side][2] + rise
             anchors.yaw[side] = yaw_from(sole.rotation, 0.0)
 
     def _compare(self, snapshot: Snapshot, wrenches: Array | None) -> float | None:

@@ -192,8 +192,10 @@ class ExpectedGround:
         """
         R, blend = soles.R_world_sole[support], self._blend
         rows = SOLE_ROWS[support]
-        twist = law.share[support] * law.ground_twist[rows]
-        v_x, v_y, v_z, w_x, w_y, _ = twist.tolist()
+        share = law.share[support]
+        v_x, v_y, v_z, w_x, w_y = [
+            share * v for v in law.ground_twist[rows][:5].tolist()
+        ]
         _, _, normal, m_x, m_y, _ = F_meas[rows].tolist()
         half_length, half_width = self._half_sizes[support]
         pressed = max(normal, LEAST_FORCE_N)
@@ -209,14 +211,12 @@ class ExpectedGround:
         turn = self.turn
         turn[:] = R @ (roll * w_x, pitch * w_y, 0.0)
         turn[2] = 0.0
-        across = soles.p_sole[1 - support] - soles.p_sole[support]
-        vertical = R[2] @ (v_x, v_y, v_z)
-        self.velocity = float(vertical + turn[0] * across[1] - turn[1] * across[0])
+        ahead, left, _ = (soles.p_sole[1 - support] - soles.p_sole[support]).tolist()
+        vertical = (R[2] @ (v_x, v_y, v_z)).item()
+        self.velocity = vertical + turn.item(0) * left - turn.item(1) * ahead
         self.normal += self._dt * cross(turn, self.normal)
         slope_x, slope_y = self.slope()
-        self.middle_over_support = 0.5 * float(
-            slope_x * across[0] + slope_y * across[1]
-        )
+        self.middle_over_support = 0.5 * (slope_x * ahead + slope_y * left)
         off = self._in_sole - self.normal @ R
         off *= (blend * pitch_room, blend * roll_room, 0.0)
         self.normal += R @ off

@@ -119,7 +119,7 @@ class SwingFoot:
             shift: of its goal, by step adjustment [m].
         """
         path, ground, reference = self._path, self._ground, self.references[side]
-        support = soles.p_sole[1 - side]
+        support = soles.p_sole[1 - side].tolist()
         slope_x, slope_y = ground.slope()
         path.advance(t, duration_s=duration_s, shift=shift, dt=self._dt)
         x, y = path.xy
