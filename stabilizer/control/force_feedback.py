@@ -35,6 +35,9 @@ class ForceFeedback:
             sole frames.
         firmness: 1 while both feet stand firmly, 0 from the moment that one does not,
             and slowly back; without lag always 1 [1].
+        inverse: part of the drives' inverse that the commands are to go through: as
+            much as the stand is firm, but no less than a walk's, on the way and for as
+            long as the stand after it is firm [1].
         stiffness: factor on K that the delay of the loop asks for, 1 or more [1].
         minus_K_inv: (12,) diagonal of -K^-1.
         blend: of the low-pass, per tick.
@@ -60,6 +63,7 @@ class ForceFeedback:
         lag_s: float = 0.0,
         speed: float = 0.0,
         landing_force_n: float = math.inf,
+        walking_inverse: float = 0.0,
     ) -> None:
         """Precompute gains.
 
@@ -77,10 +81,13 @@ class ForceFeedback:
                 :func:`surefoot.stabilizer.control.drives.fastest_mode` [1/s].
             landing_force_n: largest normal force error that a landing foot yields to
                 [N].
+            walking_inverse: least part of the drives' inverse on the way [1].
         """
         self._lag_s, self._period_s, self._speed = lag_s, period_s, speed
-        self.firmness = 1.0
+        self.firmness = self.inverse = 1.0
+        self._walking_inverse, self._least_inverse = walking_inverse, 0.0
         self._firm_again = period_s / dik.firm_again_s
+        self.landing, self.walks = [False, False], False
         self.minus_K_inv = np.zeros(12)
         self._half_sizes = half_sizes
         self._sole_scale = sole_scale
@@ -104,8 +111,6 @@ class ForceFeedback:
         self._e = np.zeros(12)
         self._scaled = np.zeros(12)
         self.ground_twist: Array = np.zeros(12)
-        self.landing = [False, False]
-        self.walks = False
         self._landing_force = landing_force_n
         self.r: Array = np.zeros(12)
         self.retune(dik, ground)
@@ -196,10 +201,13 @@ class ForceFeedback:
     def _judge_stand(self, F_meas: Array, in_contact: list[bool]) -> None:
         """Be soft as soon as a foot does not stand firmly, and for a while after."""
         left, right = F_meas.item(NORMAL), F_meas.item(6 + NORMAL)
-        stands = all(in_contact) and not self.walks
-        if stands and min(left, right) > self._firm_force:
+        if self.walks:
+            self._least_inverse = self._walking_inverse
+            self._set_firmness(0.0)
+        elif all(in_contact) and min(left, right) > self._firm_force:
             self._set_firmness(min(1.0, self.firmness + self._firm_again))
         else:
+            self._least_inverse = 0.0
             self._set_firmness(0.0)
 
     def _set_stiffness(self) -> None:
@@ -218,7 +226,9 @@ class ForceFeedback:
         self.firmness = firmness
         soft = 1.0 - firmness
         np.divide(self._firm_K_inv, 1.0 + soft * self._soft, out=self.minus_K_inv)
-        self.lead = (self._lead_s + soft * self._lag_s) / self._period_s
+        self.inverse = max(firmness, self._least_inverse)
+        lag_s = (1.0 - self.inverse) * self._lag_s
+        self.lead = (self._lead_s + lag_s) / self._period_s
 
     def _soften(self, e_F: Array) -> None:
         """Scale down the wrench error of a landing foot, in place.

@@ -93,7 +93,8 @@ class WholeBodyController(BalanceController):
                 com_rise=self.model.com_travel[1],
                 period_s=robot.period_s,
             ),
-            servo_lag_s=lag_s + _damping_lag(robot, self.model),
+            servo_lag_s=(1.0 - settings.walk.drive_inverse) * lag_s
+            + _damping_lag(robot, self.model),
         )
         self.tsid = Tsid(
             self.model,
@@ -112,6 +113,7 @@ class WholeBodyController(BalanceController):
             lag_s=lag_s,
             speed=self._fastest_mode(robot),
             landing_force_n=settings.walk.landing_force_n,
+            walking_inverse=settings.walk.drive_inverse,
         )
         self.dik = Dik(
             self.model,
@@ -278,7 +280,7 @@ class WholeBodyController(BalanceController):
         np.minimum(q_command, self.model.upper, out=q_command)
         np.maximum(q_command, self.model.lower, out=q_command)
         if self.drives.lags:
-            self.drives.follow(q_command, share=self.law.firmness)
+            self.drives.follow(q_command, share=self.law.inverse)
 
     def _output(self) -> ControllerOutput:
         q_command = self.drives.sent if self.drives.lags else self._q_command

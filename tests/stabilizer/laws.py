@@ -24,7 +24,9 @@ def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
     return settings
 
 
-def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedback:
+def make_law(
+    settings: ControllerSettings, *, lag_s: float = 0.0, walking_inverse: float = 0.0
+) -> ForceFeedback:
     return ForceFeedback(
         settings.dik,
         settings.ground,
@@ -33,6 +35,7 @@ def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedba
         sole_scale=settings.tsid.sole_scale,
         period_s=PERIOD_S,
         lag_s=lag_s,
+        walking_inverse=walking_inverse,
     )
 
 

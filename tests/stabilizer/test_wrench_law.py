@@ -244,6 +244,34 @@ def test_drives_with_lag_yield_as_prompt_ones_once_the_feet_stand_firmly(
     np.testing.assert_allclose(answer(slow, load + ERROR), wanted, atol=TOLERANCE)
 
 
+def test_slow_drives_go_through_part_of_their_inverse_on_the_way(
+    model: RobotModel,
+) -> None:
+    """And after it, until a foot does not stand firmly; none was lost by standing."""
+    rig = Rig(model, PAPER)
+    rig.go(nominal_state(model))
+    load = np.zeros(12)
+    load[[2, 8]] = 0.5 * model.mass * GRAVITY
+    lag_s, part = 0.02, 0.6
+    law = make_law(PAPER, lag_s=lag_s, walking_inverse=part)
+
+    def go_on(F_meas: Array) -> float:
+        law.update(rig.dynamics, rig.stance, F_meas=F_meas, F_id=load, in_contact=BOTH)
+        return law.inverse
+
+    assert go_on(0.0 * load) == 0.0
+    law.walks = True
+    leads = []
+    for F_meas in (load, 0.0 * load):
+        assert go_on(F_meas) == part
+        leads.append(law.lead)
+    law.walks = False
+    assert go_on(load) == part
+    assert law.firmness < part
+    assert go_on(0.0 * load) == 0.0
+    assert law.lead - leads[0] == pytest.approx(part * lag_s / 0.001)
+
+
 @LIFTED
 def test_slow_drives_look_for_the_ground_as_fast_as_others(
     model: RobotModel, side: int
