@@ -5,9 +5,9 @@ landed, the walk owns it: the monitor would take a foot that is meant to be in t
 for one that lost its ground, and one that just touches for one that stands.
 
     planted -> leaving -> swing -> landing -> planted
-                                   |     ^
-                                   v     |
-                                  relanding
+                                   |     ^     |
+                                   v     |     |
+                                  relanding <--+
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ class FootState(StrEnum):
     LANDING = "landing"
     """On the ground, for so short a time that its forces are an impact's."""
     RELANDING = "relanding"
-    """Bounced, or its ground went away: straight down again."""
+    """Bounced, or lost its ground while the other foot stands: straight down again."""
 
 
 class Feet:
@@ -289,6 +289,9 @@ class Feet:
                     self._feel_for_ground(side, normals[side])
             elif state is FootState.LANDING:
                 self._land(side, normals)
+            elif state is FootState.PLANTED and self._has_lost(side):
+                self._contacts.owned[side] = True
+                self._reland(side)
 
     def set_down(self, side: int) -> None:
         """Take a foot that is in the air to have touched down: it cannot feel it."""
@@ -352,8 +355,16 @@ class Feet:
             and self._contacts.in_contact[1 - side]
         ):
             self._contacts.in_contact[side] = False
-            self._anchors.planted[side] = False
-            self._enter(side, FootState.RELANDING)
+            self._reland(side)
+
+    def _has_lost(self, side: int) -> bool:
+        """Whether a foot that stood has lost its ground, and the other one has not."""
+        in_contact = self._contacts.in_contact
+        return in_contact[1 - side] and not in_contact[side]
+
+    def _reland(self, side: int) -> None:
+        self._anchors.planted[side] = False
+        self._enter(side, FootState.RELANDING)
 
     def _enter(self, side: int, state: FootState) -> None:
         self.states[side] = state

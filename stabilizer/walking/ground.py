@@ -29,6 +29,13 @@ DEEPEST_KEPT_S = 6.0
 """Time constant with which a deep place of the ground is forgotten [s]."""
 PRESSED_N = 60.0
 """Soles on which the ground presses more lie on it, or on an edge."""
+TURNS_KEPT_S = 2.0
+"""How both soles turn is remembered for so long, of the time that both are pressed."""
+STILL_RAD_S, STILL_S = 0.03, 0.1
+"""Soles that turned together no faster, and no longer, have not shown it [rad/s], [s]."""
+TOGETHER = (0.4, 0.7)
+"""Correlation of the soles' turns up to which each turns by itself, and from which on
+their ground is one that turns [1]."""
 STEEPEST = 0.3
 """No ground is expected to slope by more than this [rad]."""
 
@@ -51,8 +58,9 @@ class ExpectedGround:
     With both feet planted the normal is the mean of the soles', as far as these agree
     with each other and with the line between them: a platform is followed, stones
     that each lie as they please count as level. From when one foot leaves until it has
-    landed, the ground turns with the other one's sole, about each axis for as long as
-    the pressure keeps off its edge: a sole that tips stands on that very edge.
+    landed, the ground turns with the other one's sole, as far as both have been seen to
+    turn together, and about each axis for as long as the pressure keeps off its edge:
+    a sole that tips stands on that very edge, or on a stone's anywhere under it.
 
     Attributes:
         normal: (3,) unit, world.
@@ -62,6 +70,7 @@ class ExpectedGround:
         middle_over_support: height between the feet over that of the one that stands,
             while the other one is none that shows the ground [m].
         edge_share: part of the sole's roll and pitch that is the ground's [1].
+        turns: how far both soles have been seen to turn as one ground [1].
     """
 
     def __init__(
@@ -90,6 +99,10 @@ class ExpectedGround:
         self.edge_share = [1.0, 1.0]
         self._half_sizes = half_sizes
         self._in_sole: Vec3 = _UP.copy()
+        self.turns = 0.0
+        self._forget = period_s / TURNS_KEPT_S
+        self._least_turn = STILL_RAD_S**2 * STILL_S / TURNS_KEPT_S
+        self._turned_together = self._turned = 0.0
 
     def update(
         self, soles: SolesAndCom, law: GroundMotion, F_meas: Array, *, feet: Feet
@@ -106,13 +119,16 @@ class ExpectedGround:
         off = self.under
         if off is None and FootState.LEAVING in feet.states:
             off = feet.states.index(FootState.LEAVING)
+        are_pressed = min(F_meas.item(2), F_meas.item(8)) > PRESSED_N
+        if are_pressed and self.under is None:
+            self._compare_turns(soles, law)
         if off is None:
             self.from_both(soles)
         else:
             if self._off != off:
                 self.stand_on(soles, support=1 - off)
             self.from_one(soles, law, F_meas, support=1 - off)
-            if min(F_meas.item(2), F_meas.item(8)) > PRESSED_N:
+            if are_pressed:
                 self._agree(soles, support=1 - off)
         self._off = off
         if self.under is None:
@@ -153,6 +169,20 @@ class ExpectedGround:
         apart = left - right
         slope = (line @ mean) / max(math.sqrt(line @ line), 1e-3)
         return mean, math.exp(-(apart @ apart + slope * slope) / self._agreement**2)
+
+    def _compare_turns(self, soles: SolesAndCom, law: GroundMotion) -> None:
+        """Look whether both soles, pressed, turn together."""
+        (l_x, l_y, _), (r_x, r_y, _) = (
+            (R @ law.ground_twist[rows][3:]).tolist()
+            for R, rows in zip(soles.R_world_sole, SOLE_ROWS, strict=True)
+        )
+        together = l_x * r_x + l_y * r_y
+        each = 0.5 * (l_x * l_x + l_y * l_y + r_x * r_x + r_y * r_y)
+        self._turned_together += self._forget * (together - self._turned_together)
+        self._turned += self._forget * (each - self._turned)
+        alike = self._turned_together / (self._turned + self._least_turn)
+        none, whole = TOGETHER
+        self.turns = min(max((alike - none) / (whole - none), 0.0), 1.0)
 
     def _agree(self, soles: SolesAndCom, *, support: int) -> None:
         """Believe both soles that are pressed, as far as they agree.
@@ -205,7 +235,8 @@ class ExpectedGround:
         shares = self.edge_share
         shares[0] += blend * (roll_room - shares[0])
         shares[1] += blend * (pitch_room - shares[1])
-        roll, pitch = shares
+        turns = self.turns
+        roll, pitch = turns * shares[0], turns * shares[1]
         # What a sole that tips leaves on the ground is the point it is pressed at.
         v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
         turn = self.turn
@@ -218,6 +249,7 @@ class ExpectedGround:
         slope_x, slope_y = self.slope()
         self.middle_over_support = 0.5 * (slope_x * ahead + slope_y * left)
         off = self._in_sole - self.normal @ R
+        blend *= turns
         off *= (blend * pitch_room, blend * roll_room, 0.0)
         self.normal += R @ off
         self._normalise()
