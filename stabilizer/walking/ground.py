@@ -32,7 +32,7 @@ PRESSED_N = 60.0
 TURNS_KEPT_S = 2.0
 """How both soles turn is remembered for so long, of the time that both are pressed."""
 STILL_RAD_S, STILL_S = 0.03, 0.1
-"""Soles that turned together no faster, and no longer, have not shown it [rad/s], [s]."""
+"""Soles that turned no faster and no longer have not shown it [rad/s], [s]."""
 TOGETHER = (0.4, 0.7)
 """Correlation of the soles' turns up to which each turns by itself, and from which on
 their ground is one that turns [1]."""

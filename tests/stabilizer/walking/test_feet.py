@@ -106,9 +106,8 @@ def test_a_bounce_is_a_landing_again_and_no_other_touchdown(
 def test_a_bounce_waits_for_the_other_foot(stand: Stand, side: int) -> None:
     stand.feet.lift(side)
     stand.feel(side, 500.0, time_s=0.01)
-    stand.contacts.owned[1 - side] = True
-    stand.contacts.in_contact[1 - side] = False
-    stand.feel(side, 0.0, time_s=0.1)
+    stand.feet.lift(1 - side)
+    stand.feel(side, 0.0, time_s=0.1, may=False)
     assert stand.contacts.in_contact[side]
 
 
@@ -119,3 +118,16 @@ def test_load_grows_from_what_a_landing_foot_carries(stand: Stand, side: int) ->
     assert stand.contacts.allowed[side] < 0.1 * LARGEST_N
     stand.feel(side, 100.0, time_s=0.2)
     assert stand.contacts.allowed[side] == LARGEST_N
+
+
+@SIDES
+def test_a_foot_that_loses_its_ground_lands_again(stand: Stand, side: int) -> None:
+    """The monitor alone would search for it as for ground that stands still."""
+    stand.feel(side, FIRM_N, time_s=0.05)
+    stand.feel(side, 0.0, time_s=0.05)
+    assert stand.feet.states[side] is FootState.RELANDING
+    assert not stand.contacts.in_contact[side]
+    assert not stand.anchors.planted[side]
+    assert stand.feel(side, 100.0, time_s=0.02) == 0
+    assert stand.feet.states[side] is FootState.LANDING
+    assert stand.contacts.in_contact[side]

@@ -21,12 +21,16 @@ DT, TURN_RAD_S, WEIGHT_N = 1e-3, 0.5, 690.0
 CLOSE_RAD = 0.01
 
 
-def stand_on_one_foot(*, pressed_at: float, ticks: int = 300) -> tuple[Any, Any]:
+def stand_on_one_foot(
+    *, pressed_at: float, ticks: int = 300, left_turns: float = 1.0
+) -> tuple[Any, Any]:
     """A right sole that rolls under all of the weight, and the ground made of it.
 
     Args:
         pressed_at: centre of pressure, from the sole's middle (0) to its edge (1).
         ticks: how long.
+        left_turns: how the left sole turned while both stood, over how the right one
+            did.
     """
     ground = ExpectedGround(WalkSettings(), half_sizes=HALF_SIZES, period_s=DT)
     dynamics: Any = SimpleNamespace(
@@ -34,8 +38,13 @@ def stand_on_one_foot(*, pressed_at: float, ticks: int = 300) -> tuple[Any, Any]
         p_sole=[np.array([0.0, 0.11, 0.05]), np.array([0.0, -0.11, 0.0])],
     )
     law: Any = SimpleNamespace(share=[0.0, 1.0], ground_twist=np.zeros(12))
-    law.ground_twist[9] = TURN_RAD_S
+    law.ground_twist[[3, 9]] = left_turns * TURN_RAD_S, TURN_RAD_S
     F = np.zeros(12)
+    F[[2, 8]] = 0.5 * WEIGHT_N
+    dynamics.v_sole = np.zeros(12)
+    for _ in range(500):
+        ground.update(dynamics, law, F, feet=SimpleNamespace(arriving=None, states=[]))  # type: ignore[arg-type]
+    F[2] = 0.0
     ground.stand_on(dynamics, support=1)
     for tick in range(ticks):
         F[8], F[9] = WEIGHT_N, WEIGHT_N * pressed_at * HALF_SIZES[1][1]
@@ -50,6 +59,33 @@ def test_ground_turns_with_a_sole_that_lies_on_it(pressed_at: float) -> None:
     ground, dynamics = stand_on_one_foot(pressed_at=pressed_at)
     sole = dynamics.R_world_sole[1][:, 2]
     assert np.arccos(np.clip(ground.normal @ sole, -1.0, 1.0)) < CLOSE_RAD
+
+
+@pytest.mark.parametrize("left_turns", [0.0, -1.0, 0.2])
+def test_a_sole_that_turned_without_the_other_turns_on_a_stone(
+    left_turns: float,
+) -> None:
+    """Its pressure may be anywhere: stones have edges of their own."""
+    ground, _ = stand_on_one_foot(pressed_at=0.0, left_turns=left_turns)
+    assert ground.normal[2] > np.cos(CLOSE_RAD)
+    assert abs(ground.velocity) < CLOSE_RAD
+
+
+def test_soles_at_rest_have_shown_no_ground_that_turns() -> None:
+    """What they turn by then is noise, however alike."""
+    ground = ExpectedGround(WalkSettings(), half_sizes=HALF_SIZES, period_s=DT)
+    soles: Any = SimpleNamespace(
+        R_world_sole=[np.eye(3), np.eye(3)],
+        p_sole=[np.array([0.0, 0.11, 0.0]), np.array([0.0, -0.11, 0.0])],
+        v_sole=np.zeros(12),
+    )
+    law: Any = SimpleNamespace(share=[1.0, 1.0], ground_twist=np.zeros(12))
+    feet: Any = SimpleNamespace(arriving=None, states=[])
+    F = np.full(12, 0.5 * WEIGHT_N)
+    for tick in range(2000):
+        law.ground_twist[[3, 9]] = 0.003 * (-1.0) ** tick
+        ground.update(soles, law, F, feet=feet)
+    assert ground.turns == 0.0
 
 
 def test_a_sole_that_tips_over_its_edge_is_no_ground() -> None:

@@ -66,7 +66,7 @@ class Step:
             self.move,
             gait=self.gait,
             support=self.support,
-            least_s=least_s,
+            least_left_s=lambda *_: least_s,
         )
 
     @property
