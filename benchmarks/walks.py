@@ -2,14 +2,15 @@
 
     python -m benchmarks.walks [--only tiles push] [--count 50] [--out FOLDER]
         [--controllers whole-body zmp] [--servo-profiles ideal harmonic]
-        [--set KEY=VALUE] [--figure pushes.svg]
+        [--set KEY=VALUE] [--figure walks.svg] [--push-figure pushes.svg]
 
 The k-th run of a line has noise seed k; its terrain, its push and where on the way of
 the ground it begins are drawn with k, too. Writes Markdown: runs walked, Wilson's 95 %
 interval of that share, and for the worst run that was walked the DCM's error, the
 placement's and the largest force of a touchdown. ``--out`` keeps finished runs, so that
-a study that was ended goes on; ``--figure`` draws pushes. A line of your own is an
-entry of ``LINES``.
+a study that was ended goes on. ``--figure`` draws how many were walked,
+``--push-figure`` the pushes of the first such line. A line of your own is an entry of
+``LINES``.
 """
 
 from __future__ import annotations
@@ -348,6 +349,43 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(told)
 
 
+def draw_shares(rows: Sequence[Row], path: str) -> None:
+    """Draw the share of each line that was walked, with its interval."""
+    from matplotlib.figure import Figure
+
+    lines = list(dict.fromkeys(row["line"] for row in rows))
+    columns = list(dict.fromkeys((r["controller"], r["servo_profile"]) for r in rows))
+    figure = Figure(figsize=(7.0, 0.8 + 0.34 * len(lines)), layout="constrained")
+    axes = figure.add_subplot()
+    for number, column in enumerate(columns):
+        shares, below, above, places = [], [], [], []
+        for place, line in enumerate(lines):
+            up = [
+                Outcome(row["outcome"]).is_up
+                for row in rows
+                if (row["line"], row["controller"], row["servo_profile"])
+                == (line, *column)
+            ]
+            if not up:
+                continue
+            share = sum(up) / len(up)
+            low, high = success_interval(sum(up), len(up))
+            shares.append(100.0 * share)
+            below.append(100.0 * (share - low))
+            above.append(100.0 * (high - share))
+            places.append(place + 0.2 * (number - 0.5 * (len(columns) - 1)))
+        axes.errorbar(
+            shares, places, xerr=(below, above), fmt="o", ms=5, label=", ".join(column)
+        )
+    axes.set_yticks(range(len(lines)), lines)
+    axes.invert_yaxis()
+    axes.set_xlim(0.0, 102.0)
+    axes.set_xlabel("walked to the end, with 95 % interval [%]")
+    axes.grid(axis="x", alpha=0.3)
+    figure.legend(loc="outside upper center", ncols=len(columns), frameon=False)
+    figure.savefig(path)
+
+
 def draw_pushes(rows: Sequence[Row], path: str) -> None:
     """Draw pushes around: direction as the angle, time as the distance."""
     from matplotlib.figure import Figure
@@ -393,7 +431,8 @@ def main() -> int:
     parser.add_argument("--set", action="append", default=[], help="section.name=value")
     parser.add_argument("--jobs", type=int, default=0, help="processes; 0: all cores")
     parser.add_argument("--out", type=Path, help="folder that keeps finished runs")
-    parser.add_argument("--figure", help="of the first push line that was run")
+    parser.add_argument("--figure", help="of how many were walked")
+    parser.add_argument("--push-figure", help="of the first push line that was run")
     options = parser.parse_args()
     names = [n for n in SCENARIOS if any(word in n for word in options.only)]
     runs = [
@@ -420,13 +459,13 @@ def main() -> int:
         if not Outcome(row["outcome"]).is_up:
             print(f"{row['key']}: {row['outcome']} at {row['fell_at_s']} s")
     if options.figure:
+        draw_shares(rows, options.figure)
+    if options.push_figure:
         pushed = [row for row in rows if "push" in row["line"]]
-        of = [
-            row
-            for row in pushed
-            if row["key"].rpartition("|")[0] == pushed[0]["key"].rpartition("|")[0]
-        ]
-        draw_pushes(of, options.figure)
+        kinds = ("line", "controller", "servo_profile")
+        first = [pushed[0][kind] for kind in kinds]
+        of = [row for row in pushed if [row[kind] for kind in kinds] == first]
+        draw_pushes(of, options.push_figure)
     return 0
 
 
