@@ -1,0 +1,70 @@
+"""The study of walks: what its lines draw, and what its table says."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from benchmarks import walks
+from benchmarks.walks import LINES, WalkRun, table
+from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.scenario import Scenario
+from surefoot.sim_robot.plant import Plant
+
+
+@pytest.mark.parametrize("line", LINES, ids=lambda line: line.name)
+def test_a_run_is_drawn_with_its_number(line: walks.Line) -> None:
+    first, again = line.scenario(1), line.scenario(1)
+    assert msgspec.json.encode(first) == msgspec.json.encode(again)
+    Plant(load_robot("walker"), first, seed=1)
+    varies = msgspec.json.encode(first) != msgspec.json.encode(line.scenario(2))
+    is_shipped = line.scenario.__qualname__.startswith("shipped")
+    assert varies is not (is_shipped or line.name == "stop and go")
+
+
+def test_borders_run_under_the_footholds() -> None:
+    tiles = walks.borders(0).tile
+    left = sorted(tile.center_m[0] for tile in tiles if tile.center_m[1] > 0.0)
+    shipped = walks.load_scenario("walk-tiles").tile
+    middles = sorted(t.center_m[0] for t in shipped if t.center_m[1] > 0.0)
+    edges = [x - 0.5 * tiles[0].size_m[0] for x in left]
+    assert edges == pytest.approx(middles)
+
+
+def test_a_run_gives_a_row_that_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = LINES[0]
+
+    def short(number: int) -> Scenario:
+        return msgspec.structs.replace(line.scenario(number), duration_s=2.5)
+
+    monkeypatch.setitem(walks.SCENARIOS, line.name, short)
+    run = WalkRun(line.name, 3, "whole-body", "ideal")
+    row = run.run(run.plan(robot="walker", overrides=()))
+    assert msgspec.json.decode(msgspec.json.encode(row)) == row
+    assert (row["line"], row["number"]) == (line.name, 3)
+    assert replace(run, number=4).key != run.key
+
+
+def test_the_table_counts_runs_that_were_walked(tmp_path: Path) -> None:
+    common: dict[str, Any] = {
+        "line": "flat",
+        "controller": "whole-body",
+        "servo_profile": "ideal",
+        "placement_error_max_mm": 4.0,
+        "touchdown_peak_n": [300.0, 512.0],
+    }
+    rows = [
+        {**common, "outcome": "walked", "dcm_error_rms_mm": [1.0, 2.5]},
+        {**common, "outcome": "walked", "dcm_error_rms_mm": [2.0, 1.5]},
+        {**common, "outcome": "fell", "dcm_error_rms_mm": [90.0, 90.0]},
+    ]
+    told = table(rows)
+    assert re.search(r"2 of 3 \(21 to 94 %\): 2\.0, 2\.5; 4; 512", told)
+    figure = tmp_path / "walks.svg"
+    walks.draw_shares(rows, str(figure))
+    assert "<svg" in figure.read_text()
