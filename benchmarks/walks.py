@@ -55,6 +55,8 @@ AFTER_PUSH_S = 4.5
 """Of the run, after its push: five steps and more."""
 HALF_WIDTH_M = 0.11
 """Of the Walker's stance."""
+TOES_M = 0.17
+"""Ahead of the soles the Walker first stands on: there tiles begin."""
 replace = msgspec.structs.replace
 
 
@@ -93,7 +95,7 @@ def tiles(height_mm: float, tilt_deg: float) -> Callable[[int], Scenario]:
             scenario,
             walk=replace(scenario.walk, height_m=high),
             tile=[
-                uneven(tile, draw, height_mm=height_mm, tilt_deg=tilt_deg)
+                uneven(clear(tile), draw, height_mm=height_mm, tilt_deg=tilt_deg)
                 for tile in scenario.tile
             ],
         )
@@ -117,6 +119,15 @@ def borders(number: int) -> Scenario:
     return replace(
         scenario,
         tile=[uneven(tile, draw, height_mm=25.0, tilt_deg=5.0) for tile in moved],
+    )
+
+
+def clear(tile: Tile) -> Tile:
+    """Return a tile without what lies under the soles at first."""
+    (x, y), (length, width) = tile.center_m, tile.size_m
+    begins, ends = max(x - 0.5 * length, TOES_M), x + 0.5 * length
+    return replace(
+        tile, center_m=[0.5 * (begins + ends), y], size_m=[ends - begins, width]
     )
 
 

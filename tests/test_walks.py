@@ -68,3 +68,9 @@ def test_the_table_counts_runs_that_were_walked(tmp_path: Path) -> None:
     figure = tmp_path / "walks.svg"
     walks.draw_shares(rows, str(figure))
     assert "<svg" in figure.read_text()
+
+
+def test_no_tile_is_under_the_soles_at_first() -> None:
+    for number in range(4):
+        for tile in walks.tiles(35.0, 8.0)(number).tile:
+            assert tile.center_m[0] - 0.5 * tile.size_m[0] >= walks.TOES_M - 1e-9
