@@ -118,7 +118,7 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     """Part of single support after which it is highest [1]."""
     touchdown_m_s: Positive = 0.05
     """Speed towards the expected ground at the planned touchdown."""
-    late_m_s: Positive = 0.2
+    late_m_s: Positive = 0.3
     """Speed down where the ground was expected and is not."""
     late_depth_m: Positive = 0.12
     """Farthest that a foot goes down below the expected ground [m]."""
