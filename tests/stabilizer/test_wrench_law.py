@@ -217,13 +217,19 @@ def test_drives_with_lag_yield_less_while_a_foot_does_not_stand_firmly(
     np.testing.assert_allclose(3.0 * slow, brisk, atol=TOLERANCE)
 
 
-def test_drives_with_lag_yield_as_prompt_ones_once_the_feet_stand_firmly(
-    model: RobotModel,
-) -> None:
+def standing(model: RobotModel) -> tuple[Rig, Array]:
+    """A robot at rest on both feet, and the wrenches it stands with."""
     rig = Rig(model, PAPER)
     rig.go(nominal_state(model))
     load = np.zeros(12)
     load[[2, 8]] = 0.5 * model.mass * GRAVITY
+    return rig, load
+
+
+def test_drives_with_lag_yield_as_prompt_ones_once_the_feet_stand_firmly(
+    model: RobotModel,
+) -> None:
+    rig, load = standing(model)
     prompt, slow = (make_law(PAPER, lag_s=lag_s) for lag_s in (0.0, 0.02))
 
     def answer(law: ForceFeedback, F_meas: Array) -> Array:
@@ -248,10 +254,7 @@ def test_slow_drives_go_through_part_of_their_inverse_on_the_way(
     model: RobotModel,
 ) -> None:
     """And after it, until a foot does not stand firmly; none was lost by standing."""
-    rig = Rig(model, PAPER)
-    rig.go(nominal_state(model))
-    load = np.zeros(12)
-    load[[2, 8]] = 0.5 * model.mass * GRAVITY
+    rig, load = standing(model)
     lag_s, part = 0.02, 0.6
     law = make_law(PAPER, lag_s=lag_s, walking_inverse=part)
 
