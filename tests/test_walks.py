@@ -36,6 +36,7 @@ def test_borders_run_under_the_footholds() -> None:
     assert edges == pytest.approx(middles)
 
 
+@pytest.mark.closed_loop
 def test_a_run_gives_a_row_that_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     line = LINES[0]
 
@@ -74,3 +75,14 @@ def test_no_tile_is_under_the_soles_at_first() -> None:
     for number in range(4):
         for tile in walks.tiles(35.0, 8.0)(number).tile:
             assert tile.center_m[0] - 0.5 * tile.size_m[0] >= walks.TOES_M - 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.closed_loop
+@pytest.mark.parametrize("words", ["borders", "fast platform"])
+def test_slow_drives_walk_where_a_sole_tips_and_ground_sinks(words: str) -> None:
+    """None of these borders, and one of these platforms, were walked without."""
+    [line] = [name for name in walks.SCENARIOS if words in name]
+    runs = [WalkRun(line, number, "whole-body", "harmonic") for number in range(4)]
+    rows = [run.run(run.plan(robot="walker", overrides=())) for run in runs]
+    assert sum(row["outcome"] in ("walked", "stood") for row in rows) >= 3
