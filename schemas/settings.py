@@ -76,6 +76,9 @@ class DikSettings(FileStruct, frozen=True, kw_only=True):
     k_lag_s: Positive = 0.01
     """The servo profile's lag that doubles K while a foot does not stand firmly;
     while both do, the drives' inverse makes up for it [s]."""
+    least_inverse: Fraction = 0.6
+    """Part of the drives' inverse that is kept while a foot does not stand firmly, as
+    on the way [1]."""
     loop_delay_s: NonNegative = 0.0
     """Delay of the loop that K is large enough for, from a reading to the servos that
     follow its answer; one tick of the robot at least [s]."""

@@ -147,8 +147,6 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     to carry [1]."""
     lead_s: NonNegative = 0.005
     """Lead of the swing foot's velocity, beside the servos' own lag [s]."""
-    drive_inverse: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.6
-    """Part of the slow drives' inverse in use while steps are under way [1]."""
     swing_gain: Positive = 12.0
     """Second QP: position and orientation gain of the swing foot [1/s]."""
     swing_kp: Positive = 100.0

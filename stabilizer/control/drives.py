@@ -9,7 +9,7 @@ wanted in the next tick,
 is sent. What the speed limit takes away is given back to q_wanted (back-calculation):
 an inverse that went on asking for it would bounce between its limits.
 
-A robot whose feet bounce wants soft drives instead: then the inverse is left out.
+Feet that bounce want softer drives: while one does, part of the inverse is left out.
 
 A wrench error e moves a sole by Lambda_c^-1 |K|^-1 e, and servos and contact, a spring
 k_s between commanded and real sole, answer with a wrench. The loop is an integrator

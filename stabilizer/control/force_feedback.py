@@ -36,8 +36,7 @@ class ForceFeedback:
         firmness: 1 while both feet stand firmly, 0 from the moment that one does not,
             and slowly back; without lag always 1 [1].
         inverse: part of the drives' inverse that the commands are to go through: as
-            much as the stand is firm, but no less than a walk's, on the way and for as
-            long as the stand after it is firm [1].
+            much as the stand is firm, but no less than ``dik.least_inverse`` [1].
         stiffness: factor on K that the delay of the loop asks for, 1 or more [1].
         minus_K_inv: (12,) diagonal of -K^-1.
         blend: of the low-pass, per tick.
@@ -63,7 +62,6 @@ class ForceFeedback:
         lag_s: float = 0.0,
         speed: float = 0.0,
         landing_force_n: float = math.inf,
-        walking_inverse: float = 0.0,
     ) -> None:
         """Precompute gains.
 
@@ -81,11 +79,9 @@ class ForceFeedback:
                 :func:`surefoot.stabilizer.control.drives.fastest_mode` [1/s].
             landing_force_n: largest normal force error that a landing foot yields to
                 [N].
-            walking_inverse: least part of the drives' inverse on the way [1].
         """
         self._lag_s, self._period_s, self._speed = lag_s, period_s, speed
         self.firmness = self.inverse = 1.0
-        self._walking_inverse, self._least_inverse = walking_inverse, 0.0
         self._firm_again = period_s / dik.firm_again_s
         self.landing, self.walks = [False, False], False
         self.minus_K_inv = np.zeros(12)
@@ -120,6 +116,7 @@ class ForceFeedback:
         self._k_force = np.array(dik.k_force * 2)
         self._delay_s = max(dik.loop_delay_s, self._period_s)
         self._lag_stiffness = 1.0 + self._lag_s / dik.k_lag_s
+        self._least_inverse = dik.least_inverse
         self._set_stiffness()
         self._leak = dik.stance_leak
         self._ground_gain = ground.gain
@@ -201,13 +198,10 @@ class ForceFeedback:
     def _judge_stand(self, F_meas: Array, in_contact: list[bool]) -> None:
         """Be soft as soon as a foot does not stand firmly, and for a while after."""
         left, right = F_meas.item(NORMAL), F_meas.item(6 + NORMAL)
-        if self.walks:
-            self._least_inverse = self._walking_inverse
-            self._set_firmness(0.0)
-        elif all(in_contact) and min(left, right) > self._firm_force:
+        stands = all(in_contact) and not self.walks
+        if stands and min(left, right) > self._firm_force:
             self._set_firmness(min(1.0, self.firmness + self._firm_again))
         else:
-            self._least_inverse = 0.0
             self._set_firmness(0.0)
 
     def _set_stiffness(self) -> None:

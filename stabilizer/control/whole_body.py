@@ -93,7 +93,7 @@ class WholeBodyController(BalanceController):
                 com_rise=self.model.com_travel[1],
                 period_s=robot.period_s,
             ),
-            servo_lag_s=(1.0 - settings.walk.drive_inverse) * lag_s
+            servo_lag_s=(1.0 - settings.dik.least_inverse) * lag_s
             + _damping_lag(robot, self.model),
         )
         self.tsid = Tsid(
@@ -113,7 +113,6 @@ class WholeBodyController(BalanceController):
             lag_s=lag_s,
             speed=self._fastest_mode(robot),
             landing_force_n=settings.walk.landing_force_n,
-            walking_inverse=settings.walk.drive_inverse,
         )
         self.dik = Dik(
             self.model,

@@ -6,6 +6,7 @@ import math
 
 from surefoot.schemas.settings import EstimatorSettings
 from surefoot.stabilizer.estimation.ground_swing import GroundSwing
+from surefoot.stabilizer.estimation.usual_difference import UsualDifference
 
 GROUND_SPEED_MEMORY_S = 3.0
 """How long ground that moved is taken to move still."""
@@ -48,14 +49,6 @@ GRAVITY_MARGIN_M_S2 = 0.05
 """Gravity differs by so much from place to place [m/s^2]."""
 CHANGE_M_S2, FEWEST_READINGS = 0.15, 50
 """An acceleration that changes by more in so many readings is the ground's [m/s^2]."""
-DIFFERENCE_MEMORY_S = 60.0
-"""How long a difference between feet and accelerometer takes to be the new usual."""
-DIFFERENCE_LAG_S = 0.1
-"""Low-pass by which a sudden one is noticed [s]."""
-SUDDEN_M_S2 = 0.05
-"""No sensor's drift: the robot carries something, is held or hit [m/s^2]."""
-ODD_FOR_S = 1.0
-"""After so long what came suddenly is the new usual."""
 BRAKING_M_S2 = 1.5
 """The level goes along with ground that nears the stroke's end once stopping it there
 would take this; no platform within the stroke asks for as much [m/s^2]."""
@@ -133,7 +126,7 @@ class HeightFilter:
         self._known_s = LEAST_KNOWN_S
         self._learnt: Learnt | None = None
         self._is_seen = self._returns = False
-        self._usual = self._sudden = self._odd_s = 0.0
+        self._feet = UsualDifference(period_s=period_s)
         self._is_at_end = self._is_taken = False
         self._over = self._level_rate = self._taken = self._ride = 0.0
         self._forget_taken = math.exp(-period_s / TAKEN_MEMORY_S)
@@ -169,12 +162,11 @@ class HeightFilter:
         if self._count >= FEWEST_READINGS:
             lopsided = self._moment - 0.5 * (self._count + 1) * self._sum
             moves = moves or abs(12.0 * lopsided) > CHANGE_M_S2 * self._count**2
-        if difference is not None:
-            self._usual += (difference - self._usual) / self._count
+        self._feet.calibrate(difference)
         # Ground that speeds up evenly looks like a bias, but not to the feet.
         margin = 0.0 if moves else GRAVITY_MARGIN_M_S2
-        least = min(0.0, self._usual) - margin
-        most = max(0.0, self._usual) + margin
+        least = min(0.0, self._feet.usual) - margin
+        most = max(0.0, self._feet.usual) + margin
         bias = min(max(mean, least), most)
         self._is_seen = abs(bias) > NOISE_MARGIN_M_S2
         self.bias = bias if self._is_seen else 0.0
@@ -203,7 +195,9 @@ class HeightFilter:
             steps: whether the robot walks: it is other ground that swings then.
         """
         dt = self._dt
-        acceleration -= self._half_of(difference)
+        acceleration -= 0.5 * self._feet.unusual(difference)
+        if self._is_seen:
+            self.bias += 0.5 * self._feet.change
         stillness = self._stillness(acceleration - self.bias, rate)
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height
@@ -280,28 +274,6 @@ class HeightFilter:
         wanted = min(max((parts - RIDES_FROM) / (RIDES - RIDES_FROM), 0.0), 1.0)
         self._ride += self._dt / RIDE_LAG_S * (wanted - self._ride)
         return self._ride
-
-    def _half_of(self, difference: float | None) -> float:
-        """Return what the feet change about the mean acceleration [m/s^2]."""
-        if difference is None:
-            return 0.0
-        unusual = difference - self._usual
-        self._sudden += self._dt / DIFFERENCE_LAG_S * (unusual - self._sudden)
-        if abs(self._sudden) > SUDDEN_M_S2:
-            self._odd_s += self._dt
-            if self._odd_s > ODD_FOR_S:
-                self._usual += self._sudden
-                self._sudden = 0.0
-                self._count = round(DIFFERENCE_LAG_S / self._dt)
-            return 0.0
-        self._odd_s = 0.0
-        self._count += 1
-        least = self._dt / DIFFERENCE_MEMORY_S
-        change = max(1.0 / self._count, least) * unusual
-        self._usual += change
-        if self._is_seen:
-            self.bias += 0.5 * change
-        return 0.5 * unusual
 
     def _stillness(self, acceleration: float, leg_rate: float) -> float:
         """Return 1 on ground that stands still, 0 on ground that moves.

@@ -24,9 +24,7 @@ def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
     return settings
 
 
-def make_law(
-    settings: ControllerSettings, *, lag_s: float = 0.0, walking_inverse: float = 0.0
-) -> ForceFeedback:
+def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedback:
     return ForceFeedback(
         settings.dik,
         settings.ground,
@@ -35,7 +33,6 @@ def make_law(
         sole_scale=settings.tsid.sole_scale,
         period_s=PERIOD_S,
         lag_s=lag_s,
-        walking_inverse=walking_inverse,
     )
 
 

@@ -250,29 +250,28 @@ def test_drives_with_lag_yield_as_prompt_ones_once_the_feet_stand_firmly(
     np.testing.assert_allclose(answer(slow, load + ERROR), wanted, atol=TOLERANCE)
 
 
-def test_slow_drives_go_through_part_of_their_inverse_on_the_way(
-    model: RobotModel,
+@pytest.mark.parametrize("part", [0.0, 0.6, 1.0])
+def test_slow_drives_keep_part_of_their_inverse_whatever_the_feet_do(
+    model: RobotModel, part: float
 ) -> None:
-    """And after it, until a foot does not stand firmly; none was lost by standing."""
+    """All of it while both stand firmly; a foot on the way never does."""
     rig, load = standing(model)
-    lag_s, part = 0.02, 0.6
-    law = make_law(PAPER, lag_s=lag_s, walking_inverse=part)
+    lag_s = 0.02
+    law = make_law(settings_with(dik={"least_inverse": part}), lag_s=lag_s)
 
-    def go_on(F_meas: Array) -> float:
+    def go_on(F_meas: Array, *, walks: bool) -> float:
+        law.walks = walks
         law.update(rig.dynamics, rig.stance, F_meas=F_meas, F_id=load, in_contact=BOTH)
         return law.inverse
 
-    assert go_on(0.0 * load) == 0.0
-    law.walks = True
-    leads = []
-    for F_meas in (load, 0.0 * load):
-        assert go_on(F_meas) == part
-        leads.append(law.lead)
-    law.walks = False
-    assert go_on(load) == part
-    assert law.firmness < part
-    assert go_on(0.0 * load) == 0.0
-    assert law.lead - leads[0] == pytest.approx(part * lag_s / 0.001)
+    assert go_on(load, walks=False) == 1.0
+    firm_lead = law.lead
+    for walks, F_meas in ((False, 0.0 * load), (True, load), (True, 0.0 * load)):
+        assert go_on(F_meas, walks=walks) == part
+        assert law.lead - firm_lead == pytest.approx((1.0 - part) * lag_s / 0.001)
+    go_on(load, walks=False)
+    assert law.firmness < 1.0
+    assert law.inverse == max(part, law.firmness)
 
 
 @LIFTED
