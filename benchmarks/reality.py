@@ -1,32 +1,43 @@
 """What a robot with sensors and drives as people own them makes of its ground.
 
-    python -m benchmarks.reality [--seeds 1] [--random 4] [--only WORD] [--out FILE]
+    python -m benchmarks.reality [--count 1] [--random 4] [--only WORD ...]
+        [--grounds moving-platform-fast ...] [--out FOLDER]
 
-Each line is one imperfection, or several at once, as the tables of a scenario file, put
-into shipped scenarios that are cut short, in one process. Random lines draw from all
-imperfections at once; the number of each is its seed. Writes Markdown. A line of your
-own is an entry of ``LINES``; what random lines draw from is ``draw``.
+Each line is one imperfection, or all of them at once, as the tables of a scenario file,
+put into shipped scenarios that are cut short. What a random line has is drawn with its
+number: how the sensors are mounted, their errors, rates and delays, the drives, what
+the controller believes, a payload. Writes Markdown: how many stood, with Wilson's 95 %
+interval, and the largest lasting error of those; who did not, and how each ended, is
+told before. A line of your own is an entry of ``LINES``; what random lines draw is
+``draw``.
 """
 
 from __future__ import annotations
 
 import argparse
+import tempfile
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
+from benchmarks.lines import LineRun, add_options, is_up, run_all, share_in_words
+from benchmarks.mounted import Drawing, write_mounted
 from benchmarks.shortened import shortened
-from surefoot.runs import simulate
-from surefoot.schemas.result import RunResult
-from surefoot.schemas.scenario import scenario_from_table
+from surefoot.robot_io.robot import load_robot
+from surefoot.run_plan import RunPlan
+from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.studies.cell import Row
 
 Tables = dict[str, Any]
 GROUND = {"standing": 4.0, "moving-platform-slow": 10.0, "moving-platform-fast": 5.0}
 """Shipped scenarios, and how long each is run [s]."""
 SLOW_DRIVES = "harmonic"
+PAYLOAD_LINK = "left_hand"
 
 
 class Line(NamedTuple):
@@ -35,12 +46,14 @@ class Line(NamedTuple):
     Attributes:
         name: shown in the table.
         tables: of the scenario, laid over those of the shipped one.
-        servo_profile: of the drives; None: the robot file's own.
+        servo_profile: of the drives.
+        drawing: how sensors are mounted; None: as on the Walker.
     """
 
     name: str
     tables: Tables
-    servo_profile: str | None = None
+    servo_profile: str = "ideal"
+    drawing: Drawing | None = None
 
 
 def sensors(**values: Any) -> Tables:
@@ -60,39 +73,59 @@ LINES = (
     Line("forces +30 N", sensors(force_bias_n=30.0)),
     Line("moments +5 N m", sensors(moment_bias_nm=5.0)),
     Line(
-        "payload 3 kg in one hand", {"payload": [{"link": "left_hand", "mass_kg": 3.0}]}
+        "payload 3 kg in one hand",
+        {"payload": [{"link": PAYLOAD_LINK, "mass_kg": 3.0}]},
     ),
     Line("starts on moving ground", {"platform": {"start_s": 0.0}}),
 )
 """One imperfection each."""
 
 
-def draw(seed: int, *, payload_link: str) -> Line:
-    """Return a robot with all imperfections at once, within what data sheets say.
-
-    Args:
-        seed: of the draw.
-        payload_link: which link holds the payload.
-    """
-    rng = np.random.default_rng(seed)
+def draw(number: int) -> Line:
+    """Return a robot with all imperfections at once, within what data sheets say."""
+    rng = np.random.default_rng(number)
 
     def within(size: float) -> list[float]:
         return [round(float(x), 5) for x in rng.uniform(-size, size, 3)]
 
+    def between(low: float, high: float) -> float:
+        return round(float(rng.uniform(low, high)), 4)
+
+    def anyhow(size: float) -> pin.SE3:
+        turn = pin.Quaternion(*rng.normal(size=4)).normalized()
+        return pin.SE3(turn.matrix(), rng.uniform(-size, size, 3))
+
+    joints = load_robot("walker").joint_names
     tables = {
         "sensors": {
             "accel_bias_m_s2": within(0.3),
+            "accel_drift_m_s2_min": within(0.01),
             "gyro_bias_rad_s": within(0.02),
+            "gyro_drift_rad_s_min": within(0.002),
             "force_bias_n": {"left": within(5.0), "right": within(5.0)},
             "moment_bias_nm": {"left": within(0.5), "right": within(0.5)},
+            "force_scale": between(0.98, 1.02),
+            "encoder_offset_rad": {name: between(-2e-3, 2e-3) for name in joints},
+            "encoder_resolution_rad": 2.0 * np.pi / 2**16,
+            "force_torque_rate_hz": float(rng.choice([500.0, 1000.0])),
+            "imu_rate_hz": float(rng.choice([500.0, 1000.0])),
+            "joints_rate_hz": float(rng.choice([500.0, 1000.0])),
         },
-        "model_error": {"gravity_m_s2": round(float(rng.uniform(9.76, 9.84)), 4)},
-        "payload": [
-            {"link": payload_link, "mass_kg": round(float(rng.uniform(0.5, 3.0)), 3)}
-        ],
+        "delay": {"sensor_ms": float(rng.integers(2))},
+        "model_error": {
+            "gravity_m_s2": between(9.76, 9.84),
+            "mass_scale": between(0.97, 1.03),
+            "servo_kp_scale": between(0.9, 1.1),
+            "servo_lag_scale": between(0.7, 1.3),
+            "backlash_rad": between(0.0, 5e-4),
+            "joint_friction_nm": between(0.0, 1.0),
+        },
+        "payload": [{"link": PAYLOAD_LINK, "mass_kg": between(0.5, 3.0)}],
+        "start": {"yaw_deg": between(-180.0, 180.0)},
     }
-    drives = SLOW_DRIVES if rng.random() < 0.5 else None
-    return Line(f"random {seed}" + (f", {drives}" if drives else ""), tables, drives)
+    drives = SLOW_DRIVES if rng.random() < 0.5 else "ideal"
+    drawing = Drawing(imu=anyhow(0.1), feet=(anyhow(0.02), anyhow(0.02)))
+    return Line(f"random {number}, {drives}", tables, drives, drawing)
 
 
 def lay_over(text: str, tables: Tables) -> Tables:
@@ -115,37 +148,62 @@ def lay_over(text: str, tables: Tables) -> Tables:
     return raw
 
 
-def run_once(line: Line, ground: str, seed: int) -> RunResult:
-    """Return one run's result."""
-    raw = lay_over(shortened(ground, GROUND[ground]), line.tables)
-    scenario = scenario_from_table(raw, source=f"{line.name} on {ground}")
-    run = simulate(
-        scenario=scenario, seed=seed, servo_profile=line.servo_profile, record=False
-    )
-    return run.result
+@dataclass(frozen=True)
+class RealRun(LineRun):
+    """One run of an imperfect robot.
+
+    Attributes:
+        ground: shipped scenario it stands on.
+        of: the imperfections.
+        mounted: its robot file, where sensors are mounted elsewhere.
+    """
+
+    ground: str
+    of: Line
+    mounted: Path | None = None
+
+    @property
+    def key(self) -> str:
+        """Unique in a study, and readable."""
+        return f"{super().key}|{self.ground}"
+
+    def scenario(self) -> Scenario:
+        """Return its ground, with the imperfections laid over."""
+        raw = lay_over(shortened(self.ground, GROUND[self.ground]), self.of.tables)
+        return scenario_from_table(raw, source=f"{self.line} on {self.ground}")
+
+    def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
+        """Return its plan; see the base class."""
+        return super().plan(robot=str(self.mounted or robot), overrides=overrides)
 
 
-def cell(results: list[RunResult]) -> str:
+def cell(rows: Sequence[Row]) -> str:
     """Return how many stood, and the largest lasting error of those [mm]."""
-    up = [result for result in results if result.outcome == "stood"]
-    if not up:
-        return f"**{results[0].outcome}**"
-    errors = [result.com_error_rms_mm or [np.nan] * 3 for result in up]
-    x, y, z = np.max(np.array(errors), axis=0)
-    share = "" if len(up) == len(results) else f"{len(up)} of {len(results)}: "
-    return f"{share}{x:.1f}, {y:.1f}, {z:.1f}"
+    up = [row for row in rows if is_up(row)]
+    errors = [row["com_error_rms_mm"] for row in up if row["com_error_rms_mm"]]
+    told = "; ".join(f"{max(axis):.1f}" for axis in zip(*errors, strict=True))
+    if len(rows) == 1:
+        return told or f"**{rows[0]['outcome']}**"
+    return f"{share_in_words(rows)}: {told}"
 
 
-def rows(lines: list[Line], seeds: int) -> Iterator[str]:
-    """Run everything; a row of the table per line, as soon as it is known."""
-    yield f"| imperfection | {' | '.join(GROUND)} |"
-    yield "|" + "---|" * (len(GROUND) + 1)
-    for line in lines:
-        cells = [
-            cell([run_once(line, ground, seed) for seed in range(seeds)])
-            for ground in GROUND
-        ]
-        yield f"| {line.name} | {' | '.join(cells)} |"
+def table(runs: Sequence[RealRun], rows: Sequence[Row]) -> str:
+    """Return the Markdown table, a row a line and a column for each ground."""
+    cells: dict[tuple[str, str], list[Row]] = {}
+    for run, row in zip(runs, rows, strict=True):
+        cells.setdefault((run.line, run.ground), []).append(row)
+    grounds = list(dict.fromkeys(ground for _, ground in cells))
+    told = [
+        f"| imperfection | {' | '.join(grounds)} |",
+        "|---" * (len(grounds) + 1) + "|",
+    ]
+    for line in dict.fromkeys(line for line, _ in cells):
+        words = [cell(cells[line, ground]) for ground in grounds]
+        told.append(f"| {line} | {' | '.join(words)} |")
+    for ground in grounds:
+        of = [row for (_, on), each in cells.items() if on == ground for row in each]
+        told.append(f"\n{ground}: {share_in_words(of)} stood")
+    return "\n".join(told)
 
 
 def main() -> int:
@@ -153,20 +211,43 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--seeds", type=int, default=1, help="runs of each cell")
+    add_options(parser, count=1)
     parser.add_argument("--random", type=int, default=4, help="random lines")
-    parser.add_argument("--only", default="", help="lines whose name holds this")
-    parser.add_argument("--out", type=Path)
-    arguments = parser.parse_args()
-    drawn = [draw(seed, payload_link="left_hand") for seed in range(arguments.random)]
-    lines = [line for line in (*LINES, *drawn) if arguments.only in line.name]
-    told = []
-    for row in rows(lines, arguments.seeds):
-        print(row, flush=True)
-        told.append(row)
-    if arguments.out is not None:
-        arguments.out.write_text("\n".join(told) + "\n", encoding="utf-8")
+    parser.add_argument("--grounds", nargs="+", default=list(GROUND), choices=GROUND)
+    options = parser.parse_args()
+    every = (*LINES, *(draw(number) for number in range(options.random)))
+    lines = [line for line in every if any(word in line.name for word in options.only)]
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [
+            RealRun(
+                line.name,
+                number,
+                controller,
+                line.servo_profile,
+                ground=ground,
+                of=line,
+                mounted=robot_of(line, Path(folder)),
+            )
+            for line in lines
+            for ground in options.grounds
+            for controller in options.controllers
+            for number in range(options.first, options.first + options.count)
+        ]
+        rows = run_all(runs, options, title="reality")
+    print(table(runs, rows))
     return 0
+
+
+def robot_of(line: Line, folder: Path) -> Path | None:
+    """Return the file of a robot with sensors mounted so; None: the Walker's."""
+    if line.drawing is None:
+        return None
+    name = line.name.partition(",")[0].replace(" ", "-")
+    inside = folder / name
+    if not inside.exists():
+        inside.mkdir()
+        write_mounted(inside, line.drawing)
+    return inside / f"{name}.toml"
 
 
 if __name__ == "__main__":

@@ -18,36 +18,20 @@ from __future__ import annotations
 import argparse
 import math
 import random
-import tempfile
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
+from benchmarks.lines import LineRun, add_options, is_up, run_all, share_in_words
 from surefoot import load_scenario
-from surefoot.run_plan import RunPlan
-from surefoot.runs import run_inline
 from surefoot.schemas.motions import PrtsMotion
-from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Platform, Scenario, Tile
 from surefoot.schemas.scenario_robot import Delay, ModelError
 from surefoot.schemas.walk_plan import Walk, WalkStep
-from surefoot.studies.cell import Row, figures_of, plan_in
-from surefoot.studies.execute import execute
-from surefoot.studies.store import StudyStore
+from surefoot.studies.cell import Row
 from surefoot.studies.study import success_interval
 
-FIGURES = (
-    "dcm_error_rms_mm",
-    "dcm_error_max_mm",
-    "touchdown_peak_n",
-    "placement_error_max_mm",
-    "steps_done",
-    "steps_planned",
-)
 DIRECTIONS = 16
 PUSH_FROM_S, PUSH_WITHIN_S = 4.0, 1.6
 """Of the pushes: the earliest, and for how long they are drawn from: two steps."""
@@ -272,70 +256,26 @@ LINES = (
 SCENARIOS = {line.name: line.scenario for line in LINES}
 
 
-@dataclass(frozen=True)
-class WalkRun:
-    """One run of a line.
+class WalkRun(LineRun):
+    """One run of a walk."""
 
-    Attributes:
-        line: its name.
-        number: of the run, and seed of the sensor noise.
-        controller: as studies name it.
-        servo_profile: of the robot file.
-    """
+    figures = (
+        "dcm_error_rms_mm",
+        "dcm_error_max_mm",
+        "touchdown_peak_n",
+        "placement_error_max_mm",
+        "steps_done",
+        "steps_planned",
+    )
 
-    line: str
-    number: int
-    controller: str
-    servo_profile: str
-
-    @property
-    def key(self) -> str:
-        """Unique in a study, and readable."""
-        return "|".join(
-            (self.line, self.controller, self.servo_profile, str(self.number))
-        )
-
-    @property
-    def case(self) -> str:
-        """What is run, in words."""
-        return f"{self.line}, run {self.number}"
-
-    @property
-    def group(self) -> tuple[str, int, str, str]:
-        """A group of its own: its ground is."""
-        return self.line, self.number, self.controller, self.servo_profile
-
-    def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
-        """Return its plan."""
-        return plan_in(
-            SCENARIOS[self.line](self.number),
-            None,
-            variant=self.controller,
-            servo_profile=self.servo_profile,
-            seed=self.number,
-            robot=robot,
-            overrides=overrides,
-        )
-
-    def run(self, plan: RunPlan) -> Row:
-        """Run its plan; what was run, and the figures."""
-        result = run_inline(plan, record=False).result
-        figures = msgspec.to_builtins(result)
-        return {
-            "line": self.line,
-            "number": self.number,
-            "controller": self.controller,
-            "servo_profile": self.servo_profile,
-            **figures_of(result),
-            **{name: figures[name] for name in FIGURES},
-        }
+    def scenario(self) -> Scenario:
+        """Return the walk of its line and number."""
+        return SCENARIOS[self.line](self.number)
 
 
 def in_words(rows: Sequence[Row]) -> str:
     """Return how many were walked, and the worst figures of those."""
-    walked = [row for row in rows if Outcome(row["outcome"]).is_up]
-    low, high = success_interval(len(walked), len(rows))
-    told = f"{len(walked)} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)"
+    walked, told = [row for row in rows if is_up(row)], share_in_words(rows)
     errors = [row["dcm_error_rms_mm"] for row in walked if row["dcm_error_rms_mm"]]
     if not errors:
         return told
@@ -372,7 +312,7 @@ def draw_shares(rows: Sequence[Row], path: str) -> None:
         shares, below, above, places = [], [], [], []
         for place, line in enumerate(lines):
             up = [
-                Outcome(row["outcome"]).is_up
+                is_up(row)
                 for row in rows
                 if (row["line"], row["controller"], row["servo_profile"])
                 == (line, *column)
@@ -404,11 +344,11 @@ def draw_pushes(rows: Sequence[Row], path: str) -> None:
     figure = Figure(figsize=(4.2, 4.6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
     axes.set_theta_zero_location("N")
-    for is_up, colour, mark, word in (
+    for walked, colour, mark, word in (
         (True, "#2a7f62", "o", "walked on"),
         (False, "#c0392b", "X", "fell"),
     ):
-        chosen = [r for r in rows if Outcome(r["outcome"]).is_up is is_up]
+        chosen = [row for row in rows if is_up(row) is walked]
         places = [push_of(row["number"]) for row in chosen]
         axes.scatter(
             [angle for angle, _ in places],
@@ -434,14 +374,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--only", nargs="+", default=[""], help="parts of lines' names")
-    parser.add_argument("--first", type=int, default=0, help="number of the first run")
-    parser.add_argument("--count", type=int, default=16, help="runs of each line")
-    parser.add_argument("--controllers", nargs="+", default=["whole-body"])
+    add_options(parser, count=16)
     parser.add_argument("--servo-profiles", nargs="+", default=["ideal", "harmonic"])
-    parser.add_argument("--set", action="append", default=[], help="section.name=value")
-    parser.add_argument("--jobs", type=int, default=0, help="processes; 0: all cores")
-    parser.add_argument("--out", type=Path, help="folder that keeps finished runs")
     parser.add_argument("--figure", help="of how many were walked")
     parser.add_argument("--push-figure", help="of the first push line that was run")
     options = parser.parse_args()
@@ -453,22 +387,8 @@ def main() -> int:
         for profile in options.servo_profiles
         for number in range(options.first, options.first + options.count)
     ]
-    about: dict[str, Any] = {"walks": sorted(options.set)}
-    place = nullcontext(options.out) if options.out else tempfile.TemporaryDirectory()
-    with place as folder, StudyStore(Path(folder), about=about) as store:
-        execute(
-            runs,
-            store,
-            robot="walker",
-            overrides=tuple(options.set),
-            jobs=options.jobs,
-            title="walks",
-        )
-        rows = [store.rows[run.key] for run in runs]
+    rows = run_all(runs, options, title="walks")
     print(table(rows))
-    for row in rows:
-        if not Outcome(row["outcome"]).is_up:
-            print(f"{row['key']}: {row['outcome']} at {row['fell_at_s']} s")
     if options.figure:
         draw_shares(rows, options.figure)
     if options.push_figure:

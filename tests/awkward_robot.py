@@ -8,45 +8,19 @@ in other frames and another order. It is made from the Walker's files, never sto
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from surefoot.robot_io.robot import Robot, find_robot, load_robot
+from benchmarks.mounted import Drawing, placement, write_mounted
+from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Vec6
 
 SHUFFLE_SEED = 32
-JOINT = "[[joint]]\n"
-_PLACED = ("inertial", "visual", "collision")
-
-
-def placement(
-    xyz: tuple[float, float, float], rpy: tuple[float, float, float]
-) -> pin.SE3:
-    """A new frame in the one it replaces: position [m] and fixed-axis angles [rad]."""
-    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """How its frames differ: each one in the Walker's frame of the same name.
-
-    Attributes:
-        base: of the floating link.
-        imu: of the inertial unit.
-        feet: of the left and the right force-torque sensor.
-    """
-
-    base: pin.SE3 = field(default_factory=pin.SE3.Identity)
-    imu: pin.SE3 = field(default_factory=pin.SE3.Identity)
-    feet: tuple[pin.SE3, pin.SE3] = field(
-        default_factory=lambda: (pin.SE3.Identity(), pin.SE3.Identity())
-    )
-
 
 FEET = (
     placement((0.02, -0.01, -0.015), (np.pi, 0.0, 0.7)),
@@ -126,70 +100,18 @@ def make_awkward(folder: Path, drawing: Drawing) -> Awkward:
     """Write the robot's two files and load them.
 
     Args:
-        folder: gets ``awkward.toml`` and ``awkward.urdf``.
+        folder: gets the folder ``awkward`` with ``awkward.toml`` and ``awkward.urdf``.
         drawing: how its frames differ.
     """
     walker = load_robot("walker")
     rng = np.random.default_rng(SHUFFLE_SEED)
     order = rng.permutation(walker.n_a)
-    tree = ElementTree.parse(walker.urdf_path)
-    root = tree.getroot()
-    _move_frame(root, walker.file.base_link, drawing.base)
-    _move_frame(root, walker.file.imu.frame, drawing.imu)
-    for foot, moved in zip(walker.file.foot, drawing.feet, strict=True):
-        _move_frame(root, foot.ft_link, moved)
-    root[:] = [root[i] for i in rng.permutation(len(root))]
-    tree.write(folder / "awkward.urdf")
-    head, *joints = find_robot("walker").read_text().split(JOINT)
-    height = walker.file.nominal_base_height_m
-    head = head.replace('"walker.urdf"', '"awkward.urdf"').replace(
-        f"nominal_base_height_m = {height}",
-        f"nominal_base_height_m = {height + drawing.base.translation[2]}",
-    )
-    shuffled = [joints[i].strip() + "\n" for i in order]
-    (folder / "awkward.toml").write_text(JOINT.join([head, *shuffled]))
-    robot = load_robot(str(folder / "awkward.toml"))
+    parts = rng.permutation(len(ElementTree.parse(walker.urdf_path).getroot()))
+    inside = folder / "awkward"
+    inside.mkdir()
+    path = write_mounted(inside, drawing, joints=order, elements=parts)
+    robot = load_robot(str(path))
     return Awkward(robot=robot, walker=walker, drawing=drawing, order=order)
-
-
-def _move_frame(root: ElementTree.Element, link: str, moved: pin.SE3) -> None:
-    """Give a link another frame, and leave everything in it where it is.
-
-    Args:
-        root: of the URDF.
-        link: its name; a base, or fixed to its parent.
-        moved: the new frame in the old one.
-    """
-    (body,) = root.findall(f"link[@name='{link}']")
-    back = moved.inverse()
-    inside = [part for kind in _PLACED for part in body.findall(kind)]
-    inside += root.findall(f"joint/parent[@link='{link}']/..")
-    for part in inside:
-        _write_origin(part, back * _read_origin(part))
-    for joint in root.findall(f"joint/child[@link='{link}']/.."):
-        assert joint.get("type") == "fixed", "its axis would have to turn along"
-        _write_origin(joint, _read_origin(joint) * moved)
-
-
-def _read_origin(element: ElementTree.Element) -> pin.SE3:
-    origin = element.find("origin")
-    given = {} if origin is None else origin.attrib
-    xyz, rpy = (
-        np.array(given.get(name, "0 0 0").split(), dtype=float)
-        for name in ("xyz", "rpy")
-    )
-    return pin.SE3(pin.rpy.rpyToMatrix(rpy), xyz)
-
-
-def _write_origin(element: ElementTree.Element, pose: pin.SE3) -> None:
-    origin = element.find("origin")
-    if origin is None:
-        origin = ElementTree.SubElement(element, "origin")
-    for name, values in (
-        ("xyz", pose.translation),
-        ("rpy", pin.rpy.matrixToRpy(pose.rotation)),
-    ):
-        origin.set(name, " ".join(repr(float(value)) for value in values))
 
 
 def _seen_from(frame: pin.SE3, wrench: Vec6) -> Vec6:

@@ -9,12 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from benchmarks.mounted import Drawing, placement
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.plant import Plant
-from tests.awkward_robot import Drawing, make_awkward, placement
+from tests.awkward_robot import make_awkward
 from tests.sim_robot.conftest import with_rate
 
 PERIOD_S = 0.001
