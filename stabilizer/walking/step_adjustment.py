@@ -16,7 +16,7 @@ by weight, within what the legs reach and how fast they swing.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -204,66 +204,6 @@ class StepAdjustment:
         # What follows keeps the way gained ahead, and half of that to the side.
         ahead, left = _turned((x, y), support)
         return _turned((ahead, 0.5 * left), support, back=True)
-
-
-class Pause:
-    """Keeps both feet down while the DCM is off, and over the soles that hold it."""
-
-    def __init__(
-        self,
-        settings: WalkSettings,
-        *,
-        half_sizes: tuple[float, float],
-        period_s: float,
-    ) -> None:
-        """Begin without a pause.
-
-        Args:
-            settings: from which error on, and for how long.
-            half_sizes: half length and half width of a sole [m].
-            period_s: time between two updates [s].
-        """
-        self._settings, self._dt = settings, period_s
-        self._half_sizes = half_sizes
-        self._paused_s = 0.0
-
-    def begin(self) -> None:
-        """Begin with another double support."""
-        self._paused_s = 0.0
-
-    def at(self, dcm: Point, gait: Gait, feet: Sequence[Foothold]) -> Point | None:
-        """Advance by one tick of double support.
-
-        Args:
-            dcm: where it is [m].
-            gait: tells where it should be.
-            feet: left and right.
-
-        Returns:
-            Where the ZMP is to stay for now [m]; None to go on.
-        """
-        settings = self._settings
-        x, y = dcm
-        off = math.hypot(x - gait.dcm[0], y - gait.dcm[1])
-        if (
-            settings.adjust != "both"
-            or off < settings.adjust_pause_m
-            or self._paused_s >= settings.adjust_pause_s
-            or not self._is_held(Foothold(x, y, 0.0, 0.0), gait.support, feet)
-        ):
-            return None
-        self._paused_s += self._dt
-        return x, y
-
-    def _is_held(self, dcm: Foothold, support: int, feet: Sequence[Foothold]) -> bool:
-        half_length, half_width = self._half_sizes
-        here = feet[support]
-        x, y, _ = feet[1 - support].seen_from(here)
-        ahead, left, _ = dcm.seen_from(here)
-        return (
-            min(0.0, x) - half_length < ahead < max(0.0, x) + half_length
-            and min(0.0, y) - half_width < left < max(0.0, y) + half_width
-        )
 
 
 def _turned(v: Point, foot: Foothold, *, back: bool = False) -> Point:

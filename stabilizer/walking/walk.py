@@ -26,7 +26,6 @@ from surefoot.stabilizer.dynamics import (
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY, RobotModel
-from surefoot.stabilizer.walking.dcm import Point
 from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
 from surefoot.stabilizer.walking.footsteps import (
     Foothold,
@@ -39,12 +38,11 @@ from surefoot.stabilizer.walking.ground import (
     GroundMotion,
     HeightReference,
 )
-from surefoot.stabilizer.walking.step_adjustment import Pause, StepAdjustment
+from surefoot.stabilizer.walking.phase_changes import PhaseChanges
+from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
-LEAVING_FROM = 0.3
-"""Planned share of the weight under which a foot that is to leave is the walk's."""
 ROLL_ON = 0.5
 """Part of single support after which a force on the swing foot is a touchdown."""
 
@@ -92,8 +90,7 @@ class Walk:
         self._settings, self._dt = settings, (period_s := robot.period_s)
         self._has_odometry = anchors is not None
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
-        self._contacts, self._anchors = contacts, anchors
-        self._weight = model.weight
+        self._anchors = anchors
         left, right = stance.p_sole
         half_width = 0.5 * float(left[1] - right[1])
         middle = 0.5 * (left + right)
@@ -134,13 +131,20 @@ class Walk:
             half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
-        self._pause = Pause(settings, half_sizes=model.half_sizes[0], period_s=period_s)
+        self._changes = PhaseChanges(
+            settings,
+            gait=self.gait,
+            feet=self.feet,
+            contacts=contacts,
+            weight=model.weight,
+            half_sizes=model.half_sizes[0],
+            period_s=period_s,
+        )
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
         self._standing_base: Mat = np.eye(3)
         self._walking_base: Mat = np.eye(3)
-        self._waited_s = 0.0
         self._height = height
         self._places: list[Foothold] | None = None
         self._base_yaw: float | None = None
@@ -211,12 +215,21 @@ class Walk:
             return
         normals = (state.F_meas.item(NORMAL), state.F_meas.item(6 + NORMAL))
         self._places = None
-        pause_at = self._pause_at()
-        self._go_on(normals, commanded or soles, pauses=pause_at is not None)
+        gait, move = self.gait, self._move
+        pause_at = self._changes.pause_at(self._told.dcm, self._footholds)
+        lifted = self._changes.update(
+            normals,
+            self._footholds,
+            self._ahead,
+            moved=None if move is None else move.side,
+            pauses=pause_at is not None,
+        )
+        if lifted is not None:
+            self._lift(lifted, commanded or soles)
+            move = self._move
         if not self.is_walking:
             self._stand(stance)
             return
-        gait, move = self.gait, self._move
         is_single = gait.phase is Phase.SINGLE
         may_touch = not is_single or gait.t > ROLL_ON * gait.duration_s
         self.feet.update(normals, may_touch=may_touch)
@@ -301,66 +314,8 @@ class Walk:
         self._anchors.by_load = True
         x, y = stance.com[:2].tolist()
         self.gait.begin_shift(1 - moves[0].side, feet, moves, com=(x, y))
-        self._waited_s = 0.0
+        self._changes.begin()
         return True
-
-    def _go_on(
-        self, normals: tuple[float, float], soles: SolesAndCom, *, pauses: bool
-    ) -> None:
-        """Go on to the next phase when this one is over."""
-        gait, feet = self.gait, self.feet
-        phase = gait.phase
-        for side in range(2):
-            if phase is not Phase.SINGLE or gait.left_s == 0.0:
-                feet.settle(side)
-        if phase in (Phase.SHIFT, Phase.DOUBLE):
-            leaving = 1 - gait.support
-            if pauses:
-                if feet.states[leaving] is FootState.LEAVING:
-                    feet.give_back(leaving)
-                return
-            moves = self._ahead()
-            if moves and feet.states[leaving] is FootState.PLANTED:
-                left = gait.left_share(self._footholds())
-                if (left if leaving == 0 else 1.0 - left) < LEAVING_FROM:
-                    feet.leave(leaving)
-            if gait.left_s > 0.0:
-                return
-            if not moves:
-                if feet.states[leaving] is FootState.LEAVING:
-                    feet.give_back(leaving)
-                gait.begin_settle()
-                return
-            self._waited_s += self._dt
-            loaded = normals[leaving] > self._settings.unloaded_share * self._weight
-            waits = loaded and self._waited_s <= self._settings.unload_wait_s
-            support = gait.support
-            stands = self._contacts.in_contact[support]
-            if not waits and stands and not feet.is_airborne(support):
-                self._lift(leaving, soles)
-        elif phase is Phase.SINGLE:
-            if gait.left_s > 0.0:
-                return
-            assert self._move is not None
-            if self._contacts.in_contact[self._move.side]:
-                self._waited_s = 0.0
-                self._pause.begin()
-                if self._ahead():
-                    gait.begin_double()
-                else:
-                    gait.begin_settle()
-        elif phase is Phase.SETTLE and gait.left_s == 0.0:
-            is_down = all(state is FootState.PLANTED for state in feet.states)
-            rests = gait.rests(self._footholds())
-            if is_down and rests and all(self._contacts.in_contact):
-                gait.stand()
-
-    def _pause_at(self) -> Point | None:
-        """Where the ZMP stays, both feet down, until the DCM is back; None to go on."""
-        gait, told = self.gait, self._told
-        if gait.phase is not Phase.DOUBLE:
-            return None
-        return self._pause.at(told.dcm, gait, self._footholds())
 
     def _lift(self, side: int, soles: SolesAndCom) -> None:
         """Begin the next step."""

@@ -1,0 +1,207 @@
+"""When a phase of a walk is over, and what comes then."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.stabilizer.estimation.contact import ContactMonitor
+from surefoot.stabilizer.walking.dcm import Point
+from surefoot.stabilizer.walking.feet import Feet, FootState
+from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.gait import Gait, Phase
+from surefoot.stabilizer.walking.step_queue import Move
+
+LEAVING_FROM = 0.3
+"""Planned share of the weight under which a foot that is to leave is the walk's."""
+
+
+class PhaseChanges:
+    """Ends the phases of a gait, by time and by what the feet and the DCM do."""
+
+    def __init__(
+        self,
+        settings: WalkSettings,
+        *,
+        gait: Gait,
+        feet: Feet,
+        contacts: ContactMonitor,
+        weight: float,
+        half_sizes: tuple[float, float],
+        period_s: float,
+    ) -> None:
+        """Begin standing.
+
+        Args:
+            settings: of walking.
+            gait: whose phases end.
+            feet: told which one leaves, and which one does not after all.
+            contacts: of the observer.
+            weight: of the robot [N].
+            half_sizes: half length and half width of a sole [m].
+            period_s: time between two updates [s].
+        """
+        self._settings, self._dt = settings, period_s
+        self._gait, self._feet, self._contacts = gait, feet, contacts
+        self._weight = weight
+        self._pause = Pause(settings, half_sizes=half_sizes, period_s=period_s)
+        self._waited_s = 0.0
+
+    def begin(self) -> None:
+        """Begin a walk, with the shift onto the first foot."""
+        self._waited_s = 0.0
+
+    def pause_at(
+        self, dcm: Point, footholds: Callable[[], list[Foothold]]
+    ) -> Point | None:
+        """Return where the ZMP stays, both feet down, until the DCM is back.
+
+        Args:
+            dcm: as measured [m].
+            footholds: where the feet are.
+
+        Returns:
+            None to go on.
+        """
+        if self._gait.phase is not Phase.DOUBLE:
+            return None
+        return self._pause.at(dcm, self._gait, footholds())
+
+    def update(
+        self,
+        normals: tuple[float, float],
+        footholds: Callable[[], list[Foothold]],
+        ahead: Callable[[], Sequence[Move]],
+        *,
+        moved: int | None,
+        pauses: bool,
+    ) -> int | None:
+        """Go on to the next phase when this one is over.
+
+        Args:
+            normals: normal forces, left and right [N].
+            footholds: where the feet are.
+            ahead: the steps to come.
+            moved: the foot of the last step; None before there was one.
+            pauses: whether the feet stay down, whatever time it is.
+
+        Returns:
+            The foot that is to be lifted now, as all else depends on that step.
+        """
+        gait, feet = self._gait, self._feet
+        phase = gait.phase
+        for side in range(2):
+            if phase is not Phase.SINGLE or gait.left_s == 0.0:
+                feet.settle(side)
+        if phase in (Phase.SHIFT, Phase.DOUBLE):
+            leaving = 1 - gait.support
+            if pauses:
+                self._stay(leaving)
+                return None
+            return self._leave(leaving, normals[leaving], footholds, ahead())
+        if phase is Phase.SINGLE and gait.left_s == 0.0:
+            assert moved is not None
+            if self._contacts.in_contact[moved]:
+                self._waited_s = 0.0
+                self._pause.begin()
+                if ahead():
+                    gait.begin_double()
+                else:
+                    gait.begin_settle()
+        elif phase is Phase.SETTLE and gait.left_s == 0.0:
+            is_down = all(state is FootState.PLANTED for state in feet.states)
+            rests = gait.rests(footholds())
+            if is_down and rests and all(self._contacts.in_contact):
+                gait.stand()
+        return None
+
+    def _leave(
+        self,
+        leaving: int,
+        normal: float,
+        footholds: Callable[[], list[Foothold]],
+        moves: Sequence[Move],
+    ) -> int | None:
+        """Have a foot leave, once it is time and it is unloaded; return it then."""
+        gait, feet = self._gait, self._feet
+        if moves and feet.states[leaving] is FootState.PLANTED:
+            left = gait.left_share(footholds())
+            if (left if leaving == 0 else 1.0 - left) < LEAVING_FROM:
+                feet.leave(leaving)
+        if gait.left_s > 0.0:
+            return None
+        if not moves:
+            self._stay(leaving)
+            gait.begin_settle()
+            return None
+        self._waited_s += self._dt
+        loaded = normal > self._settings.unloaded_share * self._weight
+        waits = loaded and self._waited_s <= self._settings.unload_wait_s
+        support = gait.support
+        stands = self._contacts.in_contact[support] and not feet.is_airborne(support)
+        return None if waits or not stands else leaving
+
+    def _stay(self, leaving: int) -> None:
+        if self._feet.states[leaving] is FootState.LEAVING:
+            self._feet.give_back(leaving)
+
+
+class Pause:
+    """Keeps both feet down while the DCM is off, and over the soles that hold it."""
+
+    def __init__(
+        self,
+        settings: WalkSettings,
+        *,
+        half_sizes: tuple[float, float],
+        period_s: float,
+    ) -> None:
+        """Begin without a pause.
+
+        Args:
+            settings: from which error on, and for how long.
+            half_sizes: half length and half width of a sole [m].
+            period_s: time between two updates [s].
+        """
+        self._settings, self._dt = settings, period_s
+        self._half_sizes = half_sizes
+        self._paused_s = 0.0
+
+    def begin(self) -> None:
+        """Begin with another double support."""
+        self._paused_s = 0.0
+
+    def at(self, dcm: Point, gait: Gait, feet: Sequence[Foothold]) -> Point | None:
+        """Advance by one tick of double support.
+
+        Args:
+            dcm: where it is [m].
+            gait: tells where it should be.
+            feet: left and right.
+
+        Returns:
+            Where the ZMP is to stay for now [m]; None to go on.
+        """
+        settings = self._settings
+        x, y = dcm
+        off = math.hypot(x - gait.dcm[0], y - gait.dcm[1])
+        if (
+            settings.adjust != "both"
+            or off < settings.adjust_pause_m
+            or self._paused_s >= settings.adjust_pause_s
+            or not self._is_held(Foothold(x, y, 0.0, 0.0), gait.support, feet)
+        ):
+            return None
+        self._paused_s += self._dt
+        return x, y
+
+    def _is_held(self, dcm: Foothold, support: int, feet: Sequence[Foothold]) -> bool:
+        half_length, half_width = self._half_sizes
+        here = feet[support]
+        x, y, _ = feet[1 - support].seen_from(here)
+        ahead, left, _ = dcm.seen_from(here)
+        return (
+            min(0.0, x) - half_length < ahead < max(0.0, x) + half_length
+            and min(0.0, y) - half_width < left < max(0.0, y) + half_width
+        )
