@@ -47,6 +47,8 @@ class ForceFeedback:
             their wrench errors then count as no more than ``landing_force_n``.
         walks: whether steps are under way: then no stand is a firm one, and the ground
             may be soft.
+        turns: part of the soles' turns that may be their ground's: who walks steps on
+            edges, too, about which a sole tips [1].
         soft_ground: what the soles do because it is, taken off their motion.
     """
 
@@ -83,7 +85,7 @@ class ForceFeedback:
         self._lag_s, self._period_s, self._speed = lag_s, period_s, speed
         self.firmness = self.inverse = 1.0
         self._firm_again = period_s / dik.firm_again_s
-        self.landing, self.walks = [False, False], False
+        self.landing, self.walks, self.turns = [False, False], False, 1.0
         self.minus_K_inv = np.zeros(12)
         self._half_sizes = half_sizes
         self._sole_scale = sole_scale
@@ -282,8 +284,8 @@ class ForceFeedback:
         if normal > 0.0:
             x, y = -F[4] / normal, F[3] / normal
             half_length, half_width = self._half_sizes[side]
-            roll = self._turning(side, 0, abs(y) / half_width)
-            pitch = self._turning(side, 1, abs(x) / half_length)
+            roll = self.turns * self._turning(side, 0, abs(y) / half_width)
+            pitch = self.turns * self._turning(side, 1, abs(x) / half_length)
             y = min(max(y, -half_width), half_width)
             x = min(max(x, -half_length), half_length)
             v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x

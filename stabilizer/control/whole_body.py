@@ -248,15 +248,17 @@ class WholeBodyController(BalanceController):
             self._keep_failure(tsid)
             return tsid.status, QpStatus.NOT_TRIED
         self.observer.assume_wanted()
-        self.law.landing, self.law.walks = walk.feet.landing, walk.is_walking
-        r = self.law.update(
+        law = self.law
+        law.landing, law.walks = walk.feet.landing, walk.is_walking
+        law.turns = walk.ground_turns
+        r = law.update(
             dynamics,
             stance,
             F_meas=state.F_meas,
             F_id=self.tsid.F_id,
             in_contact=state.in_contact,
         )
-        walk.swing_twist(dynamics, self.law)
+        walk.swing_twist(dynamics, law)
         dik = self.dik.solve(dynamics, stance, r=r, q_command=self._q_command)
         if not dik.ok:
             self._keep_failure(dik)

@@ -45,6 +45,8 @@ SEEN_M = 5e-4
 """On still ground an unbiased accelerometer's noise leads less astray [m]."""
 NOISE_MARGIN_M_S2 = 0.012
 """A mean at the start within this may be noise alone [m/s^2]."""
+AGREE_M_S2 = 0.05
+"""Feet and accelerometer that differ by less agree [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
 """Gravity differs by so much from place to place [m/s^2]."""
 CHANGE_M_S2, FEWEST_READINGS = 0.15, 50
@@ -163,8 +165,11 @@ class HeightFilter:
             lopsided = self._moment - 0.5 * (self._count + 1) * self._sum
             moves = moves or abs(12.0 * lopsided) > CHANGE_M_S2 * self._count**2
         self._feet.calibrate(difference)
-        # Ground that speeds up evenly looks like a bias, but not to the feet.
+        # Ground that speeds up evenly looks like a bias, but not to the feet. These are
+        # off themselves by what the robot carries: it would be chance if both agreed.
         margin = 0.0 if moves else GRAVITY_MARGIN_M_S2
+        if not moves and abs(self._feet.usual) > AGREE_M_S2:
+            margin = math.inf
         least = min(0.0, self._feet.usual) - margin
         most = max(0.0, self._feet.usual) + margin
         bias = min(max(mean, least), most)
@@ -197,7 +202,7 @@ class HeightFilter:
         dt = self._dt
         acceleration -= 0.5 * self._feet.unusual(difference)
         if self._is_seen:
-            self.bias += 0.5 * self._feet.change
+            self.bias += 0.5 * self._feet.drift
         stillness = self._stillness(acceleration - self.bias, rate)
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height

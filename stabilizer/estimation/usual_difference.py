@@ -23,7 +23,8 @@ class UsualDifference:
 
     Attributes:
         usual: what the accelerometer feels more than the feet as a rule [m/s^2].
-        change: of it in the last tick [m/s^2].
+        drift: how far it has drifted in the last tick, beside getting known better
+            [m/s^2].
     """
 
     def __init__(self, *, period_s: float) -> None:
@@ -36,7 +37,7 @@ class UsualDifference:
         self._count = 0
         self._sudden = self._odd_s = 0.0
         self._calm_s = CALM_FOR_S
-        self.usual = self.change = 0.0
+        self.usual = self.drift = 0.0
 
     def calibrate(self, difference: float | None) -> None:
         """Take one of a robot that keeps its posture; None: not known [m/s^2]."""
@@ -50,7 +51,7 @@ class UsualDifference:
         Args:
             difference: as for :meth:`calibrate`.
         """
-        self.change = 0.0
+        self.drift = 0.0
         if difference is None:
             self._calm_s = 0.0
             return 0.0
@@ -69,6 +70,7 @@ class UsualDifference:
         if self._calm_s < CALM_FOR_S:
             return 0.0
         self._count += 1
-        self.change = max(1.0 / self._count, self._dt / MEMORY_S) * unusual
-        self.usual += self.change
+        least = self._dt / MEMORY_S
+        self.usual += max(1.0 / self._count, least) * unusual
+        self.drift = least * unusual
         return unusual

@@ -154,6 +154,11 @@ class Walk:
         """Whether steps are under way."""
         return self.gait.phase is not Phase.STAND
 
+    @property
+    def ground_turns(self) -> float:
+        """How far soles that turn show that their ground does; standing, wholly [1]."""
+        return self._ground.turns if self.is_walking else 1.0
+
     def follow(self, plan: WalkPlan) -> None:
         """Take a plan over, from the next tick on.
 

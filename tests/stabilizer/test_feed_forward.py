@@ -130,9 +130,10 @@ def pressed_at(x: float, y: float) -> Array:
     return np.array(foot * 2)
 
 
-def twist_fed_forward(rig: Rig, F: Array) -> Array:
+def twist_fed_forward(rig: Rig, F: Array, *, turns: float = 1.0) -> Array:
     """(12,) after everything has settled, without wrench error, gain one."""
     law = make_law(settings_with(ground={"gain": (1.0,) * 6}, dik={"stance_leak": 0.0}))
+    law.turns = turns
     for _ in range(LONG):
         r = law.update(rig.dynamics, rig.stance, F_meas=F, F_id=F, in_contact=BOTH)
     return r
@@ -180,3 +181,16 @@ def test_rotation_fed_forward_fades_towards_the_edge_and_returns_in_time(
     ticks = round(SETTINGS.ground.edge_recovery_s / PERIOD_S)
     back = [share(0.0) for _ in range(ticks)]
     np.testing.assert_allclose(back, np.arange(1, ticks + 1) / ticks, atol=SETTLED)
+
+
+def test_of_a_sole_on_an_edge_only_the_pressed_point_is_the_ground(
+    moving: Rig,
+) -> None:
+    """However far inside the sole that edge is; ground in between counts in part."""
+    x, y = 0.2 * X, -0.3 * Y
+    v = moving.dynamics.v_sole[:6]
+    for turns in (0.0, 0.4, 1.0):
+        r = twist_fed_forward(moving, pressed_at(x, y), turns=turns)[:6]
+        np.testing.assert_allclose(r[3:5], turns * v[3:5], atol=SETTLED)
+        pressed = v[2] + v[3] * y - v[4] * x
+        assert r[2] + r[3] * y - r[4] * x == pytest.approx(pressed, abs=SETTLED)

@@ -102,17 +102,41 @@ def test_who_has_ridden_keeps_its_height_again_on_ground_that_calms_down() -> No
     np.testing.assert_allclose(estimate[last], truth[last], atol=0.015)
 
 
+def begins_to_heave(time_s: float) -> float:
+    moved = max(time_s - 1.0, 0.0)
+    return float(0.05 * np.tanh(moved**3) * np.sin(3.0 * moved))
+
+
 @pytest.mark.parametrize("bias", [0.3, -0.2, 0.03])
 def test_a_bias_calibrated_at_rest_leaves_the_height_alone(bias: float) -> None:
-    wave = 0.05
-
-    def ground(time_s: float) -> float:
-        moved = max(time_s - 1.0, 0.0)
-        return float(wave * np.tanh(moved**3) * np.sin(3.0 * moved))
-
-    _, plain = follow(ground, duration_s=8.0)
-    _, biased = follow(ground, duration_s=8.0, bias=bias)
+    _, plain = follow(begins_to_heave, duration_s=8.0)
+    _, biased = follow(begins_to_heave, duration_s=8.0, bias=bias)
     np.testing.assert_allclose(biased, plain, atol=3e-3)
+
+
+@pytest.mark.parametrize(
+    ("bias", "load"), [(0.3, 0.45), (0.3, 0.2), (-0.2, -0.3), (0.1, 0.3)]
+)
+def test_a_load_does_not_hide_a_bias(bias: float, load: float) -> None:
+    """The feet are off by as much as it weighs, to either side of the bias."""
+    _, plain = follow(begins_to_heave, duration_s=8.0)
+    _, biased = follow(
+        begins_to_heave, duration_s=8.0, bias=bias, by_feet=lambda _: load
+    )
+    np.testing.assert_allclose(biased, plain, atol=3e-3)
+
+
+@pytest.mark.parametrize("off", [0.1, -0.1])
+def test_what_the_feet_tell_better_by_and_by_is_no_drift(off: float) -> None:
+    """In the first readings they still settle; a third of a second is not much."""
+    _, plain = follow(begins_to_heave, duration_s=8.0, bias=0.1)
+    _, settling = follow(
+        begins_to_heave,
+        duration_s=8.0,
+        bias=0.1,
+        by_feet=lambda time_s: off if time_s < 0.1 else 0.0,
+    )
+    np.testing.assert_allclose(settling, plain, atol=0.025)
 
 
 def test_a_load_picked_up_is_no_acceleration() -> None:
