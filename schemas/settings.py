@@ -16,7 +16,8 @@ import msgspec
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import NonNegative, Positive
 from surefoot.schemas.toml_file import FileStruct, convert
-from surefoot.schemas.zmp_settings import WalkSettings, ZmpSettings
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.zmp_settings import ZmpSettings
 
 Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]

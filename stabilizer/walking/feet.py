@@ -22,7 +22,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.result import WalkReport
 from surefoot.schemas.walk_plan import WalkStatus
-from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, swing_time
 
 CLOSING_ID = -1

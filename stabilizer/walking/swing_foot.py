@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from surefoot.schemas.arrays import Mat, Vec3
-from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
 from surefoot.stabilizer.walking.footsteps import swing_time

@@ -16,7 +16,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import SineMotion
 from surefoot.schemas.settings import ControllerSettings, SwaySettings, build_settings
 from surefoot.schemas.toml_file import convert, read_toml
-from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.control.reference import Stance, standing
 from surefoot.stabilizer.control.sway import REACH, Sway

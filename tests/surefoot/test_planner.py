@@ -8,7 +8,7 @@ import pytest
 from surefoot.planner import STEPS_AHEAD, VelocityPlanner
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
-from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold, Pace
 from surefoot.stabilizer.walking.step_queue import StepQueue
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.settings import ContactSettings
-from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.walking.feet import Feet, FootState
 

@@ -9,7 +9,7 @@ import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.walk_plan import Step, Walk
-from surefoot.schemas.zmp_settings import WalkSettings
+from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import (
     SIDES,
     Foothold,
