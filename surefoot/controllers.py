@@ -115,31 +115,45 @@ def compute_margins(
 
 
 def loop_notice(plan: RunPlan) -> str:
-    """Say that a run's loop is later than the stabilizer can bear; empty if it is not.
+    """Say that a run's loop is later than robot or stabilizer bear; empty if it is not.
 
     Args:
-        plan: of the run; only the whole-body stabilizer is judged.
+        plan: of the run; of gains, only those of the whole-body stabilizer are judged.
     """
-    if plan.controller != "whole-body":
-        return ""
-    from surefoot.stabilizer.control.drives import borne_delay
-
     tick_ms = MS_PER_S * plan.robot.period_s
     delay = plan.scenario.delay
     command_ms = tick_ms if delay.command_ms is None else delay.command_ms
     # What single sensors are late by beyond that, the stabilizer sees by their stamps.
     shared_ms = min(delay.of(field.name) for field in fields(SensorDelays))
     whole_ms = command_ms + shared_ms
-    borne_ms = tick_ms * borne_delay(plan.robot, plan.settings)
-    if whole_ms <= borne_ms + _WHOLE:
+    said = []
+    borne_ms = _borne_ms(plan)
+    if whole_ms > borne_ms + _WHOLE:
+        said.append(
+            f"this robot bears {borne_ms:g} ms with these gains and will sway; --set "
+            f"dik.loop_delay_s={whole_ms / MS_PER_S:g} makes the feet softer, see "
+            "surefoot margins"
+        )
+    limit_s = plan.robot.file.gate.max_loop_delay_s
+    if limit_s is not None and command_ms > MS_PER_S * limit_s + _WHOLE:
+        limit_ms, enough_s = MS_PER_S * limit_s, (command_ms + 0.5 * tick_ms) / MS_PER_S
+        said.append(
+            f"the robot's gate ends a run whose commands are over {limit_ms:g} ms late, "
+            "whatever the gains; a copy of the robot file with "
+            f"gate.max_loop_delay_s = {enough_s:g} does not"
+        )
+    if not said:
         return ""
-    return (
-        f"the loop is {whole_ms:g} ms late (commands {command_ms:g}, sensors "
-        f"{shared_ms:g}), and this robot bears {borne_ms:g} ms with these gains: it "
-        f"will sway, or its gate will refuse to be driven; --set "
-        f"dik.loop_delay_s={whole_ms / MS_PER_S:g} makes the feet softer, see "
-        "surefoot margins"
-    )
+    late = f"the loop is {whole_ms:g} ms late (commands {command_ms:g}, sensors "
+    return f"{late}{shared_ms:g}): {'. And '.join(said)}"
+
+
+def _borne_ms(plan: RunPlan) -> float:
+    if plan.controller != "whole-body":
+        return math.inf
+    from surefoot.stabilizer.control.drives import borne_delay
+
+    return MS_PER_S * plan.robot.period_s * borne_delay(plan.robot, plan.settings)
 
 
 def _ticks(delay_ms: float, period_s: float) -> int:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
 from surefoot.controllers import loop_notice
+from surefoot.robot_io.robot import find_robot
 from surefoot.run_plan import make_plan
+from surefoot.runs import simulate
 from surefoot.schemas.scenario import Delay, Scenario
 
 RUNNER = CliRunner()
@@ -38,5 +41,30 @@ def test_a_loop_later_than_is_borne_is_told_with_what_to_set() -> None:
     assert "6 ms late" in said
     assert "bears 3 ms" in said
     assert "dik.loop_delay_s=0.006" in said
+    assert "gate" not in said
     assert not loop_notice(make_plan(late, settings={"dik.loop_delay_s": 0.006}))
     assert not loop_notice(make_plan(late, controller="zmp"))
+
+
+def test_a_gate_that_would_end_the_run_is_told_whatever_the_gains(
+    tmp_path: Path,
+) -> None:
+    late = Scenario(name="late", duration_s=1.0, delay=Delay(command_ms=4.0))
+    told = {"dik.loop_delay_s": 0.004}
+    for plan in (
+        make_plan(late, settings=told),
+        make_plan(late, controller="zmp"),
+    ):
+        said = loop_notice(plan)
+        assert "sway" not in said
+        assert "gate ends a run whose commands are over 3.5 ms late" in said
+    assert "gate.max_loop_delay_s = 0.0045" in said
+    file = find_robot("walker")
+    text = file.read_text()
+    text = text.replace("max_loop_delay_s = 0.0035", "max_loop_delay_s = 0.0045")
+    (tmp_path / "walker.urdf").write_bytes((file.parent / "walker.urdf").read_bytes())
+    (tmp_path / "patient.toml").write_text(text)
+    robot = tmp_path / "patient.toml"
+    assert not loop_notice(make_plan(late, robot=robot, settings=told))
+    run = simulate(robot, late, settings=told, record=False)
+    assert run.result.outcome == "stood"
