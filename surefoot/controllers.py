@@ -136,10 +136,11 @@ def loop_notice(plan: RunPlan) -> str:
         )
     limit_s = plan.robot.file.gate.max_loop_delay_s
     if limit_s is not None and command_ms > MS_PER_S * limit_s + _WHOLE:
-        limit_ms, enough_s = MS_PER_S * limit_s, (command_ms + 0.5 * tick_ms) / MS_PER_S
+        limit_ms = MS_PER_S * limit_s
+        enough_s = (command_ms + 0.5 * tick_ms) / MS_PER_S
         said.append(
-            f"the robot's gate ends a run whose commands are over {limit_ms:g} ms late, "
-            "whatever the gains; a copy of the robot file with "
+            f"the robot's gate ends a run whose commands are over {limit_ms:g} ms "
+            "late, whatever the gains; a copy of the robot file with "
             f"gate.max_loop_delay_s = {enough_s:g} does not"
         )
     if not said:
