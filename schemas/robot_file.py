@@ -10,6 +10,7 @@ from surefoot.schemas.toml_file import FileStruct
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 NonNegative = Annotated[float, msgspec.Meta(ge=0.0)]
+Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Side = Literal["left", "right"]
 
 

@@ -14,12 +14,11 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.robot_file import Fraction, NonNegative, Positive
 from surefoot.schemas.toml_file import FileStruct, convert
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.schemas.zmp_settings import ZmpSettings
 
-Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Negative = Annotated[float, msgspec.Meta(lt=0.0)]
 PositiveTriple = tuple[Positive, Positive, Positive]
 PositiveSix = tuple[Positive, Positive, Positive, Positive, Positive, Positive]

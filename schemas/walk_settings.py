@@ -6,10 +6,9 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.robot_file import Fraction, NonNegative, Positive
 from surefoot.schemas.toml_file import FileStruct
 
-Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
 
 

@@ -12,10 +12,9 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from surefoot.schemas.robot_file import NonNegative, Positive
+from surefoot.schemas.robot_file import Fraction, NonNegative, Positive
 from surefoot.schemas.toml_file import FileStruct
 
-Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 CopAdmittance = Annotated[float, msgspec.Meta(ge=0.0, le=0.1)]
 ComAdmittance = Annotated[float, msgspec.Meta(ge=0.0, le=20.0)]
 
