@@ -141,6 +141,7 @@ class BalanceController(ABC):
     Attributes:
         model: the robot.
         stance: reference.
+        com_wanted: (3,) where the centre of mass is to be in this tick [m].
         observer: tells the robot's state.
         failure: the first QP that could not be solved, kept for replay.
     """
@@ -157,6 +158,7 @@ class BalanceController(ABC):
         self._dt = robot.period_s
         self.model = RobotModel(robot)
         self.stance = standing(self.model)
+        self.com_wanted = self.stance.com
         self.failure: QpData | None = None
         self._tick = 0
 
@@ -216,7 +218,7 @@ class BalanceController(ABC):
     def _answer(self, wrench_qp: QpStatus, motion_qp: QpStatus) -> ControllerOutput:
         output, state = self._output(), self.observer.state
         output.F_meas = state.F_meas
-        output.com_reference = self.stance.com
+        output.com_reference = self.com_wanted
         output.in_contact = (state.in_contact[0], state.in_contact[1])
         output.base_pose, output.base_twist = state.q[:7], state.v[:6]
         output.wrench_qp, output.motion_qp = wrench_qp, motion_qp

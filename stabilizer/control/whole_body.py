@@ -80,6 +80,7 @@ class WholeBodyController(BalanceController):
         )
         self.tasks = [*standing_tasks(self.model, settings), *extra_tasks]
         lag_s = robot.servo_profile.lag_s
+        self.com_wanted = self.stance.com.copy()
         self.walk = Walk(
             settings.walk,
             self.stance,
@@ -208,6 +209,7 @@ class WholeBodyController(BalanceController):
         shifts = self._shifts(state)
         for shift in shifts:
             shift.move(stance, 1.0)
+        self.com_wanted[:] = stance.com
         try:
             return self._solve(state)
         finally:

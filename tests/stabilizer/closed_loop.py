@@ -38,6 +38,7 @@ class Run:
         F_true: (n, 12) contact wrenches, sole frames.
         F_meas: (n, 12) as the controller has them.
         com: (n, 3) estimate in the stance frame.
+        com_reference: (n, 3) where the controller says it should be.
         statuses: of the QPs, each one once.
         fell: whether the robot did.
     """
@@ -50,6 +51,7 @@ class Run:
     F_true: Array
     F_meas: Array
     com: Array
+    com_reference: Array
     statuses: set[str]
     fell: bool
 
@@ -88,6 +90,7 @@ def run_closed_loop(
         rows["F_true"].append(np.concatenate((truth.F_left, truth.F_right)))
         rows["F_meas"].append(np.array(output.F_meas))
         rows["com"].append(np.array(output.com))
+        rows["com_reference"].append(np.array(output.com_reference))
     snapshots = rows.pop("snapshots")
     arrays = {name: np.array(values) for name, values in rows.items()}
     return Run(snapshots=snapshots, statuses=statuses, fell=sim.fell, **arrays)

@@ -301,6 +301,8 @@ def test_robot_sways_as_asked(walker: Robot, model: RobotModel, axis: str) -> No
     wanted = sign * standing(model).com_nominal * asked_lean(scenario, run.time_s)
     assert np.abs(wanted).max() > 5.0 * TRACKED_M
     assert np.abs(way - wanted).max() < TRACKED_M
+    told = (run.com - run.com_reference)[run.time_s > 1.0, side]
+    assert np.abs(told).max() < TRACKED_M
 
 
 @pytest.mark.closed_loop
