@@ -202,7 +202,7 @@ class HeightFilter:
         dt = self._dt
         acceleration -= 0.5 * self._feet.unusual(difference)
         if self._is_seen:
-            self.bias += 0.5 * self._feet.drift
+            self.bias += 0.5 * self._feet.change
         stillness = self._stillness(acceleration - self.bias, rate)
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height

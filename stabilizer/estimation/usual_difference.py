@@ -10,6 +10,8 @@ SUDDEN_M_S2 = 0.05
 """No sensor's drift: the robot carries something, is held or hit [m/s^2]."""
 ODD_FOR_S = 1.0
 """After so long what came suddenly is the new usual."""
+NOISE_M_S2 = 0.008
+"""By so much noise may be off in the first readings; more is feet that settle."""
 CALM_FOR_S = 0.3
 """So long after a sudden difference, and after feet in the air, the next one counts."""
 
@@ -23,8 +25,8 @@ class UsualDifference:
 
     Attributes:
         usual: what the accelerometer feels more than the feet as a rule [m/s^2].
-        drift: how far it has drifted in the last tick, beside getting known better
-            [m/s^2].
+        change: of it in the last tick, by drift, or as far as noise of the first
+            readings may have been off [m/s^2].
     """
 
     def __init__(self, *, period_s: float) -> None:
@@ -37,7 +39,8 @@ class UsualDifference:
         self._count = 0
         self._sudden = self._odd_s = 0.0
         self._calm_s = CALM_FOR_S
-        self.usual = self.drift = 0.0
+        self._better = self._known = 0.0
+        self.usual = self.change = 0.0
 
     def calibrate(self, difference: float | None) -> None:
         """Take one of a robot that keeps its posture; None: not known [m/s^2]."""
@@ -51,7 +54,7 @@ class UsualDifference:
         Args:
             difference: as for :meth:`calibrate`.
         """
-        self.drift = 0.0
+        self.change = 0.0
         if difference is None:
             self._calm_s = 0.0
             return 0.0
@@ -71,6 +74,10 @@ class UsualDifference:
             return 0.0
         self._count += 1
         least = self._dt / MEMORY_S
-        self.usual += max(1.0 / self._count, least) * unusual
-        self.drift = least * unusual
+        gain = max(1.0 / self._count, least)
+        self.usual += gain * unusual
+        before = self._known
+        self._better += (gain - least) * unusual
+        self._known = min(max(self._better, -NOISE_M_S2), NOISE_M_S2)
+        self.change = least * unusual + self._known - before
         return unusual
