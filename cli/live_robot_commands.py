@@ -13,7 +13,7 @@ from surefoot.errors import ExitCode
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from surefoot.robot_io.conformance.skeleton import ConformanceReport
+    from surefoot.robot_io.conformance.evidence import ConformanceReport
     from surefoot.stabilizer.identification import Drive
 
 

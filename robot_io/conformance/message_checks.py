@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from surefoot.robot_io.conformance.recording import Recording
-from surefoot.robot_io.conformance.skeleton import GRAVITY_M_S2, Findings, Skeleton
+from surefoot.robot_io.conformance.evidence import (
+    GRAVITY_M_S2,
+    Findings,
+    Recording,
+    Skeleton,
+)
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.messages import ImuState

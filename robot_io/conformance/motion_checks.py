@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from surefoot.robot_io.conformance.evidence import Findings, Recording, Skeleton
 from surefoot.robot_io.conformance.probe import Offset, Probe
-from surefoot.robot_io.conformance.recording import Recording
-from surefoot.robot_io.conformance.skeleton import Findings, Skeleton
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import ModeCause

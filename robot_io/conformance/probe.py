@@ -14,7 +14,7 @@ from surefoot.robot_io.bus.bus import Bus, dialed_bus
 from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.requests import ServiceCaller
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
-from surefoot.robot_io.conformance.recording import Recording
+from surefoot.robot_io.conformance.evidence import Recording
 from surefoot.robot_io.errors import (
     RequestRefusedError,
     RobotMismatchError,

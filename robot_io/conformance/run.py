@@ -12,6 +12,11 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
+from surefoot.robot_io.conformance.evidence import (
+    ConformanceReport,
+    Findings,
+    RunBrokenOffError,
+)
 from surefoot.robot_io.conformance.message_checks import check_messages, check_values
 from surefoot.robot_io.conformance.motion_checks import (
     check_estop,
@@ -21,11 +26,6 @@ from surefoot.robot_io.conformance.motion_checks import (
     check_watchdog,
 )
 from surefoot.robot_io.conformance.probe import Probe, probing
-from surefoot.robot_io.conformance.skeleton import (
-    ConformanceReport,
-    Findings,
-    RunBrokenOffError,
-)
 from surefoot.robot_io.identity import PARTS
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.mode_machine import Refusal

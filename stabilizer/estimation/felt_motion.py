@@ -40,6 +40,18 @@ KNOWN_S = 0.5
 """After so long a mean is known, and what is far from it is a push, no bias [s]."""
 SUDDEN_M_S2 = 0.1
 """By so much at most a reading counts as off the mean from then on [m/s^2]."""
+USUAL_MEMORY_S = 60.0
+"""How long a difference takes to be the new usual one."""
+USUAL_LAG_S = 0.1
+"""Low-pass by which a sudden one is noticed [s]."""
+UNUSUAL_M_S2 = 0.05
+"""No sensor's drift: the robot carries something, is held or hit [m/s^2]."""
+ODD_FOR_S = 1.0
+"""After so long what came suddenly is the new usual."""
+FIRST_NOISE_M_S2 = 0.008
+"""By so much noise may be off in the first readings; more is feet that settle."""
+CALM_FOR_S = 0.3
+"""So long after a sudden difference, and after feet in the air, the next one counts."""
 
 
 class FeltMotion:
@@ -303,3 +315,70 @@ class HorizontalBias:
             # The third witness is the accelerometer: not off at all.
             middle = sorted((0.0, self._by_force[axis], self._by_pressure[axis]))[1]
             self.bias[axis] = min(max(middle, -BIAS_LIMIT_M_S2), BIAS_LIMIT_M_S2)
+
+
+class UsualDifference:
+    """Tells a difference of the vertical accelerations from what is usual.
+
+    In what remains, feet and accelerometer may be averaged. Of a bounce all counts or
+    nothing: blows and rests have no effect together, but parts of them would drive the
+    height away. So nothing is told until it has been over for a while.
+
+    Attributes:
+        usual: what the accelerometer feels more than the feet as a rule [m/s^2].
+        change: of it in the last tick, by drift, or as far as noise of the first
+            readings may have been off [m/s^2].
+    """
+
+    def __init__(self, *, period_s: float) -> None:
+        """Begin without a difference.
+
+        Args:
+            period_s: time between two updates [s].
+        """
+        self._dt = period_s
+        self._count = 0
+        self._sudden = self._odd_s = 0.0
+        self._calm_s = CALM_FOR_S
+        self._better = self._known = 0.0
+        self.usual = self.change = 0.0
+
+    def calibrate(self, difference: float | None) -> None:
+        """Take one of a robot that keeps its posture; None: not known [m/s^2]."""
+        self._count += 1
+        if difference is not None:
+            self.usual += (difference - self.usual) / self._count
+
+    def unusual(self, difference: float | None) -> float:
+        """Return what is not usual in a difference, and no bounce either [m/s^2].
+
+        Args:
+            difference: as for :meth:`calibrate`.
+        """
+        self.change = 0.0
+        if difference is None:
+            self._calm_s = 0.0
+            return 0.0
+        unusual = difference - self.usual
+        self._sudden += self._dt / USUAL_LAG_S * (unusual - self._sudden)
+        if abs(self._sudden) > UNUSUAL_M_S2:
+            self._calm_s = 0.0
+            self._odd_s += self._dt
+            if self._odd_s > ODD_FOR_S:
+                self.usual += self._sudden
+                self._sudden = 0.0
+                self._count = round(USUAL_LAG_S / self._dt)
+            return 0.0
+        self._odd_s = 0.0
+        self._calm_s += self._dt
+        if self._calm_s < CALM_FOR_S:
+            return 0.0
+        self._count += 1
+        least = self._dt / USUAL_MEMORY_S
+        gain = max(1.0 / self._count, least)
+        self.usual += gain * unusual
+        before = self._known
+        self._better += (gain - least) * unusual
+        self._known = min(max(self._better, -FIRST_NOISE_M_S2), FIRST_NOISE_M_S2)
+        self.change = least * unusual + self._known - before
+        return unusual

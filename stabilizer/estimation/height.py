@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from surefoot.schemas.settings import EstimatorSettings
+from surefoot.stabilizer.estimation.felt_motion import UsualDifference
 from surefoot.stabilizer.estimation.ground_swing import GroundSwing
-from surefoot.stabilizer.estimation.usual_difference import UsualDifference
 
 GROUND_SPEED_MEMORY_S = 3.0
 """How long ground that moved is taken to move still."""

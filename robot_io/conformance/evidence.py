@@ -1,6 +1,8 @@
-"""What a conformance check says, and how one is made."""
+"""What checks go by: what the robot has sent, where its links are, what was found."""
 
 from __future__ import annotations
+
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -8,7 +10,10 @@ import numpy as np
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.urdf_check import Urdf, rotation
 from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.codec import decode
+from surefoot.schemas.errors import MessageError
 from surefoot.schemas.robot_file import Foot
+from surefoot.schemas.topics import TICK_SENSORS, topic
 
 GRAVITY_M_S2 = 9.81
 
@@ -112,3 +117,63 @@ class Skeleton:
         for i, axis_in_base, p_joint in moved:
             rates[i] = robot.R_upright_base[2] @ np.cross(axis_in_base, p - p_joint)
         return rates
+
+
+class Read(NamedTuple):
+    """What a channel has told.
+
+    Attributes:
+        messages: those that could be read, in the order they came.
+        malformed: how many could not.
+        error: what was wrong with the last of these.
+    """
+
+    messages: list[Any]
+    malformed: int
+    error: str
+
+
+class Recording:
+    """Sensor messages by channel, in the order they came.
+
+    They are read when they are asked for: all of them, while the robot waits for an
+    answer, would be more than a busy computer can do in time.
+    """
+
+    def __init__(self, *, joint_count: int) -> None:
+        """Begin empty.
+
+        Args:
+            joint_count: n_a.
+        """
+        self._joint_count = joint_count
+        self._payloads: dict[str, list[bytes]] = {name: [] for name in TICK_SENSORS}
+        self._read: dict[str, Read] = {}
+
+    def add(self, channel: str, payload: bytes) -> None:
+        """Keep what has come, unread."""
+        self._payloads[channel].append(payload)
+
+    def read(self, channel: str) -> Read:
+        """Read what has come on a channel; nothing more may be added to it."""
+        if channel not in self._read:
+            messages, malformed, error = [], 0, ""
+            kind = topic(channel).message
+            for payload in self._payloads[channel]:
+                try:
+                    messages.append(
+                        decode(payload, kind, joint_count=self._joint_count)
+                    )
+                except MessageError as why:
+                    malformed, error = malformed + 1, str(why)
+            self._read[channel] = Read(messages, malformed, error)
+        return self._read[channel]
+
+    def column(self, channel: str, name: str) -> Array:
+        """Return one field of a channel's messages: (messages,) or (messages, size)."""
+        return np.array([getattr(m, name) for m in self.read(channel).messages])
+
+    def mean(self, channel: str, name: str) -> Array:
+        """Return the mean of one field over the recording."""
+        mean: Array = self.column(channel, name).mean(axis=0)
+        return mean
