@@ -116,8 +116,8 @@ def _of_walk(walk: WalkState | None) -> tuple[Array | None, ...]:
         np.array(walk.dcm),
         np.array(walk.dcm_reference),
         np.array(walk.zmp_reference),
-        walk.footholds,
-        walk.goals,
+        np.array(walk.footholds),
+        np.array(walk.goals),
         np.array((phase,)),
         np.array((left, right)),
     )

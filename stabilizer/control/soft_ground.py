@@ -78,8 +78,10 @@ class SoftGround:
         self._sinks = [[PRIOR, 0.0, 0.0], [PRIOR, 0.0, 0.0]]
         self._wrench = np.zeros(12)
         self._rate = np.zeros(12)
-        self._slow = np.zeros((2, 24))
+        self._slow = (np.zeros(24), np.zeros(24))
         self._quick = np.zeros(24)
+        self._step = np.zeros(24)
+        self._parts = self._quick[:12], self._quick[12:]
 
     def update(self, v_sole: Array, F_meas: Array, stands: Sequence[bool]) -> None:
         """Advance by one tick.
@@ -94,15 +96,17 @@ class SoftGround:
         rate *= self._low_pass
         self._wrench += rate
         rate /= self._dt
-        quick[:12], quick[12:] = v_sole, rate
+        np.copyto(self._parts[0], v_sole)
+        np.copyto(self._parts[1], rate)
         for slow in self._slow:
             quick -= slow
-            slow += self._high_pass * quick
+            np.multiply(quick, self._high_pass, out=self._step)
+            slow += self._step
         for side, rows in enumerate(SOLE_ROWS):
             if stands[side]:
                 if not self._stood[side]:
                     self._expect(side)
-                self._look(side)
+                self._look(side, self._wrench[rows].tolist())
             else:
                 self.given[rows] = 0.0
             self._stood[side] = stands[side]
@@ -114,9 +118,9 @@ class SoftGround:
             share = 2.0 * PRIOR / (square + PRIOR)
             sums[side][:] = max(share * square, PRIOR), share * product, share * speed
 
-    def _look(self, side: int) -> None:
+    def _look(self, side: int, wrench: list[float]) -> None:
         start = 6 * side
-        normal, m_x, m_y = self._wrench[start + NORMAL : start + 5].tolist()
+        _, _, normal, m_x, m_y, _ = wrench
         length, width = self._half_sizes[side]
         if (
             normal > LIGHT_N

@@ -323,16 +323,14 @@ class Estimator:
 
     def _follow_feet(self) -> None:
         """Have the anchors of feet that are not planted follow them."""
-        anchors, data, q = self.anchors, self._data, self.q
-        for side, frame in enumerate(self._model.sole_ids):
+        anchors, q, soles = self.anchors, self.q, self._soles
+        for side, (R, (x, y, z)) in enumerate(soles):
             if anchors.planted[side]:
                 continue
-            sole, other = data.oMf[frame], data.oMf[self._model.sole_ids[1 - side]]
-            x, y, z = sole.translation.tolist()
-            rise = z - other.translation.item(2)
+            rise = z - soles[1 - side][1][2]
             p = anchors.p[side]
             p[:] = q.item(0) + x, q.item(1) + y, anchors.p[1 - side][2] + rise
-            anchors.yaw[side] = yaw_from(sole.rotation, 0.0)
+            anchors.yaw[side] = yaw_from(R, 0.0)
 
     def _compare(self, snapshot: Snapshot, wrenches: Array | None) -> float | None:
         """Compare accelerometer and feet; return their vertical difference [m/s^2]."""

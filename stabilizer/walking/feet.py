@@ -16,9 +16,6 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 
-import numpy as np
-
-from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.result import WalkReport
 from surefoot.schemas.walk_plan import WalkStatus
@@ -46,9 +43,9 @@ class WalkState:
         dcm: estimated divergent component of motion, odometry frame [m].
         dcm_reference: where it should be [m].
         zmp_reference: wanted zero-moment point [m].
-        footholds: (8,) x, y, z [m] and yaw [rad] of left and right foot: where they
-            were set down, or are.
-        goals: (8,) the same, of a foot in the air where it is being set.
+        footholds: 8 numbers, x, y, z [m] and yaw [rad] of left and right foot: where
+            they were set down, or are.
+        goals: the same, of a foot in the air where it is being set.
         ahead: steps to come, as far as the reference looks.
         shift: of the present step, by step adjustment [m].
         done: steps of plans that were set down.
@@ -68,8 +65,7 @@ class WalkState:
         self.step = self.last_step = -1
         self.feet = [FootState.PLANTED, FootState.PLANTED]
         self.dcm = self.dcm_reference = self.zmp_reference = (0.0, 0.0)
-        self.footholds: Array = np.zeros(8)
-        self.goals: Array = np.zeros(8)
+        self.footholds = self.goals = [0.0] * 8
         self.shift = (0.0, 0.0)
         self.done = self.planned = 0
         self.ahead: Sequence[Move] = ()
@@ -78,7 +74,7 @@ class WalkState:
         self._placement_max = 0.0
         self._late: list[float] | None = None
         self._squares = [0.0, 0.0]
-        self._largest = [0.0, 0.0]
+        self._largest = (0.0, 0.0)
         self._ticks = 0
 
     def compare(self, soles: SolesAndCom, gait: Gait) -> tuple[float, float]:
@@ -91,15 +87,15 @@ class WalkState:
         Returns:
             How far the DCM is ahead of its reference, and to the left of it [m].
         """
-        v, p, (xi_x, xi_y) = soles.v_com, soles.p_com, gait.dcm
-        x = v.item(0) / gait.omega + p.item(0)
-        y = v.item(1) / gait.omega + p.item(1)
+        v, p, omega, (xi_x, xi_y) = soles.v_com, soles.p_com, gait.omega, gait.dcm
+        x, y = v.item(0) / omega + p.item(0), v.item(1) / omega + p.item(1)
         self.dcm, self.dcm_reference, self.zmp_reference = (x, y), gait.dcm, gait.zmp
         self._ticks += 1
         ahead, left = x - xi_x, y - xi_y
-        for axis, error in enumerate((abs(ahead), abs(left))):
-            self._squares[axis] += error * error
-            self._largest[axis] = max(self._largest[axis], error)
+        squares, (largest_x, largest_y) = self._squares, self._largest
+        squares[0] += ahead * ahead
+        squares[1] += left * left
+        self._largest = (max(largest_x, abs(ahead)), max(largest_y, abs(left)))
         return ahead, left
 
     def touch(self, *, off: float, late_s: float) -> None:
@@ -121,11 +117,9 @@ class WalkState:
             anchors: where they were set down, or are.
             goals: the same, but of a foot in the air where it is being set.
         """
-        for side, goal in enumerate(goals):
-            start = 4 * side
-            self.goals[start : start + 4] = goal
-            self.footholds[start : start + 3] = anchors.p[side]
-            self.footholds[start + 3] = anchors.yaw[side]
+        (left, right), (yaw_left, yaw_right) = anchors.p, anchors.yaw
+        self.footholds = [*left, yaw_left, *right, yaw_right]
+        self.goals = [*goals[0], *goals[1]]
 
     def message(self, *, tick: int, stamp_ns: int) -> WalkStatus:
         """What to tell everyone of the present tick.
@@ -135,7 +129,6 @@ class WalkState:
             stamp_ns: monotonic clock [ns].
         """
         left, right = self.feet
-        places = self.footholds.tolist(), self.goals.tolist()
         return WalkStatus(
             schema=SCHEMA_VERSION,
             tick=tick,
@@ -148,10 +141,10 @@ class WalkState:
             steps_planned=self.planned,
             foot_left=left,
             foot_right=right,
-            foothold_left=places[0][:4],
-            foothold_right=places[0][4:],
-            goal_left=places[1][:4],
-            goal_right=places[1][4:],
+            foothold_left=self.footholds[:4],
+            foothold_right=self.footholds[4:],
+            goal_left=self.goals[:4],
+            goal_right=self.goals[4:],
             ahead=[list(map(float, move.place)) for move in self.ahead]
             if self.phase is not Phase.STAND
             else [],
@@ -199,6 +192,9 @@ class Feet:
         since_s: time since the last change of state of each.
         touched: whether each foot touched down in this tick, for the first time in
             its step.
+        airborne: the foot that is in the air, if any.
+        arriving: that one, or else one that lands, if any.
+        landing: which feet feel the impact of a touchdown.
     """
 
     def __init__(
@@ -227,27 +223,11 @@ class Feet:
         self.states = [FootState.PLANTED, FootState.PLANTED]
         self.since_s = [0.0, 0.0]
         self.touched = [False, False]
+        self.airborne: int | None = None
+        self.arriving: int | None = None
+        self.landing = [False, False]
         self._timer = [0.0, 0.0]
         self._landed_s = [0.0, 0.0]
-
-    @property
-    def airborne(self) -> int | None:
-        """The foot that is in the air, if any."""
-        if self.is_airborne(0):
-            return 0
-        return 1 if self.is_airborne(1) else None
-
-    @property
-    def arriving(self) -> int | None:
-        """The foot in the air, or else one that lands, if any."""
-        if self.airborne is not None or FootState.LANDING not in self.states:
-            return self.airborne
-        return self.states.index(FootState.LANDING)
-
-    @property
-    def landing(self) -> list[bool]:
-        """Which feet feel the impact of a touchdown."""
-        return [state is FootState.LANDING for state in self.states]
 
     def is_airborne(self, side: int) -> bool:
         """Whether a foot is in the air, by plan or since it bounced."""
@@ -323,8 +303,8 @@ class Feet:
 
     def carry_early(self, stance: Stance) -> None:
         """Have a foot that has landed early carry a little, not what was planned."""
-        if FootState.LANDING in self.states:
-            side = self.states.index(FootState.LANDING)
+        if any(self.landing):
+            side = self.landing.index(True)
             early = self._settings.early_share
             stance.load[side], stance.load[1 - side] = early, 1.0 - early
 
@@ -370,3 +350,9 @@ class Feet:
         self.states[side] = state
         self.since_s[side] = 0.0
         self._timer[side] = 0.0
+        self.landing = [state is FootState.LANDING for state in self.states]
+        flying = [side for side in range(2) if self.is_airborne(side)]
+        self.airborne = flying[0] if flying else None
+        self.arriving = self.airborne
+        if self.airborne is None and any(self.landing):
+            self.arriving = self.landing.index(True)

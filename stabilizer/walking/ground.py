@@ -99,6 +99,7 @@ class ExpectedGround:
         self.edge_share = [1.0, 1.0]
         self._half_sizes = half_sizes
         self._in_sole: Vec3 = _UP.copy()
+        self._scratch: Vec3 = np.zeros(3)
         self.turns = 0.0
         self._forget = period_s / TURNS_KEPT_S
         self._least_turn = STILL_RAD_S**2 * STILL_S / TURNS_KEPT_S
@@ -223,9 +224,9 @@ class ExpectedGround:
         R, blend = soles.R_world_sole[support], self._blend
         rows = SOLE_ROWS[support]
         share = law.share[support]
-        v_x, v_y, v_z, w_x, w_y = [
-            share * v for v in law.ground_twist[rows][:5].tolist()
-        ]
+        v_x, v_y, v_z, w_x, w_y, _ = law.ground_twist[rows].tolist()
+        v_x, v_y, v_z = share * v_x, share * v_y, share * v_z
+        w_x, w_y = share * w_x, share * w_y
         _, _, normal, m_x, m_y, _ = F_meas[rows].tolist()
         half_length, half_width = self._half_sizes[support]
         pressed = max(normal, LEAST_FORCE_N)
@@ -239,19 +240,22 @@ class ExpectedGround:
         roll, pitch = turns * shares[0], turns * shares[1]
         # What a sole that tips leaves on the ground is the point it is pressed at.
         v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
-        turn = self.turn
-        turn[:] = R @ (roll * w_x, pitch * w_y, 0.0)
+        turn, in_sole = self.turn, self._scratch
+        in_sole[0], in_sole[1], in_sole[2] = roll * w_x, pitch * w_y, 0.0
+        R.dot(in_sole, out=turn)
         turn[2] = 0.0
         ahead, left, _ = (soles.p_sole[1 - support] - soles.p_sole[support]).tolist()
-        vertical = (R[2] @ (v_x, v_y, v_z)).item()
+        in_sole[0], in_sole[1], in_sole[2] = v_x, v_y, v_z
+        vertical = float(R[2].dot(in_sole))
         self.velocity = vertical + turn.item(0) * left - turn.item(1) * ahead
         self.normal += self._dt * cross(turn, self.normal)
         slope_x, slope_y = self.slope()
         self.middle_over_support = 0.5 * (slope_x * ahead + slope_y * left)
-        off = self._in_sole - self.normal @ R
+        off = self._in_sole - self.normal.dot(R)
         blend *= turns
-        off *= (blend * pitch_room, blend * roll_room, 0.0)
-        self.normal += R @ off
+        in_sole[0], in_sole[1], in_sole[2] = blend * pitch_room, blend * roll_room, 0.0
+        off *= in_sole
+        self.normal += R.dot(off)
         self._normalise()
 
     def slope(self) -> tuple[float, float]:

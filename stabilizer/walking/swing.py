@@ -11,7 +11,7 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
-from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, cross
+from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom, cross
 from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP, travel_part
 
 LATE_RAMP_S = 0.06
@@ -238,6 +238,18 @@ class SwingTask(Task):
         self.acceleration_weights = np.full(6, settings.swing_weight)
         self._kp, self._kd = settings.swing_kp, settings.swing_kd
         self._gain = settings.swing_gain
+        self._off, self._turn = np.zeros(3), np.zeros(3)
+        self._wanted = np.zeros(3)
+
+    def compare(self, soles: SolesAndCom) -> None:
+        """See how far the foot is off: first of all, in every tick.
+
+        Args:
+            soles: at the present state.
+        """
+        reference, side = self._reference, self._side
+        np.subtract(reference.p, soles.p_sole[side], out=self._off)
+        self._turn = pin.log3(soles.R_world_sole[side].T.dot(reference.R))
 
     def jacobian(self, dynamics: Dynamics) -> Mat:
         """Return the sole's Jacobian."""
@@ -253,12 +265,13 @@ class SwingTask(Task):
         R = dynamics.R_world_sole[side]
         twist = dynamics.v_sole[self._rows]
         v, w = twist[:3], twist[3:]
-        wanted = reference.a + self._kp * (reference.p - dynamics.p_sole[side])
+        wanted = self._wanted
+        np.multiply(self._off, self._kp, out=wanted)
+        wanted += reference.a
         wanted += self._kd * reference.v
         # The Jacobian's rate is that of the spatial twist: less w x v than a point's.
-        out[:3] = wanted @ R - self._kd * v - cross(w, v)
-        turn = pin.log3(R.T @ reference.R)
-        out[3:] = self._kp * turn + self._kd * (reference.w @ R - w)
+        out[:3] = wanted.dot(R) - self._kd * v - cross(w, v)
+        out[3:] = self._kp * self._turn + self._kd * (reference.w.dot(R) - w)
 
     def twist(self, dynamics: Dynamics, out: Array) -> None:
         """Write the sole's wanted twist, sole axes.
@@ -267,11 +280,10 @@ class SwingTask(Task):
             dynamics: quantities at the present state.
             out: (6,) to be filled [m/s, rad/s].
         """
-        reference, side, gain = self._reference, self._side, self._gain
-        R = dynamics.R_world_sole[side]
-        off = reference.p - dynamics.p_sole[side]
-        out[:3] = (reference.v_ahead + gain * off) @ R
-        out[3:] = gain * pin.log3(R.T @ reference.R) + reference.w @ R
+        reference, gain = self._reference, self._gain
+        R = dynamics.R_world_sole[self._side]
+        out[:3] = (reference.v_ahead + gain * self._off).dot(R)
+        out[3:] = gain * self._turn + reference.w.dot(R)
 
 
 def glide(s: float) -> tuple[float, float, float]:

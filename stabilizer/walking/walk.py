@@ -251,6 +251,7 @@ class Walk:
         self._write_stance(stance, state)
         if (airborne := self.feet.airborne) is not None:
             self._write_swing(airborne, commanded or soles)
+            self.swing_tasks[airborne].compare(soles)
         self._tell()
 
     def swing_twist(self, dynamics: Dynamics, law: ForceFeedback) -> None:
@@ -369,15 +370,18 @@ class Walk:
                 support=self._footholds()[gait.support],
                 least_left_s=self._swing.least_left_s,
             )
-            self.queue.shift_by(*moved)
-            self._places = None
+            if moved != (0.0, 0.0):
+                self.queue.shift_by(*moved)
+                self._places = None
 
     def _write_stance(self, stance: Stance, state: ObservedState) -> None:
         gait, feet = self.gait, self._footholds()
-        stance.com[:2] = gait.com
-        stance.com_velocity[:2] = gait.com_velocity
-        stance.com_acceleration[:2] = gait.com_acceleration
-        yaws = list(self._anchors.yaw)
+        stance.com[0], stance.com[1] = gait.com
+        rate, second = stance.com_velocity, stance.com_acceleration
+        rate[0], rate[1] = gait.com_velocity
+        second[0], second[1] = gait.com_acceleration
+        anchors = self._anchors
+        yaws = list(anchors.yaw)
         airborne = self.feet.airborne
         if airborne is not None:
             yaws[airborne] = self._swing.yaw
@@ -385,9 +389,9 @@ class Walk:
             self._base_yaw = yaw
             np.matmul(turned(yaw), self._standing_base, out=self._walking_base)
         stance.R_base[:] = self._walking_base
-        for side in range(2):
-            stance.p_sole[side][:] = self._anchors.p[side]
-            stance.yaw_sole[side] = self._anchors.yaw[side]
+        for p_sole, p in zip(stance.p_sole, anchors.p, strict=True):
+            p_sole[0], p_sole[1], p_sole[2] = p
+        stance.yaw_sole[:] = anchors.yaw
         self.feet.share_load(gait.left_share(feet), stance, state)
         if gait.phase is Phase.SINGLE:
             self.feet.carry_early(stance)

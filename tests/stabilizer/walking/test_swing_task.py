@@ -38,6 +38,7 @@ def test_on_its_reference_the_sole_keeps_its_motion(rig: Rig, side: int) -> None
     reference.w[:] = R @ twist[3:]
     task = SwingTask(side, reference, WalkSettings())
     wanted, r = np.zeros(6), np.zeros(6)
+    task.compare(dynamics)
     task.twist(dynamics, r)
     np.testing.assert_allclose(r, twist, atol=EXACT)
     # A point without acceleration: its velocity stands still in the world.
@@ -56,7 +57,9 @@ def test_errors_are_pulled_back(rig: Rig, side: int) -> None:
     reference.p[:] = dynamics.p_sole[side] + offset
     reference.R[:] = R @ pin.exp3(turn)
     r = np.zeros(6)
-    SwingTask(side, reference, WalkSettings()).twist(dynamics, r)
+    task = SwingTask(side, reference, WalkSettings())
+    task.compare(dynamics)
+    task.twist(dynamics, r)
     gain = WalkSettings().swing_gain
     np.testing.assert_allclose(r[:3], gain * offset @ R, atol=EXACT)
     np.testing.assert_allclose(r[3:], gain * turn, atol=EXACT)
@@ -74,6 +77,7 @@ def test_the_first_qp_reaches_the_swing_acceleration(rig: Rig) -> None:
     reference.p[:] = dynamics.p_sole[side]
     reference.R[:] = dynamics.R_world_sole[side]
     reference.a[:] = 0.3, -0.2, 1.0
+    swing[side].compare(dynamics)
     solution = tsid.solve(
         dynamics,
         rig.stance,
