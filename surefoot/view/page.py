@@ -316,8 +316,8 @@ class LivePage:
 
     def _build(self) -> None:
         server, gui = self._server, self._server.gui
+        gui.main_panel.dock_right()
         gui.configure_theme(
-            control_layout="fixed",
             control_width="large",
             show_logo=False,
             show_share_button=False,
