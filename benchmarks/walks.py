@@ -188,6 +188,20 @@ def push_of(number: int) -> tuple[float, float]:
     return angle, round(PUSH_FROM_S + within_s, 3)
 
 
+def kerb(number: int) -> Scenario:
+    """Return level ground with a kerb of 30 to 70 mm that no plan has."""
+    draw = drawn(number, line="kerb")
+    scenario = load_scenario("walk-flat-slow")
+    begins, deep = round(draw.uniform(0.7, 1.1), 3), 3.0
+    top = Tile(
+        center_m=[begins + 0.5 * deep, 0.0],
+        size_m=[deep, 1.6],
+        height_m=round(draw.uniform(0.03, 0.07), 4),
+        roll_deg=round(draw.uniform(-2.0, 2.0), 2),
+    )
+    return replace(scenario, tile=[top], duration_s=11.0)
+
+
 def stairs(number: int) -> Scenario:
     """Return three stairs of 10 cm, each off by up to 15 mm of what is planned."""
     draw = drawn(number, line="stairs")
@@ -243,6 +257,7 @@ LINES = (
     Line("tiles, 25 mm, 5 deg", tiles(25.0, 5.0)),
     Line("tiles, 35 mm, 8 deg", tiles(35.0, 8.0)),
     Line("borders under the feet, 25 mm, 5 deg", borders),
+    Line("unknown kerb of 30 to 70 mm", kerb),
     Line("soft mat", shipped("walk-soft")),
     Line("seesaw", shipped("walk-seesaw")),
     Line("slow platform", later("walk-platform-slow", within_s=8.0)),

@@ -19,7 +19,7 @@ from surefoot.schemas.sensors import SENSORS
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
 UPRIGHT_TOLERANCE = 1e-6
-HEIGHT_SHARE = 0.1
+HEIGHT_SHARE, LEAST_HEIGHT_M = 0.1, 0.1
 """Of the height of the base: how far a robot's file may be off its URDF."""
 
 
@@ -194,7 +194,8 @@ def _check_height(file: RobotFile, path: Path, urdf: Urdf, upright: Mat) -> None
     """The soles lie below the base where the file says they do."""
     below_m = [-float((upright @ p)[2]) for p, _ in _nominal_soles(file, urdf)]
     mean_m = 0.5 * sum(below_m)
-    if abs(mean_m - file.nominal_base_height_m) > HEIGHT_SHARE * abs(mean_m):
+    most_m = HEIGHT_SHARE * max(abs(mean_m), LEAST_HEIGHT_M)
+    if abs(mean_m - file.nominal_base_height_m) > most_m:
         raise RobotFileError(
             f"{path}: nominal_base_height_m: got {file.nominal_base_height_m:g}, but "
             f"in the nominal posture the soles of {file.urdf} lie {mean_m:.4g} below "

@@ -159,11 +159,13 @@ class Urdf:
                 continue
             offset, turn = self.origin(joint)
             p, turned = p + turned @ offset, turned @ turn
+            if joint.get("type") == _FIXED:  # its axis, if any, means nothing
+                continue
             moved = posture.get(str(joint.get("name")), 0.0)
             axis = self.axis(joint)
             if joint.get("type") == "prismatic":
                 p = p + turned @ axis * moved
-            elif joint.get("type") != _FIXED:
+            else:
                 turned = turned @ rotation(axis, moved)
         return p, turned
 

@@ -138,7 +138,7 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
     """Control ticks in a second."""
     base_link: str
     """URDF link that floats."""
-    nominal_base_height_m: Positive
+    nominal_base_height_m: float
     """Base origin above the ground in the nominal posture."""
     com_travel_m: tuple[float, float] = (-0.1, 0.03)
     """How far the centre of mass may sink and rise over its feet, from nominal."""

@@ -39,6 +39,11 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     """It leaves without having unloaded after so long."""
     touchdown_n: Positive = 40.0
     """Normal force at which a foot in the air has touched down [N]."""
+    caught_share: Positive = 0.1
+    """A foot in the air that meets more than this part of the weight on its way, and
+    less from below, is caught at an edge [1]."""
+    step_over_m: NonNegative = 0.03
+    """So much higher than planned it then goes on; 0 has it push on [m]."""
     landing_s: Positive = 0.12
     """After touchdown a foot is landing for so long."""
     landing_force_n: Positive = 250.0

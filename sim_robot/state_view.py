@@ -44,7 +44,8 @@ class PlantView:
         self._sole_verticals = data.xmat[left, 6:9], data.xmat[right, 6:9]
         self._com_velocity = data.subtree_linvel[base]
         self._heights = data.xpos[:, 2]
-        self._height_bodies = np.array([base, left, right, *world.upper_bodies])
+        trunk = _trunk(world.model, base)
+        self._height_bodies = np.array([trunk, left, right, *world.upper_bodies])
         self.upper_names = [world.model.body(i).name for i in world.upper_bodies]
         self._sensors = data.sensordata
         bodies = [
@@ -201,3 +202,13 @@ def truth_message(
         ],
         ground=ground,
     )
+
+
+def _trunk(model: mujoco.MjModel, base: int) -> int:
+    """The base, or the heaviest body fixed to one that is a frame without mass."""
+    fixed = [base]
+    for body in range(base + 1, model.nbody):  # parents come before their children
+        if model.body_parentid[body] in fixed and not model.body_jntnum[body]:
+            fixed.append(body)
+    heaviest = max(fixed, key=lambda body: float(model.body_mass[body]))
+    return base if model.body_mass[base] > 0.0 else heaviest

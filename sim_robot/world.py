@@ -321,7 +321,9 @@ def _upper_bodies(
     upper = [
         link
         for link in links
-        if link not in low and not is_payload(model.body(link).name)
+        if link not in low
+        and model.body_mass[link] > 0.0  # a frame touches nothing
+        and not is_payload(model.body(link).name)
     ]
     return np.array(upper, dtype=np.intp)
 

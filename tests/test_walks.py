@@ -88,6 +88,17 @@ def test_slow_drives_walk_where_a_sole_tips_and_ground_sinks(words: str) -> None
     assert sum(row["outcome"] in ("walked", "stood") for row in rows) >= 3
 
 
+@pytest.mark.closed_loop
+def test_a_foot_caught_at_an_edge_steps_over_it() -> None:
+    """It pushed on: the robot came half as far, feet 0.5 m off, or fell."""
+    [line] = [name for name in walks.SCENARIOS if "kerb" in name]
+    run = WalkRun(line, 2, "whole-body", "harmonic")
+    row = run.run(run.plan(robot="walker", overrides=()))
+    assert row["outcome"] in ("walked", "stood")
+    assert row["placement_error_max_mm"] < 150.0
+    assert max(row["dcm_error_rms_mm"]) < 25.0
+
+
 @pytest.mark.slow
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("words", ["borders", "seesaw"])

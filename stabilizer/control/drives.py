@@ -28,6 +28,7 @@ import math
 
 import numpy as np
 
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.robot_file import ServoProfile
@@ -35,6 +36,8 @@ from surefoot.schemas.settings import ControllerSettings, DikSettings
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
+LEAST_MOTION = 1e-6
+"""Of a sole, for a joint that turns by one radian [m, rad]."""
 MARGIN = 2.12
 """From the speed at which the fastest mode sways: 6 dB, and 0.5 dB for single axes."""
 DAMPED = 1.06
@@ -120,10 +123,20 @@ def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> 
 
     Returns:
         k [1/s].
+
+    Raises:
+        RobotFileError: the legs cannot move both soles as they like.
     """
     model = dynamics.model
     legs = np.flatnonzero(model.is_leg)
     J = dynamics.J_contact
+    rank = int(np.linalg.matrix_rank(J, tol=LEAST_MOTION))
+    if rank < len(J):
+        raise RobotFileError(
+            f"{model.robot.path}: base and legs move both soles in {rank} of {len(J)} "
+            "directions, and balancing takes all of them: is there a yaw joint at each "
+            "hip, or roll below pitch, which turns a foot as well?"
+        )
     # What torques do to the wrenches at once, Gamma_c; then by sole instead of joint.
     by_torque = np.linalg.solve(
         dynamics.Lambda_c_inv, J @ (dynamics.H_inv[:, N_BASE_V:] * kp)
@@ -132,7 +145,10 @@ def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> 
     soft = np.concatenate(
         [_give(contact_stiffness, *half) for half in model.half_sizes]
     )
-    both = np.linalg.inv(np.linalg.inv(servos) + np.diag(soft))
+    if np.linalg.matrix_rank(J[:, N_BASE_V + legs], tol=LEAST_MOTION) == len(J):
+        both = np.linalg.inv(np.linalg.inv(servos) + np.diag(soft))
+    else:  # legs of five joints: stiff by themselves in some directions only
+        both = servos @ np.linalg.inv(np.eye(len(J)) + np.diag(soft) @ servos)
     K_inv = -1.0 / np.array(DikSettings().k_force * 2)
     return float(np.linalg.eigvals(both @ dynamics.Lambda_c_inv * K_inv).real.max())
 

@@ -261,7 +261,8 @@ def find_nominal(
 
     Of all bends that can be stood in, that is taken whose reach, against what was
     asked for, is largest where it is smallest; of equal ones the first tried. Unless
-    the rise is given, bends in which one knee can carry the robot come before others.
+    the rise is given, bends in which one knee can carry the robot come before others;
+    those in which both together cannot come last.
 
     Args:
         model: with a floating base.
@@ -300,7 +301,7 @@ def find_nominal(
         pitch_rad=(tilt, tilt),
     )
     between = np.array([0.0, apart_m, 0.0])
-    best: tuple[bool, float, Found, Reach] | None = None
+    best: tuple[int, float, Found, Reach] | None = None
     knees = [leg.knee_index + N_BASE_V for leg in (left, right)]
     limits = model.effortLimit[knees]
     base = np.zeros(model.nq - len(lower))
@@ -318,10 +319,12 @@ def find_nominal(
         reach = ReachSearch(solver, found.q).reach(enough)
         score = _score(reach, asked_rise=asked_rise, asked_sink=asked_sink)
         needed = knee_torques(model, np.append(base, found.q), knees, sole_ids) / limits
-        stands = rise_m is not None or bool(np.all(needed <= ONE_FOOT_SHARE))
-        if best is None or (stands, score - 1e-3) > best[:2]:
-            best = (stands, score, found, reach)
-        if stands and score == 1.0:
+        feet = _feet_needed(float(needed.max()), asked=rise_m is None)
+        if feet == CANNOT:  # of these the one that needs least
+            score = -float(needed.max())
+        if best is None or (feet, score - 1e-3) > best[:2]:
+            best = (feet, score, found, reach)
+        if feet == ON_ONE and score == 1.0:
             break
     if best is None:
         assert nearest is not None
@@ -347,6 +350,22 @@ def find_nominal(
         asked_m=(asked_sink, asked_rise),
         one_foot_share=float(needed.max()),
     )
+
+
+CANNOT, ON_TWO, ON_ONE = 0, 1, 2
+"""Knees hold the robot not at all, on both feet, or on one."""
+
+
+def _feet_needed(share: float, *, asked: bool) -> int:
+    """Tell how knees hold a robot, one of which needs a share of its torque alone.
+
+    Args:
+        share: of the weaker knee, on one foot [1].
+        asked: whether holding it on one foot counts.
+    """
+    if share > 2.0 * ONE_FOOT_SHARE:
+        return CANNOT
+    return ON_ONE if share <= ONE_FOOT_SHARE or not asked else ON_TWO
 
 
 def _score(reach: Reach, *, asked_rise: float, asked_sink: float) -> float:

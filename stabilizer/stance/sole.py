@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.urdf_check import drop
 from surefoot.schemas.arrays import Array, Mat, Vec3
 
 if TYPE_CHECKING:
@@ -51,10 +52,8 @@ def surface_points(
         model = pin.buildModelFromXML(text)
         found = pin.buildGeomFromUrdfString(model, text, kinds[tag])
     except (ValueError, RuntimeError) as error:
-        words = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise RobotFileError(
-            f"the shapes of {', '.join(links)} cannot be read: {words}"
-        ) from error
+        words = _unreadable(root, links, tag) or "; ".join(str(error).split("\n"))
+        raise RobotFileError(f"their shapes cannot be read: {words}") from error
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))
     points = [np.empty((0, 3))]
@@ -67,6 +66,7 @@ def surface_points(
 
 def _only_these(root: ElementTree.Element, links: set[str], tag: Tag) -> str:
     bare = copy.deepcopy(root)
+    drop(bare, ("material",))
     for link in bare.iter("link"):
         for kind in ("collision", "visual"):
             if kind == tag and link.get("name") in links:
@@ -74,6 +74,24 @@ def _only_these(root: ElementTree.Element, links: set[str], tag: Tag) -> str:
             for shape in link.findall(kind):
                 link.remove(shape)
     return ElementTree.tostring(bare, encoding="unicode")
+
+
+def _unreadable(root: ElementTree.Element, links: Iterable[str], tag: Tag) -> str:
+    """Which mesh of these links cannot be read, in words; empty when all can."""
+    names = set(links)
+    for link in root.iter("link"):
+        if link.get("name", "") not in names:
+            continue
+        for mesh in link.iterfind(f"{tag}/geometry/mesh"):
+            name = mesh.get("filename", "")
+            try:
+                coal.MeshLoader().load(name, np.ones(3))
+            except (ValueError, RuntimeError):
+                return (
+                    f"mesh {name} is no whole .stl, .obj or .dae (of Git LFS, fetch it "
+                    "first; others, convert)"
+                )
+    return ""
 
 
 def _points(geometry: Any, *, down: Vec3) -> Mat:
@@ -221,19 +239,25 @@ def _largest_rectangle(outline: ConvexHull) -> tuple[Array, Array]:
     """
     from scipy.optimize import minimize
 
-    a, b = outline.equations[:, :2], -outline.equations[:, 2]
-    towards_high, towards_low = np.maximum(a, 0.0), np.minimum(a, 0.0)
-    G = np.hstack((towards_low, towards_high))
     corners = outline.points[outline.vertices]
-    scale = np.ptp(corners, axis=0).max()
-    middle = corners.mean(axis=0)
-    start = np.concatenate((middle - 1e-3 * scale, middle + 1e-3 * scale))
+    scale, middle = np.ptp(corners, axis=0), corners.mean(axis=0)
+    # In shares of the outline's size from its middle, so that all numbers are near 1.
+    a = outline.equations[:, :2] * scale
+    b = -outline.equations[:, 2] - outline.equations[:, :2] @ middle
+    length = np.linalg.norm(a, axis=1)
+    a, b = a / length[:, None], b / length
+    G = np.hstack((np.minimum(a, 0.0), np.maximum(a, 0.0)))
+    # Half of the square around the middle that just fits: well inside.
+    half = 0.5 * float((b / np.abs(a).sum(axis=1)).min())
     found = minimize(
-        lambda z: -float(np.sum(np.log(np.maximum(z[2:] - z[:2], 1e-9) / scale))),
-        start,
+        lambda z: -float(np.sum(np.log(np.maximum(z[2:] - z[:2], 1e-9)))),
+        [-half, -half, half, half],
         jac=lambda z: np.concatenate((s := 1.0 / np.maximum(z[2:] - z[:2], 1e-9), -s)),
         constraints={"type": "ineq", "fun": lambda z: b - G @ z, "jac": lambda _: -G},
         method="SLSQP",
         options={"maxiter": 200, "ftol": 1e-10},
     )
-    return found.x[:2], found.x[2:]
+    best = found.x
+    if not found.success or (b - G @ best).min() < -1e-6:
+        best = np.array([-half, -half, half, half])
+    return middle + scale * best[:2], middle + scale * best[2:]

@@ -39,8 +39,11 @@ class SwingPath:
         height: over the expected ground [m].
         height_rate: [m/s].
         height_acceleration: [m/s^2].
-        time: on the path as planned, from lift-off [s].
-        start: (x, y) of the lift-off [m].
+        time: on the path as planned, from its beginning [s].
+        duration_s: to the planned touchdown, from there.
+        start: (x, y) of its beginning [m].
+        way: (x, y) direction from there to the target [1].
+        apex: greatest height over the expected ground [m].
     """
 
     def __init__(self, settings: WalkSettings) -> None:
@@ -51,8 +54,9 @@ class SwingPath:
         self.height = self.height_rate = self.height_acceleration = 0.0
         self.start = self._to = (0.0, 0.0)
         self._yaw_from = self._yaw_to = 0.0
-        self._height_from = self._rise = self._apex = 0.0
-        self._duration_s = self._travel_s = 1.0
+        self._height_from = self._rise = self.apex = 0.0
+        self.duration_s = self._travel_s = 1.0
+        self.way = (0.0, 0.0)
         self._travel_from_s = 0.0
         self._shift = [0.0, 0.0]
         self._shift_rate = [0.0, 0.0]
@@ -88,8 +92,11 @@ class SwingPath:
         self._yaw_from = yaw
         self._yaw_to = yaw + math.remainder(target_yaw - yaw, math.tau)
         self._height_from, self._rise = height, rise
-        self._apex = max(height, rise) + lift
-        self._duration_s = duration_s
+        self.apex = max(height, rise) + lift
+        self.duration_s = duration_s
+        x, y = target[0] - xy[0], target[1] - xy[1]
+        far = max(math.hypot(x, y), 1e-6)
+        self.way = (x / far, y / far)
         begins, ends = travel_part(climb, lift, self._settings)
         self._travel_from_s = begins * duration_s
         self._travel_s = (ends - begins) * duration_s
@@ -139,8 +146,8 @@ class SwingPath:
             x, y, and of the height over the expected ground [m/s].
         """
         t, pace = self.time, self._pace
-        if t < self._duration_s:
-            t = min(t + pace * ahead_s, self._duration_s)
+        if t < self.duration_s:
+            t = min(t + pace * ahead_s, self.duration_s)
         else:
             t += ahead_s
         T = self._travel_s
@@ -157,15 +164,15 @@ class SwingPath:
     def _pass_time(self, t: float, duration_s: float, dt: float) -> None:
         """Go along the path: as planned, or so that it ends when it now should."""
         if t >= duration_s:
-            self.time, self._pace = self._duration_s + (t - duration_s), 1.0
-        elif duration_s == self._duration_s and self._pace == 1.0:
+            self.time, self._pace = self.duration_s + (t - duration_s), 1.0
+        elif duration_s == self.duration_s and self._pace == 1.0:
             self.time = t
         else:
-            needed = (self._duration_s - self.time) / (duration_s - t + dt)
+            needed = (self.duration_s - self.time) / (duration_s - t + dt)
             needed = min(max(needed, 0.0), FASTEST_PACE)
             most = PACE_RATE * dt
             self._pace += min(max(needed - self._pace, -most), most)
-            self.time = min(self.time + self._pace * dt, self._duration_s)
+            self.time = min(self.time + self._pace * dt, self.duration_s)
 
     def stay(self, xy: tuple[float, float], yaw: float) -> None:
         """Keep a place: a foot that bounced goes straight down again."""
@@ -174,13 +181,13 @@ class SwingPath:
 
     def _height_at(self, t: float) -> tuple[float, float, float]:
         """Return height, speed and acceleration over the expected ground."""
-        settings, T = self._settings, self._duration_s
+        settings, T = self._settings, self.duration_s
         up = settings.apex_part * T
         if t < up:
-            return from_rest(max(t, 0.0), up, self._height_from, self._apex, 0.0)
+            return from_rest(max(t, 0.0), up, self._height_from, self.apex, 0.0)
         if t < T:
             fall = -settings.touchdown_m_s
-            return from_rest(t - up, T - up, self._apex, self._rise, fall)
+            return from_rest(t - up, T - up, self.apex, self._rise, fall)
         slow, gain = settings.touchdown_m_s, settings.late_m_s - settings.touchdown_m_s
         late = t - T
         ramp = min(late, LATE_RAMP_S)

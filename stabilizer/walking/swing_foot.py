@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from surefoot.schemas.arrays import Mat, Vec3
+from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
@@ -12,6 +12,13 @@ from surefoot.stabilizer.walking.footsteps import swing_time
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
 from surefoot.stabilizer.walking.swing import SwingPath, SwingReference, SwingTask
+
+CAUGHT_S = 0.003
+"""A force must last so long to be an edge's, at least [s]."""
+BACK_M = 0.01
+"""A foot that is caught goes back by this before it rises."""
+FREE_S = 0.1
+"""And has so long to come free."""
 
 
 class SwingFoot:
@@ -44,6 +51,7 @@ class SwingFoot:
         self._leg_speed = leg_speed
         self._ground = ground
         self._path = SwingPath(settings)
+        self._caught_s = self._begun_s = 0.0
         self.references = (SwingReference(), SwingReference())
         self.tasks = [
             SwingTask(side, reference, settings)
@@ -70,7 +78,7 @@ class SwingFoot:
             leg_speed=self._leg_speed,
             lift=move.height_m,
         )
-        return least_s * (1.0 - path.time / move.single_s)
+        return least_s * (1.0 - path.time / path.duration_s)
 
     def lift(
         self, move: Move, soles: SolesAndCom, *, rise: float, climb: float
@@ -85,13 +93,11 @@ class SwingFoot:
         """
         side = move.side
         p = soles.p_sole[side]
-        slope_x, slope_y = self._ground.slope()
-        across = p - soles.p_sole[1 - side]
-        level = slope_x * across[0] + slope_y * across[1]
+        self._caught_s = self._begun_s = 0.0
         self._path.begin(
             xy=(float(p[0]), float(p[1])),
             yaw=yaw_from(soles.R_world_sole[side], 0.0),
-            height=float(across[2] - level),
+            height=self._height_of(side, soles),
             target=(move.place.x, move.place.y),
             target_yaw=move.place.yaw,
             rise=rise,
@@ -99,6 +105,77 @@ class SwingFoot:
             duration_s=move.single_s,
             climb=climb,
         )
+
+    def is_caught(self, side: int, soles: SolesAndCom, F: Array, most: float) -> bool:
+        """Tell whether an edge keeps the foot from going on.
+
+        Friction of ground below pushes back less than it pushes up: a force that
+        does more is that of something in the way.
+
+        Args:
+            side: the foot.
+            soles: at the present state.
+            F: (6,) wrench that it feels, sole frame [N, N m].
+            most: force along its way that is still none [N].
+        """
+        path = self._path
+        if self._begun_s and path.time < FREE_S:
+            return False
+        x, y, up = soles.R_world_sole[side].dot(F[:3]).tolist()
+        way_x, way_y = path.way
+        back = -(x * way_x + y * way_y)
+        meets = back > max(most, up)
+        self._caught_s = self._caught_s + self._dt if meets else 0.0
+        return self._caught_s > max(CAUGHT_S, self._dt) - 0.5 * self._dt
+
+    def step_over(
+        self, move: Move, soles: SolesAndCom, *, t: float, left_s: float, rise: float
+    ) -> float:
+        """Begin again from where the foot is caught: back, higher, and on.
+
+        Args:
+            move: the step.
+            soles: at the present state.
+            t: since lift-off [s].
+            left_s: until the planned touchdown [s].
+            rise: of the foothold over the other foot's [m].
+
+        Returns:
+            How long the foot needs from now on, the time left or more [s].
+        """
+        path, side, higher = self._path, move.side, self._settings.step_over_m
+        x, y, _ = soles.p_sole[side].tolist()
+        way_x, way_y = path.way
+        height = self._height_of(side, soles)
+        lift = max(path.apex - max(height, rise), 0.0) + higher
+        least_s = swing_time(
+            math.hypot(move.place.x - x, move.place.y - y),
+            self._settings,
+            leg_speed=self._leg_speed,
+            lift=lift,
+            climb=higher,
+        )
+        duration_s = max(left_s, least_s, move.single_s)
+        self._caught_s, self._begun_s = 0.0, t
+        path.begin(
+            xy=(x - BACK_M * way_x, y - BACK_M * way_y),
+            yaw=path.yaw,
+            height=height,
+            target=(move.place.x, move.place.y),
+            target_yaw=move.place.yaw,
+            rise=rise,
+            lift=lift,
+            duration_s=duration_s,
+            climb=higher,
+        )
+        return duration_s
+
+    def _height_of(self, side: int, soles: SolesAndCom) -> float:
+        """Return how high a sole is over the other one's ground [m]."""
+        slope_x, slope_y = self._ground.slope()
+        across = soles.p_sole[side] - soles.p_sole[1 - side]
+        level = slope_x * across[0] + slope_y * across[1]
+        return float(across[2] - level)
 
     def go_on(
         self,
@@ -121,7 +198,10 @@ class SwingFoot:
         path, ground, reference = self._path, self._ground, self.references[side]
         support = soles.p_sole[1 - side].tolist()
         slope_x, slope_y = ground.slope()
-        path.advance(t, duration_s=duration_s, shift=shift, dt=self._dt)
+        begun_s = self._begun_s
+        path.advance(
+            t - begun_s, duration_s=duration_s - begun_s, shift=shift, dt=self._dt
+        )
         x, y = path.xy
         across_x, across_y = x - support[0], y - support[1]
         level = support[2] + slope_x * across_x + slope_y * across_y

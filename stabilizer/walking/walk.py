@@ -140,6 +140,8 @@ class Walk:
             half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
+        self._over_m = settings.step_over_m
+        self._caught_n = settings.caught_share * model.weight
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
@@ -250,6 +252,8 @@ class Walk:
         self._follow_height(stance, state, soles)
         self._write_stance(stance, state)
         if (airborne := self.feet.airborne) is not None:
+            if self._is_caught(airborne, soles, state):
+                self._step_over(airborne, soles)
             self._write_swing(airborne, commanded or soles)
             self.swing_tasks[airborne].compare(soles)
         self._tell()
@@ -395,6 +399,26 @@ class Walk:
         self.feet.share_load(gait.left_share(feet), stance, state)
         if gait.phase is Phase.SINGLE:
             self.feet.carry_early(stance)
+
+    def _is_caught(self, side: int, soles: SolesAndCom, state: ObservedState) -> bool:
+        """Whether something is in the way of a foot that is on its way."""
+        if self.feet.states[side] is not FootState.SWING or not self._over_m:
+            return False
+        F = state.F_meas[SOLE_ROWS[side]]
+        return self._swing.is_caught(side, soles, F, self._caught_n)
+
+    def _step_over(self, side: int, soles: SolesAndCom) -> None:
+        """Have a foot that is caught go on higher, and take the time for it."""
+        move, gait, level = self._move, self.gait, self._anchors.level
+        assert move is not None
+        needed_s = self._swing.step_over(
+            move,
+            soles,
+            t=gait.t,
+            left_s=gait.left_s,
+            rise=level[side] - level[1 - side],
+        )
+        gait.duration_s = max(gait.duration_s, gait.t + needed_s)
 
     def _write_swing(self, side: int, soles: SolesAndCom) -> None:
         """Write where the foot in the air should be."""

@@ -72,6 +72,8 @@ def choose_joints(
     leaders = {
         m.get("joint") for m in draft.root.iterfind("joint/mimic") if m is not None
     }
+    chains = [{j.get("name", "") for j in draft.chain(sole)} for sole in soles]
+    shared = chains[0] & chains[1]
     feet = {name for sole in soles for name in _below_foot(draft, sole)}
     reasons: dict[str, list[str]] = {}
     for name, joint in draft.joints.items():
@@ -85,12 +87,15 @@ def choose_joints(
             why = "as asked"
         elif kept and why not in (None, _FOLLOWS, _ENDLESS):
             why = None
+        elif why is None and name in shared and not kept:
+            why = _SHARED
         if why is None:
             continue
-        if name in legs and not asked:
+        if name in legs - shared and not asked:
             raise RobotFileError(
-                f"{draft.path}: joint {name!r} of a leg {why}; a leg's joints must be "
-                f"revolute, with limits, each with its drive; or fix it: --fix {name}"
+                f"{draft.path}: joint {name!r} of a leg: {_of_one(why)}; a leg's "
+                "joints must be revolute, with limits, each with its drive; or fix it: "
+                f"--fix {name}"
             )
         reasons.setdefault(why, []).append(name)
     for why, names in reasons.items():
@@ -103,6 +108,14 @@ def choose_joints(
 _FOLLOWS = "they follow another joint (<mimic>)"
 _ENDLESS = "they turn without end (continuous)"
 _SLIDES = "they slide (prismatic)"
+_SHARED = "both legs hang on them: below the base it would only lean"
+
+
+def _of_one(why: str) -> str:
+    """The same reason for one joint."""
+    for verb in ("follow", "turn", "slide"):
+        why = why.replace(f"they {verb}", f"it {verb}s")
+    return why
 
 
 def _moves(joint: ElementTree.Element) -> bool:
@@ -191,6 +204,12 @@ def check_feet(draft: Draft, soles: Sequence[str]) -> None:
         RobotFileError: one hangs on what moves with the other.
     """
     for this, other in (soles, reversed(soles)):
+        if foot_links(draft, this)[0] == draft.base:
+            raise RobotFileError(
+                f"{draft.path}: sole {this!r} is one body with {draft.base!r}, which "
+                "all else hangs on; name a link of a foot, in a URDF whose root is the "
+                "trunk or the pelvis"
+            )
         if other in draft.below(foot_links(draft, this)[0]):
             raise RobotFileError(
                 f"{draft.path}: soles {this!r} and {other!r} are on one foot; name one "

@@ -8,6 +8,7 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -45,6 +46,7 @@ class Draft:
         path: where it was read.
         root: its <robot>.
         notes: what was done to it.
+        lost: links to a mesh of theirs that is not there.
     """
 
     def __init__(self, path: Path) -> None:
@@ -56,6 +58,7 @@ class Draft:
         self.path = path
         self.root = read_urdf_element(path)
         self.notes: list[Note] = []
+        self.lost: dict[str, str] = {}
         if self.root.tag != "robot":
             hint = "; expand the xacro first" if "xacro" in path.suffix else ""
             raise RobotFileError(
@@ -146,9 +149,10 @@ class Draft:
         if limit is not None and joint.get("type") == "revolute":
             lower, upper = (_number(limit.get(key)) for key in ("lower", "upper"))
             angle = min(max(0.0, lower), upper) if lower <= upper else 0.0
-        if angle:
-            axis = _triple(joint.find("axis"), "xyz", "1 0 0")
-            place = Rotation.from_euler("xyz", _triple(joint.find("origin"), "rpy"))
+        axis = _triple(joint.find("axis"), "xyz", "1 0 0")
+        turned = _triple(joint.find("origin"), "rpy")
+        if angle and np.isfinite((axis, turned)).all():  # refused with its place else
+            place = Rotation.from_euler("xyz", turned)
             length = float(np.linalg.norm(axis)) or 1.0  # without a direction: refused
             turn = Rotation.from_rotvec(angle * axis / length)
             write_origin(
@@ -191,8 +195,10 @@ class Draft:
     def _check_expanded(self) -> None:
         """Refuse what xacro was still to work out."""
         for element in self.root.iter():
-            told = [str(element.tag), *element.attrib.values()]
-            left = [word for word in told if "xacro" in word or "${" in word]
+            tag, values = str(element.tag), element.attrib.values()
+            left = [word for word in values if "${" in word or "$(" in word]
+            if "xacro" in tag:
+                left.insert(0, tag)
             if left:
                 raise RobotFileError(
                     f"{self.path}: <{str(element.tag).rpartition('}')[2]}> holds "
@@ -286,12 +292,13 @@ Copies = dict[Path, Path]
 def find_meshes(draft: Draft, package_dirs: Sequence[Path]) -> None:
     """Point every mesh at its file; those that are not there are left out."""
     lost: list[str] = []
-    for link, shape, mesh in _meshes(draft):
+    for link, shape, mesh in list(_meshes(draft)):
         name = mesh.get("filename", "")
         found = _mesh_path(name, draft.path, package_dirs)
         if found is None:
             link.remove(shape)
             lost.append(name)
+            draft.lost.setdefault(link.get("name", ""), name)
         else:
             mesh.set("filename", str(found))
     if lost:
@@ -318,7 +325,7 @@ def carry_meshes(draft: Draft, out: Path, *, folder: str) -> Copies:
     """
     here = out.resolve()
     elements = [mesh for *_, mesh in _meshes(draft)]
-    sources = [Path(mesh.get("filename", "")).resolve() for mesh in elements]
+    sources = [_in_its_folder(Path(mesh.get("filename", ""))) for mesh in elements]
     away = sorted({s for s in sources if not s.is_relative_to(here)})
     above = Path(os.path.commonpath([s.parent for s in away])) if away else here
     copies: Copies = {}
@@ -341,8 +348,13 @@ def carry_meshes(draft: Draft, out: Path, *, folder: str) -> Copies:
     return copies
 
 
+def _in_its_folder(path: Path) -> Path:
+    """An absolute path; a link into a store of files keeps its own name."""
+    return path.parent.resolve() / path.name
+
+
 def check_copies(copies: Copies) -> None:
-    """Refuse to put a mesh where another file is.
+    """Refuse to put a mesh where another file is: it may be somebody's own.
 
     Raises:
         UsageError: with the file.
@@ -350,17 +362,29 @@ def check_copies(copies: Copies) -> None:
     for target, source in copies.items():
         if target.exists() and not filecmp.cmp(target, source, shallow=False):
             raise UsageError(
-                f"{target}: is there already and is another file; take another --name "
-                "or --out, or replace it with --overwrite"
+                f"{target}: is there already and is another file; move it away, or "
+                "take another --name or --out"
             )
 
 
 def copy_meshes(copies: Copies) -> None:
-    """Copy them, each whole or not at all."""
-    for target, source in copies.items():
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_file(target) as file:
-            file.write(source.read_bytes())
+    """Copy all of them or none, each whole."""
+    made: list[Path] = []
+    try:
+        for target, source in copies.items():
+            is_new = not target.exists()
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with atomic_file(target) as file:
+                file.write(source.read_bytes())
+            if is_new:
+                made.append(target)
+    except OSError:
+        for target in made:
+            target.unlink(missing_ok=True)
+        for folder in sorted({t.parent for t in copies}, key=str, reverse=True):
+            with suppress(OSError):  # others' files are in it, or it was not made
+                folder.rmdir()
+        raise
 
 
 def _meshes(

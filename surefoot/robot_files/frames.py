@@ -103,18 +103,23 @@ def measure_sole(
     """
     links = foot_links(draft, link)
     tags: tuple[Tag, ...] = ("collision", "visual")
-    words = "none of them has a shape"
+    words = "none of them has a shape;"
+    lost = [draft.lost[name] for name in links if name in draft.lost]
+    if lost:
+        words = (
+            f"their mesh {lost[0]} is not there; say where it is with --package-dir, or"
+        )
     for tag in tags:
-        points = surface_points(draft.root, links, tag=tag, down=-directions.up)
-        if not len(points):
-            continue
         try:
+            points = surface_points(draft.root, links, tag=tag, down=-directions.up)
+            if not len(points):
+                continue
             return fit_sole(points, up=directions.up, ahead=directions.ahead), tag
         except RobotFileError as error:
-            words = f"{error} ({tag} shapes)"
+            words = f"{error} ({tag} shapes);"
     raise RobotFileError(
-        f"{draft.path}: {side} foot, links {listed(links)}: {words}; give one of them "
-        "a <collision> box of the size of the sole"
+        f"{draft.path}: {side} foot, links {listed(links)}: {words} give one "
+        "of them a <collision> box of the size of the sole"
     )
 
 

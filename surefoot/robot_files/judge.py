@@ -12,7 +12,11 @@ from surefoot.robot_files.draft import listed
 from surefoot.robot_files.scenario_fit import ScenarioFit, fit
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
+from surefoot.sim_robot.conventions import SIM_STEP_S
+from surefoot.stabilizer.factory import check_settings
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.stance.nominal import (
     ONE_FOOT_SHARE,
@@ -80,7 +84,51 @@ def quick_findings(robot: Robot) -> list[Finding]:
         _servos(standing, robot),
         _rotors(standing, model),
         _sole_size(standing, robot),
+        _trunk(model),
+        default_settings(robot),
     ]
+
+
+def _trunk(model: RobotModel) -> Finding:
+    """Whether the legs hang on the base itself."""
+    pin_model = model.pin_model
+    chains = []
+    for frame in model.sole_ids:
+        chains.append(set[int]())
+        joint = int(pin_model.frames[frame].parentJoint)
+        while joint > 1:
+            chains[-1].add(joint)
+            joint = int(pin_model.parents[joint])
+    shared = listed([pin_model.names[i] for i in sorted(chains[0] & chains[1])])
+    return _finding(
+        "trunk",
+        f"both legs hang on {shared}" if shared else "each leg hangs on the base",
+        advice="what is above would lean, since the base alone is held upright; fix "
+        f"{shared}, as new-robot does"
+        if shared
+        else "",
+    )
+
+
+def default_settings(robot: Robot) -> Finding:
+    """Whether the settings as shipped, and simulated time, fit the robot."""
+    ticks = robot.period_s / SIM_STEP_S
+    advice = ""
+    try:
+        check_settings(ControllerSettings(), robot)
+    except FileFormatError as error:
+        advice = f"{error}; put what fits into a file for --settings"
+    if abs(ticks - round(ticks)) > 1e-6 * ticks:
+        advice = (
+            f"rate_hz: it can be driven, but not simulated, where a period is a whole "
+            f"multiple of {1e3 * SIM_STEP_S:g} ms"
+        )
+    return _finding(
+        "default settings",
+        f"{'do not ' if advice else ''}fit {1e3 * robot.period_s:.4g} ms from tick to "
+        "tick and the robot's weight",
+        advice=advice,
+    )
 
 
 def warnings_of(robot: Robot) -> list[str]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import check_replaceable, new_file
+from surefoot.out_folder import check_replaceable, make_out_folder, new_file
 from surefoot.robot_files import clean_urdf
 from surefoot.robot_files.draft import (
     Draft,
@@ -22,11 +22,14 @@ from surefoot.robot_files.draft import (
     find_meshes,
 )
 from surefoot.robot_files.frames import FoundFoot, find_foot, find_imu, measure_sole
+from surefoot.robot_files.judge import default_settings
 from surefoot.robot_files.robot_text import joint_lines, robot_text
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.urdf_check import Urdf, bare_text
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.settings import ControllerSettings
+from surefoot.stabilizer.control.drives import borne_delay
 from surefoot.stabilizer.stance.legs import Body, Directions, find_directions, read_body
 from surefoot.stabilizer.stance.nominal import NominalPosture, find_nominal
 
@@ -35,6 +38,11 @@ LOWEST_M, HIGHEST_M = 0.05, 3.0
 SIGNATURE = "by surefoot new-robot"
 BESIDE_M = 0.03
 """Least gap between the soles."""
+LONGEST_NAME = 100
+"""Of a robot: files and folders have it in theirs."""
+UNLIKE = 1.2
+"""Soles whose sides differ by more are not those of one pair."""
+NARROW_M = 0.03
 
 
 @dataclass(frozen=True)
@@ -129,7 +137,10 @@ def new_robot(
     _check_size(draft, _com_height(body, feet, directions))
     clean_urdf.drop_collisions(draft)
     body = read_body(bare_text(draft.root), source=str(urdf))
-    nominal = _posture(body, feet, options, directions)
+    try:
+        nominal = _posture(body, feet, options, directions)
+    except RobotFileError as error:
+        raise RobotFileError(f"{urdf}: {error}") from error
     _check_sides(draft, body, nominal, feet, directions)
     joints = joint_lines(
         draft,
@@ -150,28 +161,49 @@ def new_robot(
         joints=joints,
     )
     _note_posture(draft, nominal)
+    _note_soles(draft, feet)
     copies = carry_meshes(draft, out, folder=f"{name}_meshes")
-    if not overwrite:
-        check_copies(copies)
-    made = f"{SIGNATURE} from {urdf.name}"
+    check_copies(copies)
+    # Nothing in a name may end the comment: no new line, no two dashes.
+    made = " ".join(f"{name}, {SIGNATURE} from {urdf.name}".split()).replace(
+        "--", "- -"
+    )
     contents = {
-        toml_path: f"# {name}, {made}.\n{text}",
-        urdf_path: f"<!-- {name}, {made}. -->\n{draft.text()}",
+        toml_path: f"# {made}.\n{text}",
+        urdf_path: f"<!-- {made}. -->\n{draft.text()}",
     }
-    with tempfile.TemporaryDirectory() as trial:
-        for path, content in contents.items():
-            (Path(trial) / path.name).write_text(content, encoding="utf-8")
-        load_robot(str(Path(trial) / toml_path.name))
-    out.mkdir(parents=True, exist_ok=True)
+    _try(contents, out=out)
+    make_out_folder(out, out=out)
     copy_meshes(copies)
     for path, content in reversed(contents.items()):
         with new_file(path, overwrite=overwrite) as file:
             file.write(content.encode())
-    return NewRobot(load_robot(str(toml_path)), tuple(draft.notes))
+    robot = load_robot(str(toml_path))
+    unfit = default_settings(robot)
+    if unfit.advice:
+        draft.note("left to you", unfit.advice)
+    return NewRobot(robot, tuple(draft.notes))
+
+
+def _try(contents: dict[Path, str], *, out: Path) -> None:
+    """See that the files can be loaded, and the robot be balanced.
+
+    Raises:
+        RobotFileError: with the path that the file would have had.
+    """
+    with tempfile.TemporaryDirectory() as trial:
+        paths = [Path(trial) / path.name for path in contents]
+        for path, content in zip(paths, contents.values(), strict=True):
+            path.write_text(content, encoding="utf-8")
+        try:
+            borne_delay(load_robot(str(paths[0])), ControllerSettings())
+        except RobotFileError as error:
+            raise RobotFileError(str(error).replace(trial, str(out))) from error
 
 
 def _cleaned(urdf: Path, options: NewRobotOptions) -> Draft:
     draft = Draft(urdf)
+    clean_urdf.drop_world(draft)
     soles = [
         draft.find_link(link, option=option)
         for link, option in (
@@ -179,7 +211,7 @@ def _cleaned(urdf: Path, options: NewRobotOptions) -> Draft:
             (options.right_sole, "--right-sole"),
         )
     ]
-    clean_urdf.drop_world(draft)
+    clean_urdf.check_feet(draft, soles)
     clean_urdf.choose_joints(
         draft,
         soles,
@@ -283,7 +315,11 @@ def _check_sides(
             "looks like that of the right foot: exchange --left-sole and --right-sole"
         )
     if max(knees) < 0.0:
-        draft.note("left to you", "the knees bend backward; is that how it stands?")
+        draft.note(
+            "left to you",
+            "the knees bend backward; is that how it stands, or are --left-sole and "
+            "--right-sole exchanged?",
+        )
 
 
 def _com_height(
@@ -325,9 +361,29 @@ def _note_posture(draft: Draft, nominal: NominalPosture) -> None:
         )
 
 
+def _note_soles(draft: Draft, feet: tuple[FoundFoot, FoundFoot]) -> None:
+    """Doubt soles that are no pair, or very narrow."""
+    left, right = ((found.sole.half_length, found.sole.half_width) for found in feet)
+    pairs = list(zip(left, right, strict=True))
+    if max(max(pair) / min(pair) for pair in pairs) > UNLIKE:
+        draft.note(
+            "left to you",
+            "the soles differ in size: are both feet's shapes what touches the ground?",
+        )
+    if min(*left, *right) < 0.5 * NARROW_M:
+        draft.note(
+            "left to you",
+            f"a sole is narrower than {1e3 * NARROW_M:.0f} mm: is its shape what "
+            "touches the ground?",
+        )
+
+
 def _name(wanted: str) -> str:
     """A name that can be a file and a Zenoh namespace."""
     name = re.sub(r"[^a-z0-9_\-]+", "_", wanted.strip().lower()).strip("_")
-    if not name:
-        raise UsageError(f"--name: got {wanted!r}, expected letters and digits")
+    if not name or len(name) > LONGEST_NAME:
+        raise UsageError(
+            f"--name: got {wanted[:60]!r}, expected letters and digits, at most "
+            f"{LONGEST_NAME}"
+        )
     return name

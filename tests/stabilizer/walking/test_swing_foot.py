@@ -1,0 +1,101 @@
+"""A foot that an edge keeps from going on goes back, higher, and on."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from surefoot.schemas.arrays import Array
+from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.ground import ExpectedGround
+from surefoot.stabilizer.walking.step_queue import Move
+from surefoot.stabilizer.walking.swing_foot import BACK_M, FREE_S, SwingFoot
+
+SETTINGS = WalkSettings()
+DT, MOST_N = 1e-3, 70.0
+MOVE = Move(3, 0, Foothold(0.4, 0.1, 0.0, 0.0), 0.6, 0.2, 0.05)
+
+
+def turned(yaw: float) -> Array:
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def soles(*, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Any:
+    return SimpleNamespace(
+        p_sole=[np.array([x, 0.1, z]), np.array([0.2, -0.1, 0.0])],
+        R_world_sole=[turned(yaw), turned(yaw)],
+    )
+
+
+@pytest.fixture
+def swing() -> SwingFoot:
+    ground = ExpectedGround(SETTINGS, half_sizes=[(0.13, 0.07)] * 2, period_s=DT)
+    swing = SwingFoot(SETTINGS, ground, lead_s=0.0, leg_speed=8.0, period_s=DT)
+    swing.lift(MOVE, soles(), rise=0.0, climb=0.0)
+    return swing
+
+
+def feels(swing: SwingFoot, here: Any, F: Array, *, ticks: int) -> bool:
+    told = [swing.is_caught(0, here, F, MOST_N) for _ in range(ticks)]
+    return told[-1]
+
+
+@pytest.mark.parametrize(
+    ("along", "up", "caught"),
+    [
+        (-200.0, -100.0, True),
+        (-200.0, 150.0, True),
+        (-200.0, 400.0, False),  # ground below rubs
+        (-50.0, 0.0, False),  # its own mass, speeding up
+        (200.0, 0.0, False),  # pushed ahead
+    ],
+)
+@pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5])
+def test_what_is_in_the_way_pushes_back_more_than_up(
+    swing: SwingFoot, along: float, up: float, caught: bool, yaw: float
+) -> None:
+    F = np.zeros(6)
+    F[:3] = [along, 0.0, up] @ turned(yaw)
+    here = soles(yaw=yaw)
+    assert not feels(swing, here, F, ticks=2)
+    assert feels(swing, here, F, ticks=1) is caught
+
+
+def test_it_goes_back_higher_and_on(swing: SwingFoot) -> None:
+    t = 0.2
+    for tick in range(round(t / DT)):
+        swing.go_on(0, soles(), t=tick * DT, duration_s=0.6, shift=(0.0, 0.0))
+    here = soles(x=0.1, z=0.04)
+    left_s = swing.step_over(MOVE, here, t=t, left_s=0.4, rise=0.0)
+    assert left_s >= MOVE.single_s
+    assert swing.least_left_s(MOVE, (0.0, 0.0)) < left_s
+    reference, heights = swing.references[0], []
+    for tick in range(round(left_s / DT) + 1):
+        now = t + tick * DT
+        swing.go_on(0, here, t=now, duration_s=t + left_s, shift=(0.0, 0.0))
+        heights.append(reference.p[2])
+        if tick == 0:
+            start = [0.1 - BACK_M, 0.1, 0.04]
+            np.testing.assert_allclose(reference.p, start, atol=1e-6)
+    highest = MOVE.height_m + SETTINGS.step_over_m
+    assert max(heights) == pytest.approx(highest, abs=1e-6)
+    np.testing.assert_allclose(reference.p[:2], MOVE.place[:2], atol=1e-9)
+
+
+def test_it_has_time_to_come_free_before_it_is_caught_again(swing: SwingFoot) -> None:
+    F, here = np.array([-300.0, 0.0, -50.0, 0.0, 0.0, 0.0]), soles(x=0.1, z=0.04)
+    assert feels(swing, here, F, ticks=3)
+    left_s = swing.step_over(MOVE, here, t=0.2, left_s=0.4, rise=0.0)
+    told = []
+    for tick in range(round(2.0 * FREE_S / DT)):
+        now = 0.2 + tick * DT
+        swing.go_on(0, here, t=now, duration_s=0.2 + left_s, shift=(0.0, 0.0))
+        told.append(swing.is_caught(0, here, F, MOST_N))
+    assert not any(told[: round(FREE_S / DT)])
+    assert told[-1]
