@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.errors import RobotFileError
@@ -44,6 +45,33 @@ def test_of_a_tapered_foot_all_corners_touch_the_ground() -> None:
     assert sole.centre[0] + sole.half_length <= 0.15 + TOLERANCE_M
     assert sole.half_width <= 0.03 + 0.12 * (back + 0.1) + TOLERANCE_M
     assert 0.6 < sole.share < 1.0
+
+
+def test_of_three_studs_it_is_half_of_what_they_span() -> None:
+    studs = np.array([[-0.1, 0.06], [-0.1, -0.06], [0.15, 0.0]])
+    points = np.vstack([np.column_stack((studs, np.full(3, z))) for z in (0, 0.1)])
+    sole = fit_sole(points, up=UP, ahead=AHEAD)
+    assert sole.share == pytest.approx(0.5, abs=1e-4)
+    assert sole.half_length == pytest.approx(0.0625, abs=TOLERANCE_M)
+
+
+@pytest.mark.parametrize("corners", [3, 4, 7])
+@pytest.mark.parametrize("seed", range(10))
+def test_whatever_the_outline_the_rectangle_lies_inside(
+    corners: int, seed: int
+) -> None:
+    jitter = np.random.default_rng(seed).uniform(0.0, 0.6, corners)
+    angles = (np.arange(corners) + jitter) * 2.0 * np.pi / corners
+    outline = np.column_stack((0.2 * np.cos(angles), 0.1 * np.sin(angles)))
+    points = np.vstack(
+        [np.column_stack((outline, np.full(corners, z))) for z in (0, 0.1)]
+    )
+    sole = fit_sole(points, up=UP, ahead=AHEAD)
+    hull = ConvexHull(outline)
+    half = np.array((sole.half_length, sole.half_width))
+    signs = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+    at = sole.centre[:2] + signs * half
+    assert (hull.equations[:, :2] @ at.T + hull.equations[:, 2:]).max() < TOLERANCE_M
 
 
 def test_four_studs_hold_the_rectangle_between_them() -> None:

@@ -8,9 +8,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
+from surefoot import load_scenario, simulate
+from surefoot.errors import UsageError
 from surefoot.robot_files.new_robot import NewRobot, NewRobotOptions, new_robot
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import load_robot
@@ -288,6 +291,48 @@ def without_direction(root: ElementTree.Element) -> None:
     part(root, "joint", "left_elbow").find("axis").set("xyz", "0 0 0")  # type: ignore[union-attr]
 
 
+def with_axes_of_zeros(root: ElementTree.Element) -> None:
+    """On all joints that are fixed, as an exporter of drawings writes them."""
+    for found in root.iterfind("joint[@type='fixed']"):
+        ElementTree.SubElement(found, "axis", xyz="0 0 0")
+
+
+def rooted_at(height: str) -> Change:
+    """A frame without mass as the root, as on wheeled robots."""
+
+    def change(root: ElementTree.Element) -> None:
+        joint(root, "footprint", "fixed", "base_footprint", "torso", xyz=height)
+        ElementTree.SubElement(root, "link", name="base_footprint")
+
+    return change
+
+
+def with_a_waist(root: ElementTree.Element) -> None:
+    """Below the base: both legs hang on it."""
+    for side in SIDES:
+        part(root, "joint", f"{side}_hip_yaw").find("parent").set("link", "pelvis")  # type: ignore[union-attr]
+    joint(root, "waist", "revolute", "torso", "pelvis")
+    weigh(part(root, "link", "pelvis"), 3.0)
+
+
+def with_weak_knees(root: ElementTree.Element) -> None:
+    for side in SIDES:
+        limit = part(root, "joint", f"{side}_knee").find("limit")
+        assert limit is not None
+        limit.set("effort", "40")
+
+
+def in_a_package_of_xacros(root: ElementTree.Element) -> None:
+    with_lost_pictures(root)
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", "package://robot_xacro/head.stl")
+
+
+def with_a_turn_of_no_number(root: ElementTree.Element) -> None:
+    joint(root, "tool", "fixed", "left_hand", "tool_frame")
+    part(root, "joint", "tool").find("origin").set("rpy", "0 nan 0")  # type: ignore[union-attr]
+
+
 def nothing(root: ElementTree.Element) -> None:
     del root
 
@@ -361,6 +406,12 @@ STANDS: dict[str, tuple[Change, NewRobotOptions, str]] = {
     "mesh mirrored": (with_mesh_scale("0.1 0.1 -0.1"), FEET, "240 x 120 mm"),
     "joint called as a sole": (with_a_joint_called_as_a_sole, FEET, "271 x 155 mm"),
     "skin": (with_a_skin, FEET, "28 joints, in the order"),
+    "axes of zeros": (with_axes_of_zeros, FEET, "28 joints, in the order"),
+    "root at the ground": (rooted_at("0 0 0.97"), FEET, "fixed to the base 'base_foo"),
+    "root below": (rooted_at("0 0 1.25"), FEET, "fixed to the base 'base_footprint'"),
+    "waist below the base": (with_a_waist, FEET, "both legs hang on them"),
+    "weak knees": (with_weak_knees, FEET, "what a knee can carry"),
+    "package of xacros": (in_a_package_of_xacros, FEET, "robot_xacro/head.stl"),
     "limits without end": (
         with_limits(effort="inf", velocity="inf"),
         FEET,
@@ -400,6 +451,38 @@ def test_what_was_made_can_be_moved_without_its_source(tmp_path: Path) -> None:
         RobotFileError, match=r"left_foot_plate.*no such file.*foot\.obj"
     ):
         RobotShape(load_robot(folder / "made.toml"))
+
+
+def test_frames_at_the_ground_are_no_fall(tmp_path: Path) -> None:
+    robot = made(tmp_path, rooted_at("0 0 0.97"), FEET).robot
+    assert abs(robot.file.nominal_base_height_m) < 0.1
+    scenario = msgspec.structs.replace(load_scenario("tilt-ramp-roll"), duration_s=1.5)
+    assert simulate(robot, scenario, record=False).outcome.is_up
+
+
+def test_a_knee_that_cannot_carry_bends_less(tmp_path: Path) -> None:
+    strong = made(tmp_path / "strong", nothing, FEET).robot
+    for rise_m in (None, 0.005):
+        weak = made(
+            tmp_path / f"weak {rise_m}", with_weak_knees, replace(FEET, rise_m=rise_m)
+        ).robot
+        knee = weak.joint_names.index("left_knee")
+        assert abs(weak.nominal[knee]) < 0.8 * abs(strong.nominal[knee])
+
+
+def test_what_is_not_ours_is_never_replaced(tmp_path: Path) -> None:
+    made(tmp_path, with_meshes_alone, FEET)
+    mesh = tmp_path / "made" / "made_meshes" / "foot.obj"
+    mesh.write_text("somebody's own")
+    drawn = tmp_path / "drawn" / "drawn.urdf"
+    with pytest.raises(UsageError, match=r"foot\.obj: is there already"):
+        new_robot(drawn, FEET, out=tmp_path / "made", overwrite=True)
+    assert mesh.read_text() == "somebody's own"
+
+
+def test_a_name_may_end_no_comment(tmp_path: Path) -> None:
+    robot = made(tmp_path, nothing, replace(FEET, name="a--b"))
+    assert robot.robot.file.name == "a--b"
 
 
 REFUSED: dict[str, tuple[Change, NewRobotOptions, str]] = {
@@ -450,6 +533,18 @@ REFUSED: dict[str, tuple[Change, NewRobotOptions, str]] = {
     "no direction": (without_direction, FEET, "'left_elbow': axis: got 0 0 0"),
     "mesh of no size": (with_mesh_scale("0 0 0"), FEET, "left foot.*flat or empty"),
     "mesh scale in words": (with_mesh_scale("1 1"), FEET, "left foot|scale"),
+    "no yaw at the hip": (
+        nothing,
+        replace(FEET, fix=("*_hip_yaw",)),
+        "in 11 of 12 directions",
+    ),
+    "rooted in a sole": (nothing, replace(FEET, left_sole="torso"), "whose root is"),
+    "turn of no number": (with_a_turn_of_no_number, FEET, "'tool': origin: rpy"),
+    "mesh that is not there": (
+        with_mesh_file("feet/lost.stl"),
+        FEET,
+        r"feet/lost\.stl is not there; .*--package-dir",
+    ),
     "mesh that is none": (with_mesh_file("feet/page.stl"), FEET, "left_foot_plate"),
 }
 
