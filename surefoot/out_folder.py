@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
@@ -81,6 +81,27 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
             f"--out {path}: is there, and its first line does not say {signature!r}; "
             "it is left as it is, name another place"
         )
+
+
+@contextmanager
+def undone_on_error() -> Iterator[Callable[[Path], None]]:
+    """Remove again what was made before something went wrong, files and folders.
+
+    Yields:
+        To be called with each path before it is made: what is there already stays.
+    """
+    made: list[Path] = []
+
+    def note(path: Path) -> None:
+        made.extend(p for p in (path, *path.parents) if not os.path.lexists(p))
+
+    try:
+        yield note
+    except BaseException:
+        for path in sorted(made, key=lambda p: len(p.parts), reverse=True):
+            with suppress(OSError):  # never made, or others' files are in it
+                path.rmdir() if path.is_dir() else path.unlink()
+        raise
 
 
 @contextmanager

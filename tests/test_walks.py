@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +13,9 @@ import pytest
 
 from benchmarks import walks
 from benchmarks.walks import LINES, WalkRun, table
+from surefoot import simulate
 from surefoot.robot_io.robot import load_robot
-from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.scenario import Scenario, Tile
 from surefoot.sim_robot.plant import Plant
 
 
@@ -97,6 +99,19 @@ def test_a_foot_caught_at_an_edge_steps_over_it() -> None:
     assert row["outcome"] in ("walked", "stood")
     assert row["placement_error_max_mm"] < 150.0
     assert max(row["dcm_error_rms_mm"]) < 25.0
+
+
+@pytest.mark.closed_loop
+def test_before_a_wall_the_walk_ends() -> None:
+    """Feet climbed on and on, and the robot fell."""
+    wall = Tile(center_m=[2.25, 0.0], size_m=[3.0, 1.6], height_m=0.3)
+    scenario = msgspec.structs.replace(
+        walks.load_scenario("walk-flat-slow"), tile=[wall], duration_s=8.0
+    )
+    result = simulate("walker", scenario, record=False).result
+    assert result.outcome == "stood"
+    assert "foot met what is in its way" in result.outcome_detail
+    assert max(result.dcm_error_rms_mm or [math.inf]) < 15.0
 
 
 @pytest.mark.slow

@@ -52,7 +52,7 @@ def surface_points(
         model = pin.buildModelFromXML(text)
         found = pin.buildGeomFromUrdfString(model, text, kinds[tag])
     except (ValueError, RuntimeError) as error:
-        words = _unreadable(root, links, tag) or "; ".join(str(error).split("\n"))
+        words = _unreadable(root, links, tag) or " ".join(str(error).split())
         raise RobotFileError(f"their shapes cannot be read: {words}") from error
     data = model.createData()
     pin.forwardKinematics(model, data, pin.neutral(model))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
-from surefoot.stabilizer.walking.footsteps import swing_time
+from surefoot.stabilizer.walking.footsteps import Foothold, swing_time
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
 from surefoot.stabilizer.walking.swing import SwingPath, SwingReference, SwingTask
@@ -36,6 +37,7 @@ class SwingFoot:
         *,
         lead_s: float,
         leg_speed: float,
+        weight: float,
         period_s: float,
     ) -> None:
         """Wait for a step.
@@ -45,9 +47,11 @@ class SwingFoot:
             ground: read, not advanced.
             lead_s: by which the velocity is ahead: the lag of the servos [s].
             leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
+            weight: of the robot [N].
             period_s: time between two updates [s].
         """
         self._settings, self._lead_s, self._dt = settings, lead_s, period_s
+        self._most = settings.caught_share * weight
         self._leg_speed = leg_speed
         self._ground = ground
         self._path = SwingPath(settings)
@@ -106,7 +110,7 @@ class SwingFoot:
             climb=climb,
         )
 
-    def is_caught(self, side: int, soles: SolesAndCom, F: Array, most: float) -> bool:
+    def is_caught(self, side: int, soles: SolesAndCom, F: Array) -> bool:
         """Tell whether an edge keeps the foot from going on.
 
         Friction of ground below pushes back less than it pushes up: a force that
@@ -116,21 +120,20 @@ class SwingFoot:
             side: the foot.
             soles: at the present state.
             F: (6,) wrench that it feels, sole frame [N, N m].
-            most: force along its way that is still none [N].
         """
         path = self._path
-        if self._begun_s and path.time < FREE_S:
+        if not self._settings.step_over_m or (self._begun_s and path.time < FREE_S):
             return False
         x, y, up = soles.R_world_sole[side].dot(F[:3]).tolist()
         way_x, way_y = path.way
         back = -(x * way_x + y * way_y)
-        meets = back > max(most, up)
+        meets = back > max(self._most, up)
         self._caught_s = self._caught_s + self._dt if meets else 0.0
         return self._caught_s > max(CAUGHT_S, self._dt) - 0.5 * self._dt
 
     def step_over(
         self, move: Move, soles: SolesAndCom, *, t: float, left_s: float, rise: float
-    ) -> float:
+    ) -> tuple[Move, float]:
         """Begin again from where the foot is caught: back, higher, and on.
 
         Args:
@@ -141,11 +144,16 @@ class SwingFoot:
             rise: of the foothold over the other foot's [m].
 
         Returns:
-            How long the foot needs from now on, the time left or more [s].
+            The step, and how long the foot needs from now on, the time left or more
+            [s]. Over what is higher than steps may be there is none: then the step is
+            one that ends where the foot is.
         """
         path, side, higher = self._path, move.side, self._settings.step_over_m
         x, y, _ = soles.p_sole[side].tolist()
-        way_x, way_y = path.way
+        x, y = x - BACK_M * path.way[0], y - BACK_M * path.way[1]
+        if path.apex + higher > self._settings.rise_limit_m:
+            higher, place = 0.0, move.place
+            move = replace(move, place=Foothold(x, y, place.z, path.yaw))
         height = self._height_of(side, soles)
         lift = max(path.apex - max(height, rise), 0.0) + higher
         least_s = swing_time(
@@ -158,7 +166,7 @@ class SwingFoot:
         duration_s = max(left_s, least_s, move.single_s)
         self._caught_s, self._begun_s = 0.0, t
         path.begin(
-            xy=(x - BACK_M * way_x, y - BACK_M * way_y),
+            xy=(x, y),
             yaw=path.yaw,
             height=height,
             target=(move.place.x, move.place.y),
@@ -168,7 +176,7 @@ class SwingFoot:
             duration_s=duration_s,
             climb=higher,
         )
-        return duration_s
+        return move, duration_s
 
     def _height_of(self, side: int, soles: SolesAndCom) -> float:
         """Return how high a sole is over the other one's ground [m]."""

@@ -27,11 +27,7 @@ from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.estimation.observer import ObservedState
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.walking.feet import Feet, FootState, WalkState
-from surefoot.stabilizer.walking.footsteps import (
-    Foothold,
-    mean_yaw,
-    turned,
-)
+from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, mean_yaw, turned
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.ground import (
     ExpectedGround,
@@ -121,6 +117,7 @@ class Walk:
             self._ground,
             lead_s=settings.lead_s + servo_lag_s,
             leg_speed=speed,
+            weight=model.weight,
             period_s=period_s,
         )
         self.swing_tasks = self._swing.tasks
@@ -140,8 +137,6 @@ class Walk:
             half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
-        self._over_m = settings.step_over_m
-        self._caught_n = settings.caught_share * model.weight
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
@@ -252,7 +247,9 @@ class Walk:
         self._follow_height(stance, state, soles)
         self._write_stance(stance, state)
         if (airborne := self.feet.airborne) is not None:
-            if self._is_caught(airborne, soles, state):
+            F = state.F_meas[SOLE_ROWS[airborne]]
+            is_on_its_way = self.feet.states[airborne] is FootState.SWING
+            if is_on_its_way and self._swing.is_caught(airborne, soles, F):
                 self._step_over(airborne, soles)
             self._write_swing(airborne, commanded or soles)
             self.swing_tasks[airborne].compare(soles)
@@ -400,25 +397,31 @@ class Walk:
         if gait.phase is Phase.SINGLE:
             self.feet.carry_early(stance)
 
-    def _is_caught(self, side: int, soles: SolesAndCom, state: ObservedState) -> bool:
-        """Whether something is in the way of a foot that is on its way."""
-        if self.feet.states[side] is not FootState.SWING or not self._over_m:
-            return False
-        F = state.F_meas[SOLE_ROWS[side]]
-        return self._swing.is_caught(side, soles, F, self._caught_n)
-
     def _step_over(self, side: int, soles: SolesAndCom) -> None:
-        """Have a foot that is caught go on higher, and take the time for it."""
-        move, gait, level = self._move, self.gait, self._anchors.level
-        assert move is not None
-        needed_s = self._swing.step_over(
-            move,
+        """Have a foot that is caught go on higher, and take the time for it.
+
+        Where that is too high the step ends here, and with it the walk.
+        """
+        planned, gait, level = self._move, self.gait, self._anchors.level
+        assert planned is not None
+        move, needed_s = self._swing.step_over(
+            planned,
             soles,
             t=gait.t,
             left_s=gait.left_s,
             rise=level[side] - level[1 - side],
         )
         gait.duration_s = max(gait.duration_s, gait.t + needed_s)
+        if move is not planned:
+            self._move, self._places = move, None
+            self._adjustment.begin(move)
+            self.queue.drop()
+            told, rise_m = self._told, self._settings.rise_limit_m
+            told.planned = self.queue.planned
+            told.refusal = (
+                f"the {SIDES[side]} foot met what is in its way up to {rise_m:g} m "
+                "(walk.rise_limit_m)"
+            )
 
     def _write_swing(self, side: int, soles: SolesAndCom) -> None:
         """Write where the foot in the air should be."""

@@ -8,7 +8,6 @@ import os
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -368,23 +367,11 @@ def check_copies(copies: Copies) -> None:
 
 
 def copy_meshes(copies: Copies) -> None:
-    """Copy all of them or none, each whole."""
-    made: list[Path] = []
-    try:
-        for target, source in copies.items():
-            is_new = not target.exists()
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with atomic_file(target) as file:
-                file.write(source.read_bytes())
-            if is_new:
-                made.append(target)
-    except OSError:
-        for target in made:
-            target.unlink(missing_ok=True)
-        for folder in sorted({t.parent for t in copies}, key=str, reverse=True):
-            with suppress(OSError):  # others' files are in it, or it was not made
-                folder.rmdir()
-        raise
+    """Copy them, each whole or not at all."""
+    for target, source in copies.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with atomic_file(target) as file:
+            file.write(source.read_bytes())
 
 
 def _meshes(

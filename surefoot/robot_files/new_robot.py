@@ -11,7 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import check_replaceable, make_out_folder, new_file
+from surefoot.out_folder import (
+    check_replaceable,
+    make_out_folder,
+    new_file,
+    undone_on_error,
+)
 from surefoot.robot_files import clean_urdf
 from surefoot.robot_files.draft import (
     Draft,
@@ -173,11 +178,14 @@ def new_robot(
         urdf_path: f"<!-- {made}. -->\n{draft.text()}",
     }
     _try(contents, out=out)
-    make_out_folder(out, out=out)
-    copy_meshes(copies)
-    for path, content in reversed(contents.items()):
-        with new_file(path, overwrite=overwrite) as file:
-            file.write(content.encode())
+    with undone_on_error() as note_new:
+        for path in (*copies, *contents):
+            note_new(path)
+        make_out_folder(out, out=out)
+        copy_meshes(copies)
+        for path, content in reversed(contents.items()):
+            with new_file(path, overwrite=overwrite) as file:
+                file.write(content.encode())
     robot = load_robot(str(toml_path))
     unfit = default_settings(robot)
     if unfit.advice:

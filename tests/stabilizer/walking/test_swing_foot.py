@@ -36,13 +36,20 @@ def soles(*, x: float = 0.0, z: float = 0.0, yaw: float = 0.0) -> Any:
 @pytest.fixture
 def swing() -> SwingFoot:
     ground = ExpectedGround(SETTINGS, half_sizes=[(0.13, 0.07)] * 2, period_s=DT)
-    swing = SwingFoot(SETTINGS, ground, lead_s=0.0, leg_speed=8.0, period_s=DT)
+    swing = SwingFoot(
+        SETTINGS,
+        ground,
+        lead_s=0.0,
+        leg_speed=8.0,
+        weight=MOST_N / SETTINGS.caught_share,
+        period_s=DT,
+    )
     swing.lift(MOVE, soles(), rise=0.0, climb=0.0)
     return swing
 
 
 def feels(swing: SwingFoot, here: Any, F: Array, *, ticks: int) -> bool:
-    told = [swing.is_caught(0, here, F, MOST_N) for _ in range(ticks)]
+    told = [swing.is_caught(0, here, F) for _ in range(ticks)]
     return told[-1]
 
 
@@ -72,7 +79,8 @@ def test_it_goes_back_higher_and_on(swing: SwingFoot) -> None:
     for tick in range(round(t / DT)):
         swing.go_on(0, soles(), t=tick * DT, duration_s=0.6, shift=(0.0, 0.0))
     here = soles(x=0.1, z=0.04)
-    left_s = swing.step_over(MOVE, here, t=t, left_s=0.4, rise=0.0)
+    move, left_s = swing.step_over(MOVE, here, t=t, left_s=0.4, rise=0.0)
+    assert move is MOVE
     assert left_s >= MOVE.single_s
     assert swing.least_left_s(MOVE, (0.0, 0.0)) < left_s
     reference, heights = swing.references[0], []
@@ -91,11 +99,23 @@ def test_it_goes_back_higher_and_on(swing: SwingFoot) -> None:
 def test_it_has_time_to_come_free_before_it_is_caught_again(swing: SwingFoot) -> None:
     F, here = np.array([-300.0, 0.0, -50.0, 0.0, 0.0, 0.0]), soles(x=0.1, z=0.04)
     assert feels(swing, here, F, ticks=3)
-    left_s = swing.step_over(MOVE, here, t=0.2, left_s=0.4, rise=0.0)
+    _, left_s = swing.step_over(MOVE, here, t=0.2, left_s=0.4, rise=0.0)
     told = []
     for tick in range(round(2.0 * FREE_S / DT)):
         now = 0.2 + tick * DT
         swing.go_on(0, here, t=now, duration_s=0.2 + left_s, shift=(0.0, 0.0))
-        told.append(swing.is_caught(0, here, F, MOST_N))
+        told.append(swing.is_caught(0, here, F))
     assert not any(told[: round(FREE_S / DT)])
     assert told[-1]
+
+
+def test_what_is_too_high_ends_the_step_where_the_foot_is(swing: SwingFoot) -> None:
+    here = soles(x=0.1, z=0.04)
+    highest, move = MOVE.height_m, MOVE
+    while move is MOVE and highest < 1.0:
+        move, _ = swing.step_over(MOVE, here, t=0.2, left_s=0.4, rise=0.0)
+        highest += SETTINGS.step_over_m
+    assert SETTINGS.rise_limit_m < highest < SETTINGS.rise_limit_m + 0.04
+    assert move.place[:2] == pytest.approx((0.1 - BACK_M, 0.1))
+    F = np.array([-300.0, 0.0, -50.0, 0.0, 0.0, 0.0])
+    assert not feels(swing, here, F, ticks=1000)

@@ -480,6 +480,26 @@ def test_what_is_not_ours_is_never_replaced(tmp_path: Path) -> None:
     assert mesh.read_text() == "somebody's own"
 
 
+def test_what_cannot_be_written_whole_is_not_there(tmp_path: Path) -> None:
+    def change(root: ElementTree.Element) -> None:
+        with_meshes_alone(root)
+        visual = ElementTree.SubElement(part(root, "link", "head"), "visual")
+        shape = ElementTree.SubElement(visual, "geometry")
+        ElementTree.SubElement(shape, "mesh", filename="pictures/head.obj")
+
+    pictures = tmp_path / "drawn" / "pictures"
+    pictures.mkdir(parents=True)
+    (pictures / "head.obj").write_text(CUBE)
+    own = tmp_path / "made" / "made_meshes" / "pictures"
+    own.parent.mkdir(parents=True)
+    own.write_text("a file of somebody's")
+    with pytest.raises(FileExistsError):
+        made(tmp_path, change, FEET)
+    left = [path.name for path in (tmp_path / "made").rglob("*")]
+    assert left == ["made_meshes", "pictures"]
+    assert own.read_text() == "a file of somebody's"
+
+
 def test_a_name_may_end_no_comment(tmp_path: Path) -> None:
     robot = made(tmp_path, nothing, replace(FEET, name="a--b"))
     assert robot.robot.file.name == "a--b"
