@@ -25,7 +25,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.peers_bus import bus_times
+from benchmarks.peers_bus import BEYOND_PACKING, FOUR_MESSAGES, bus_times
 from surefoot.robot_io.realtime import quiet_interpreter
 from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.settings import ControllerSettings
@@ -62,6 +62,9 @@ COMPARISONS = (
     ),
     Comparison("whole tick", ("floor",)),
     Comparison("bus round trip", ("bare Zenoh",)),
+    Comparison(BEYOND_PACKING, ("bare Zenoh",)),
+    Comparison("bus round trip", (FOUR_MESSAGES,)),
+    Comparison(BEYOND_PACKING, (FOUR_MESSAGES,)),
     Comparison("bus round trip", ("raw sockets",)),
 )
 
