@@ -367,11 +367,3 @@ _CHANNELS: dict[type[Message], str] = {
     Reference: "reference",
     WalkPlan: "walk",
 }
-
-
-def first_difference(outcome: ReplayOutcome) -> SessionOutcome | None:
-    """Return the session that differs first; None when all are equal."""
-    for session in outcome.sessions:
-        if session.differing:
-            return session
-    return None
