@@ -240,6 +240,11 @@ def reproduce(
                         file.write(svg)
                     tell()
         rows = [store.rows[cell.key] for cell in cells if cell.key in store.rows]
+        if not rows:
+            raise UsageError(
+                f"--out {out}: holds no finished runs to report; leave out "
+                "--report-only, or name the folder that has them"
+            )
         missing = len(cells) - len(rows)
         page = write_report(out, summarise(rows), about=store.about, missing=missing)
     print_note(f"{len(rows)} of {len(cells)} runs; open {page}")

@@ -198,6 +198,40 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
     return file
 
 
+class FolderLock:
+    """Keeps other commands out of a folder until it is released, or this one ends."""
+
+    def __init__(self, folder: Path) -> None:
+        """Lock the folder itself: the system forgets that when this process ends.
+
+        Args:
+            folder: there already.
+
+        Raises:
+            UsageError: another command has it.
+        """
+        self._lock: int | None = None
+        if fcntl is None:
+            return
+        self._lock = os.open(folder, os.O_RDONLY)
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self.release()
+            raise UsageError(
+                f"--out {folder}: another command is writing there now; name "
+                "another folder, or wait for it"
+            ) from error
+        except OSError:  # a file system without locks
+            self.release()
+
+    def release(self) -> None:
+        """Let others have the folder."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
 class OutFolder:
     """Claims a folder for the files of one command. A context manager.
 
@@ -236,7 +270,7 @@ class OutFolder:
         self._marker, self._content, self._ours = marker, content, tuple(ours)
         self._overwrite = overwrite
         self._is_new = False
-        self._lock: int | None = None
+        self._lock: FolderLock | None = None
         self.path = Path() if out is None else out
 
     def __enter__(self) -> Self:
@@ -251,7 +285,7 @@ class OutFolder:
             return self
         self._is_new = not self.out.exists()
         make_out_folder(self.out, out=self.out)
-        self._take_lock()
+        self._lock = FolderLock(self.path)
         try:
             self._check_content()
         except BaseException:
@@ -276,26 +310,9 @@ class OutFolder:
                     self.path.rmdir()
         self._release()
 
-    def _take_lock(self) -> None:
-        """Lock the folder itself: the system forgets that when this process ends."""
-        if fcntl is None:
-            return
-        self._lock = os.open(self.path, os.O_RDONLY)
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            self._release()
-            raise UsageError(
-                f"--out {self.out}: another command is writing there now; name "
-                "another folder, or wait for it"
-            ) from error
-        except OSError:  # a file system without locks
-            self._release()
-
     def _release(self) -> None:
         if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
+            self._lock.release()
 
     def _check_content(self) -> None:
         if not any(self.path.iterdir()):

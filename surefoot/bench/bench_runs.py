@@ -48,7 +48,20 @@ def known_names(
                 f"{what}: got {name!r}{nearest(name, valid)}; expected one of "
                 f"{', '.join(valid)}"
             )
+        if list(names).count(name) > 1:
+            raise UsageError(f"{what}: {name} is named twice")
     return [known[name] for name in names]
+
+
+def check_positive(values: Sequence[float], *, what: str) -> None:
+    """See that numbers can be sizes.
+
+    Raises:
+        UsageError: one is not above zero, or is not finite.
+    """
+    for value in values:
+        if not 0.0 < value < math.inf:
+            raise UsageError(f"{what}: got {value:g}, expected a number above 0")
 
 
 def plain(words: str) -> str:

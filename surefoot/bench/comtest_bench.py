@@ -19,6 +19,7 @@ from surefoot.bench.bench_files import (
 )
 from surefoot.bench.bench_runs import (
     bench_runs,
+    check_positive,
     everyone,
     known_names,
     plain,
@@ -61,7 +62,7 @@ QUICK_SIZES_DEG = (8.0,)
 FREQUENCIES_HZ = (0.15, 0.4, 0.9, 1.35, 2.2)
 QUICK_FREQUENCIES_HZ = (0.4, 0.9, 2.2)
 QUICK_AXES: tuple[SwayAxis, ...] = ("pitch", "x")
-LEAST_CYCLES = 3
+LEAST_CYCLES, MOST_CYCLES = 3, 1000
 
 
 def _write_response(
@@ -157,19 +158,23 @@ def comtest(
     all_axes = QUICK_AXES if quick else AXES
     stimuli_of = known_names(protocols or PROTOCOLS, PROTOCOLS, what="protocol")
     about = known_names(axes or all_axes, AXES, what="axis")
-    if cycles < LEAST_CYCLES:
-        raise UsageError(f"cycles: got {cycles}, expected {LEAST_CYCLES} or more")
+    if not LEAST_CYCLES <= cycles <= MOST_CYCLES:
+        raise UsageError(
+            f"cycles: got {cycles}, expected {LEAST_CYCLES} to {MOST_CYCLES}"
+        )
     for what, values in (("size", sizes), ("frequency", sines), ("speed", [speed])):
-        if not all(value > 0.0 for value in values):
-            raise UsageError(f"{what}: got {min(values):g}, expected more than 0")
+        check_positive(values, what=what)
     stimuli = list(_stimuli(stimuli_of, about, sizes, sines, speed, cycles))
     under = everyone(robot, controllers, servo_profiles, quick=quick)
     subject = subject_of(robot)
-    cells = [
-        sway_cell(stimulus, who, height_m=subject.com_height_m)
-        for stimulus in stimuli
-        for who in under
-    ]
+    try:
+        cells = [
+            sway_cell(stimulus, who, height_m=subject.com_height_m)
+            for stimulus in stimuli
+            for who in under
+        ]
+    except ValueError as error:  # what a motion cannot be
+        raise UsageError(f"speed {speed:g}: {error}") from error
     with bench_runs(
         "comtest",
         seen_by=sway_cell.__module__,

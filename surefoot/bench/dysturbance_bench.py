@@ -6,6 +6,7 @@ ways and slow forces.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import product
 from pathlib import Path
@@ -20,6 +21,7 @@ from surefoot.bench.bench_files import (
 from surefoot.bench.bench_runs import (
     BenchRuns,
     bench_runs,
+    check_positive,
     everyone,
     known_names,
     plain,
@@ -151,8 +153,10 @@ def dysturbance(
     directions = directions_deg or (QUICK_DIRECTIONS_DEG if quick else DIRECTIONS_DEG)
     sines = frequencies_hz or (QUICK_FREQUENCIES_HZ if quick else FREQUENCIES_HZ)
     asked = known_names(kinds or KINDS, KINDS, what="kind")
-    if not all(frequency > 0.0 for frequency in sines):
-        raise UsageError(f"frequency: got {min(sines):g}, expected more than 0")
+    check_positive(sines, what="frequency")
+    for direction in directions:
+        if not math.isfinite(direction):
+            raise UsageError(f"direction: got {direction:g}, expected degrees")
     under = everyone(robot, controllers, servo_profiles, quick=quick)
     subject = subject_of(robot)
     pushed = body or load_robot(robot).file.base_link

@@ -52,8 +52,21 @@ class Group(NamedTuple):
     @property
     def case(self) -> str:
         """Scenario and what was varied, in words."""
-        words = ", ".join(f"{name} {value:g}" for name, value in self.values)
+        words = ", ".join(f"{name} {in_words(value)}" for name, value in self.values)
         return f"{self.scenario} ({words})" if words else self.scenario
+
+
+def in_words(value: Any) -> str:
+    """Return a varied value as tables show it."""
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(in_words, value))}]"
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return f"{value:g}" if is_number else str(value)
+
+
+def hashable(value: Any) -> Any:
+    """Return a varied value with tuples for lists."""
+    return tuple(map(hashable, value)) if isinstance(value, (list, tuple)) else value
 
 
 class Work(Protocol):
@@ -254,12 +267,17 @@ def plan_in(
         overrides: settings, texts ``section.name=value``.
 
     Raises:
-        FileFormatError: settings contradict each other, the robot or the scenario.
+        FileFormatError: settings contradict each other, the robot or the scenario, or
+            a value of one that was built in Python is out of range.
     """
     from surefoot.robot_io.robot import load_robot
     from surefoot.run_plan import RunPlan
+    from surefoot.schemas.scenario import scenario_from_table
+    from surefoot.schemas.toml_file import struct_table
     from surefoot.stabilizer.factory import check_settings
 
+    if path is None:
+        scenario = scenario_from_table(struct_table(scenario), source=scenario.name)
     found = find_variant(variant)
     model = load_robot(robot, servo_profile=servo_profile)
     settings = found.resolve(servo_profile, extra=overrides)
@@ -313,5 +331,5 @@ class Task(NamedTuple):
 
 def group_of(row: Row) -> Group:
     """Return which group a row belongs to."""
-    values = tuple(row["values"].items())
+    values = tuple((name, hashable(value)) for name, value in row["values"].items())
     return Group(row["scenario"], values, row["variant"], row["servo_profile"])

@@ -7,6 +7,7 @@ compute with, and is refused by name unless that is what is installed here.
 from __future__ import annotations
 
 import os
+import re
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,6 +25,7 @@ from surefoot.studies.store import (
     inputs_fingerprint,
 )
 
+_ADDRESS = re.compile(r"(tcp|tls|ucx|wss?|inproc)://\S+")
 _CONNECT_S = 10.0
 """Time for the scheduler, and then for its first worker, to answer [s]."""
 IDLE_S = 10
@@ -139,6 +141,19 @@ def _short(value: str) -> str:
     return value[:12]
 
 
+def check_address(scheduler: str) -> None:
+    """See that a scheduler's address can be one.
+
+    Raises:
+        UsageError: it cannot.
+    """
+    if not _ADDRESS.fullmatch(scheduler):
+        raise UsageError(
+            f"--scheduler {scheduler!r}: expected the address of a Dask scheduler, "
+            "such as tcp://head:8786, as `dask scheduler` says it"
+        )
+
+
 @contextmanager
 def _client(scheduler: str) -> Iterator[Any]:
     try:
@@ -147,6 +162,7 @@ def _client(scheduler: str) -> Iterator[Any]:
         raise EnvironmentFailedError(
             f"--scheduler needs Dask: {install_command('cluster')}"
         ) from error
+    check_address(scheduler)
     try:
         client = Client(scheduler, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -202,8 +218,12 @@ def execute(
 
     Raises:
         FileFormatError: a value does not fit its scenario; nothing has been run.
-        UsageError: kept runs are of another scenario, robot or settings.
+        UsageError: kept runs are of another scenario, robot or settings, or a run is
+            asked for twice, which would count as two.
     """
+    _check_once(cells)
+    if scheduler is not None:
+        check_address(scheduler)
     tasks = tasks_of(cells, robot=robot, overrides=overrides)
     for task in tasks:
         store.check(task)
@@ -213,6 +233,17 @@ def execute(
         for row in run_tasks(missing, jobs=jobs, scheduler=scheduler):
             store.add(row)
             tell()
+
+
+def _check_once(cells: Sequence[Work]) -> None:
+    seen: set[str] = set()
+    for cell in cells:
+        if cell.key in seen:
+            raise UsageError(
+                f"{cell.case}: the same run is asked for twice; name every scenario, "
+                "value, controller, servo profile and seed once"
+            )
+        seen.add(cell.key)
 
 
 def tasks_of(

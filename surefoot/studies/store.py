@@ -22,9 +22,11 @@ from typing import Any, BinaryIO, Self
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import atomic_file, make_out_folder
+from surefoot.out_folder import FolderLock, atomic_file, make_out_folder
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import with_recordings
+from surefoot.sim_robot.catalogue import naming_scenario
+from surefoot.sim_robot.recorded import recorded_ground, recorded_track
 from surefoot.stabilizer.factory import CONTROLLERS, find_target
 from surefoot.studies.cell import Row, Task
 
@@ -123,11 +125,15 @@ def inputs_fingerprint(plan: RunPlan) -> str:
 
     It is that of contents, wherever the files lie: scenario and recorded motions, robot
     file and URDF, settings, and the source of a controller from outside.
+
+    Raises:
+        ScenarioError: a recording cannot be read, or is no motion.
     """
+    with naming_scenario(plan.scenario_path or Path(plan.scenario.name)):
+        recorded_ground(plan.scenario)
     digest = hashlib.sha256()
     scenario = with_recordings(
-        plan.scenario,
-        lambda motion: hashlib.sha256(Path(motion.file).read_bytes()).hexdigest(),
+        plan.scenario, lambda motion: recorded_track(motion).sha256
     )
     for part in (scenario, plan.settings, plan.robot.file):
         digest.update(msgspec.json.encode(part))
@@ -165,11 +171,12 @@ class StudyStore:
         self._folder = folder
         self._path = folder / RUNS
         self._file: BinaryIO | None = None
+        self._lock: FolderLock | None = None
         about = {**about, **about_code()}
         self.about = about
         marker = folder / STUDY
         if marker.is_file():
-            self._compare(msgspec.json.decode(marker.read_bytes()), folder)
+            self._compare(_read_marker(marker), folder)
         elif folder.is_dir() and any(folder.iterdir()):
             raise UsageError(f"{folder}: not empty and no study; name another folder")
         self.rows = {row["key"]: row for row in read_rows(folder)}
@@ -182,12 +189,16 @@ class StudyStore:
         """Make the folder, and open the file of runs without a line that was cut off.
 
         Raises:
-            UsageError: something on the way to the folder is a file.
+            UsageError: something on the way to the folder is a file, or another
+                command is writing there.
             EnvironmentFailedError: nothing can be written there.
         """
         if self._file is not None:
             return
         make_out_folder(self._folder, out=self._folder)
+        self._lock = FolderLock(self._folder)
+        # Another command may have done some of them since this one looked.
+        self.rows = {row["key"]: row for row in read_rows(self._folder)}
         with atomic_file(self._folder / STUDY) as file:
             file.write(msgspec.json.format(msgspec.json.encode(self.about)) + b"\n")
         with atomic_file(self._path) as file:
@@ -201,9 +212,11 @@ class StudyStore:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Close the file."""
+        """Close the file, and let others write there."""
         if self._file is not None:
             self._file.close()
+        if self._lock is not None:
+            self._lock.release()
 
     def add(self, row: Row) -> None:
         """Keep a finished run."""
@@ -244,14 +257,36 @@ class StudyStore:
             )
 
 
+def _read_marker(path: Path) -> dict[str, Any]:
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
+    except msgspec.DecodeError as error:
+        raise UsageError(
+            f"{path}: does not say what study the folder holds ({error}); name another "
+            "folder, or put back this file"
+        ) from error
+
+
 def read_rows(folder: Path) -> Iterable[Row]:
-    """Read the finished runs of a folder, without a line that was cut off."""
+    """Read the finished runs of a folder, without a last line that was cut off.
+
+    Raises:
+        UsageError: another line is none of ours.
+    """
     path = folder / RUNS
     if not path.is_file():
         return
-    for line in path.read_bytes().splitlines():
+    lines = path.read_bytes().splitlines(keepends=True)
+    for number, line in enumerate(lines, start=1):
         try:
-            row: Row = msgspec.json.decode(line)
+            row = msgspec.json.decode(line, type=Row)
+            has_key = isinstance(row.get("key"), str)
         except msgspec.DecodeError:
-            continue
-        yield row
+            has_key = False
+        if has_key:
+            yield row
+        elif number < len(lines) or line.endswith(b"\n"):
+            raise UsageError(
+                f"{path}, line {number}: is no finished run of a study; take the line "
+                "out to have that run made again, or name another folder"
+            )

@@ -15,9 +15,17 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
 from surefoot.schemas.reasons import Outcome
-from surefoot.studies.cell import Cell, Group, Row, find_variant, group_of
+from surefoot.studies.cell import (
+    Cell,
+    Group,
+    Row,
+    find_variant,
+    group_of,
+    hashable,
+)
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
 from surefoot.studies.tables import markdown_table, write_summary
@@ -242,11 +250,19 @@ def make_cells(
         seeds: of the sensor noise.
 
     Raises:
-        UsageError: there is no such controller.
+        UsageError: there is no such controller, or a key is varied twice.
     """
+    for values in combinations:
+        varied = [name for name, _ in values]
+        twice = next((name for name in varied if varied.count(name) > 1), None)
+        if twice is not None:
+            raise UsageError(
+                f"{twice}: is varied twice; give all of its values at once, such as "
+                f"--vary {twice}=A,B"
+            )
     names = [find_variant(name).name for name in controllers]
     groups = [
-        Group(scenario, values, variant, profile)
+        Group(scenario, hashable(values), variant, profile)
         for scenario in scenarios
         for values in combinations
         for profile in servo_profiles

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from surefoot.out_folder import atomic_file
-from surefoot.studies.cell import Group
+from surefoot.studies.cell import Group, in_words
 
 if TYPE_CHECKING:
     from surefoot.studies.study import GroupSummary, Summaries
@@ -131,7 +131,7 @@ def curves_over(summaries: Summaries, *, scenario: str, name: str) -> list[Curve
         values = dict(group.values)
         if group.scenario != scenario or name not in values:
             continue
-        others = [f"{k} {v:g}" for k, v in values.items() if k != name]
+        others = [f"{k} {in_words(v)}" for k, v in values.items() if k != name]
         label = ", ".join([short_name(group.variant), group.servo_profile, *others])
         rate = summary.up / summary.runs
         point = (float(values[name]), rate, summary.up_from, summary.up_to)

@@ -126,17 +126,17 @@ def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
         study: Optuna's view, for the importance of the parameters.
     """
     weights = importance(tuned, study)
+    outcome = msgspec.json.encode(as_dict(tuned, weights))  # the folder is ours by it
+    _write(folder / OUTCOME, msgspec.json.format(outcome) + b"\n")
     _write(folder / SETTINGS, _settings(tuned, tuned.chosen))
     (folder / FRONT).mkdir(exist_ok=True)
-    for former in (folder / FRONT).glob("trial-*.toml"):
+    for former in (folder / FRONT).glob("trial-[0-9][0-9][0-9][0-9].toml"):
         former.unlink()
     for candidate in tuned.front:
         name = f"trial-{candidate.place:04d}.toml"
         _write(folder / FRONT / name, _settings(tuned, candidate))
     _write(folder / TRIALS, _table(tuned))
     _write(folder / PAGE, render(TEMPLATE, **_values(tuned, weights)).encode())
-    outcome = msgspec.json.encode(as_dict(tuned, weights))
-    _write(folder / OUTCOME, msgspec.json.format(outcome) + b"\n")
 
 
 def importance(tuned: Tuned, study: optuna.Study) -> dict[str, dict[str, float]]:

@@ -140,12 +140,24 @@ def parse_parameter(text: str, *, start: ControllerSettings) -> Parameter:
     number = numbers[axis or 0]
     if isinstance(number, inspect.LiteralType):
         return _choice(plain, values, allowed=number.values)
-    assert isinstance(number, inspect.FloatType)
+    assert isinstance(number, (inspect.FloatType, inspect.IntType))
+    if isinstance(number, inspect.IntType) and ":" in values:
+        ends = [_whole(end, text) for end in _range(values, text)]
+        values = ",".join(map(str, range(ends[0], ends[1] + 1)))
     if equals and ":" not in values:
-        chosen = [_number(part, text) for part in values.split(",")]
+        chosen: list[Value] = [_number(part, text) for part in values.split(",")]
+        if isinstance(number, inspect.IntType):
+            chosen = [_whole(float(value), text) for value in chosen]
         for value in chosen:
-            _check_allowed(plain.name, value, number)
+            _check_allowed(plain.name, float(value), number)
+        if len(set(chosen)) < len(chosen):
+            raise UsageError(f"--params {text}: names a value twice")
         return msgspec.structs.replace(plain, choices=chosen)
+    if isinstance(number, inspect.IntType):
+        raise UsageError(
+            f"--params {plain.name}: is a whole number; say which to try, such as "
+            f"{plain.name}=1:4"
+        )
     low, high = _range(values, text) if equals else _own_range(plain, number, start)
     _check_allowed(plain.name, low, number)
     _check_allowed(plain.name, high, number)
@@ -263,6 +275,12 @@ def _number(part: str, text: str) -> float:
     return value
 
 
+def _whole(value: float, text: str) -> int:
+    if value != int(value):
+        raise UsageError(f"--params {text}: got {value:g}, expected whole numbers")
+    return int(value)
+
+
 def _range(values: str, text: str) -> tuple[float, float]:
     low, _, high = values.partition(":")
     ends = _number(low, text), _number(high, text)
@@ -289,7 +307,9 @@ def _own_range(
     return float(low), float(high)
 
 
-def _check_allowed(name: str, value: float, number: inspect.FloatType) -> None:
+def _check_allowed(
+    name: str, value: float, number: inspect.FloatType | inspect.IntType
+) -> None:
     limits: dict[str, tuple[float | None, Callable[[Any], bool]]] = {
         "at least": (number.ge, lambda limit: value >= limit),
         "more than": (number.gt, lambda limit: value > limit),

@@ -256,7 +256,8 @@ def _conclude(
 
 def _claim(folder: Path, journal: Path) -> None:
     """See that the folder is new, or that of a former search."""
-    known = (folder / OUTCOME).is_file() or journal.is_file()
+    is_journal_in_it = journal.parent == folder and journal.is_file()
+    known = (folder / OUTCOME).is_file() or is_journal_in_it
     if folder.is_dir() and any(folder.iterdir()) and not known:
         raise UsageError(f"--out {folder}: holds something else; name another folder")
     make_out_folder(folder, out=folder)

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 
 from surefoot.cli.study_commands import all_cells, parse_seeds, parse_vary
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.settings import ControllerSettings
-from surefoot.studies.cell import VARIANTS
+from surefoot.sim_robot.errors import ScenarioError
+from surefoot.studies.cell import VARIANTS, Cell, Row, group_of
+from surefoot.studies.study import study
+from tests.command import run_surefoot
 
 
 @pytest.mark.parametrize(
@@ -70,3 +76,75 @@ def test_the_tuned_baseline_has_its_own_settings_for_slow_servos() -> None:
     slow = tuned.resolve("harmonic", extra=("zmp.dcm_prop_gain=1.5",)).zmp
     assert slow.cop_admittance != ControllerSettings().zmp.cop_admittance
     assert slow.dcm_prop_gain == 1.5
+
+
+def test_value_that_is_varied_twice_is_refused() -> None:
+    with pytest.raises(UsageError, match="friction: is varied twice"):
+        all_cells(
+            ["standing"],
+            vary=["friction=0.5", "friction=0.7"],
+            variants=["hold"],
+            servo_profiles=["ideal"],
+            seeds=[0],
+        )
+
+
+def test_lists_are_values_too_and_are_shown() -> None:
+    [cell] = all_cells(
+        ["standing"],
+        vary=["sensors.force_bias_n=[1,2.5,3]"],
+        variants=["hold"],
+        servo_profiles=["ideal"],
+        seeds=[0],
+    )
+    assert cell.case == "standing (sensors.force_bias_n [1, 2.5, 3])"
+    plan = cell.plan(robot="walker", overrides=())
+    assert plan.scenario.sensors.force_bias_n == [1.0, 2.5, 3.0]
+    assert group_of(row_of(cell)) == cell.group
+
+
+def row_of(cell: Cell) -> Row:
+    """What a study keeps of a cell, read back from its file."""
+    group = cell.group
+    row = {
+        "scenario": group.scenario,
+        "values": dict(group.values),
+        "variant": group.variant,
+        "servo_profile": group.servo_profile,
+    }
+    read: Row = json.loads(json.dumps(row))
+    return read
+
+
+def test_run_that_is_asked_for_twice_does_not_count_as_two(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="asked for twice"):
+        study("standing", seeds=[3, 3], controllers=["hold"], out=tmp_path / "study")
+    assert not (tmp_path / "study").exists()
+
+
+@pytest.mark.parametrize("address", ["nonsense", "", "foo://head:1", "head:8786"])
+def test_scheduler_is_an_address(tmp_path: Path, address: str) -> None:
+    with pytest.raises(UsageError, match="expected the address of a Dask scheduler"):
+        study("standing", scheduler=address, out=tmp_path / "study")
+    assert not (tmp_path / "study").exists()
+
+
+def test_recording_that_is_missing_is_named_before_anything_is_written(
+    tmp_path: Path,
+) -> None:
+    scenario = tmp_path / "shaken.toml"
+    scenario.write_text(
+        'name = "shaken"\nduration_s = 0.1\n[[platform]]\nfoot = "both"\n'
+        '[[platform.motion]]\naxis = "x"\nkind = "recorded"\nfile = "none.csv"\n'
+    )
+    with pytest.raises(ScenarioError, match=r"shaken.toml: platform\[0\].motion\[0\]"):
+        study(scenario, out=tmp_path / "study")
+    assert not (tmp_path / "study").exists()
+
+
+def test_report_of_runs_that_are_not_there_is_refused(tmp_path: Path) -> None:
+    out = tmp_path / "r"
+    done = run_surefoot("reproduce", "--quick", "--report-only", "--out", out)
+    assert done.returncode == 2
+    assert "holds no finished runs to report" in done.stderr
+    assert not out.exists()

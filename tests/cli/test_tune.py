@@ -62,3 +62,19 @@ def test_what_cannot_be_searched_is_a_usage_error_before_anything_runs(
     assert done.returncode == 2
     assert "expected tpe or nsga2" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_users_files_stay_though_there_is_a_journal_elsewhere(tmp_path: Path) -> None:
+    journal = tmp_path / "search.journal"
+    words = ["--storage", journal, "--workers", 1, "--trials", 1]
+    first = run_surefoot(*tune(tmp_path, *words))
+    assert first.returncode == 0, first.stderr
+    mine = tmp_path / "mine"
+    (mine / "front").mkdir(parents=True)
+    files = [mine / "settings.toml", mine / "front" / "trial-best.toml"]
+    for file in files:
+        file.write_text("MINE")
+    again = run_surefoot(*tune(tmp_path, *words, "--out", mine))
+    assert again.returncode == 2
+    assert "holds something else" in again.stderr
+    assert [file.read_text() for file in files] == ["MINE", "MINE"]

@@ -53,7 +53,13 @@ def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"kinds": ["shove"]}, {"frequencies_hz": [0.0]}, {"controllers": ["me"]}]
+    "wrong",
+    [
+        {"kinds": ["shove"]},
+        {"frequencies_hz": [0.0]},
+        {"directions_deg": [float("nan")]},
+        {"controllers": ["me"]},
+    ],
 )
 def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(UsageError):

@@ -30,6 +30,7 @@ kind = "recorded"
 file = "a.csv"
 quantity = "position"
 """
+RECORD = "time_s,value\n0.0,0.0\n0.3,0.002\n0.7,0.008\n1.0,0.01\n"
 CONTROLLER = """
 class Still:
     def start(self, snapshot, q_command):
@@ -112,12 +113,12 @@ def test_inputs_are_contents_wherever_the_file_lies(
 def test_recorded_motion_counts_by_its_values_not_by_its_name(tmp_path: Path) -> None:
     scenario, record = tmp_path / "shaken.toml", tmp_path / "a.csv"
     scenario.write_text(SHAKEN)
-    record.write_text("time_s,value\n0.0,0.0\n1.0,0.01\n")
+    record.write_text(RECORD)
     before = inputs(cell(scenario))
     record.rename(tmp_path / "b.csv")
     scenario.write_text(SHAKEN.replace("a.csv", "b.csv"))
     assert inputs(cell(scenario)) == before
-    (tmp_path / "b.csv").write_text("time_s,value\n0.0,0.0\n1.0,0.02\n")
+    (tmp_path / "b.csv").write_text(RECORD.replace("0.01", "0.02"))
     assert inputs(cell(scenario)) != before
 
 

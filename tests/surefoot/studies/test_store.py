@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from surefoot.errors import UsageError
-from surefoot.studies.store import RUNS, StudyStore, read_rows
+from surefoot.studies.store import RUNS, STUDY, StudyStore, read_rows
 
 ABOUT = {"robot": "walker", "set": []}
 ROWS = [{"key": "a", "fell": False}, {"key": "b", "fell": True}]
@@ -49,3 +49,46 @@ def test_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="no study"):
         StudyStore(tmp_path, about=ABOUT)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_two_commands_do_not_write_into_one_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    with StudyStore(folder, about=ABOUT) as first:
+        first.add(ROWS[0])
+        second = StudyStore(folder, about=ABOUT)
+        with pytest.raises(UsageError, match="another command is writing there"):
+            second.add(ROWS[1])
+        first.add(ROWS[1])
+    assert list(read_rows(folder)) == ROWS
+
+
+def test_what_another_command_has_done_since_is_not_done_again(tmp_path: Path) -> None:
+    folder = tmp_path / "study"
+    looked = StudyStore(folder, about=ABOUT)
+    filled(folder)
+    with looked:
+        looked.begin()
+        assert list(looked.rows) == ["a", "b"]
+
+
+@pytest.mark.parametrize("damage", ["5", "{}", "[]", '{"key": 1}', '{"key": "a", '])
+def test_line_that_is_no_run_is_named_and_kept(tmp_path: Path, damage: str) -> None:
+    folder = tmp_path / "study"
+    filled(folder)
+    path = folder / RUNS
+    content = path.read_text().replace("\n", f"\n{damage}\n", 1)
+    path.write_text(content)
+    with pytest.raises(UsageError, match=r"runs.jsonl, line 2: is no finished run"):
+        StudyStore(folder, about=ABOUT)
+    assert path.read_text() == content
+
+
+@pytest.mark.parametrize("damage", ["", "[]", '{"robot": "wal'])
+def test_folder_that_does_not_say_its_study_is_refused(
+    tmp_path: Path, damage: str
+) -> None:
+    folder = tmp_path / "study"
+    filled(folder)
+    (folder / STUDY).write_text(damage)
+    with pytest.raises(UsageError, match="does not say what study"):
+        StudyStore(folder, about=ABOUT)

@@ -22,6 +22,13 @@ def test_range_choice_and_axis_are_read() -> None:
     assert parse_parameter("zmp.level_base=0,1", start=START).choices == [0.0, 1.0]
 
 
+def test_whole_numbers_are_tried_one_by_one() -> None:
+    steps = parse_parameter("walk.preview_steps=2:4", start=START)
+    assert steps.choices == [2, 3, 4]
+    [text] = overrides_of([steps], {"walk.preview_steps": 3}, start=START)
+    assert resolve_settings(None, overrides=[text]).walk.preview_steps == 3
+
+
 def test_range_is_as_far_as_the_setting_allows_or_a_factor() -> None:
     bounded = parse_parameter("ground.gain.z", start=START)
     assert (bounded.low, bounded.high) == (0.0, 1.0)
@@ -46,6 +53,10 @@ def test_range_is_as_far_as_the_setting_allows_or_a_factor() -> None:
         ("tsid.base_kp.x=1:2", "has no axes"),
         ("zmp.dcm_bias=foo", "expected some of"),
         ("ground.gain", "name an axis"),
+        ("walk.preview_steps", "say which to try"),
+        ("walk.preview_steps=1,2.5", "expected whole numbers"),
+        ("walk.preview_steps=0:3", "got 0, expected at least 1"),
+        ("dik.base_gain=1,1", "names a value twice"),
     ],
 )
 def test_what_a_setting_does_not_allow_is_refused(text: str, words: str) -> None:
