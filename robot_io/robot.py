@@ -26,7 +26,7 @@ from surefoot.robot_io.robot_check import check_robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat, Vec6
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.robot_file import Foot, RobotFile, ServoProfile
+from surefoot.schemas.robot_file import Foot, RobotFile, ServoProfile, Side
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import resolve_keys
 from surefoot.schemas.validation import nearest
@@ -43,17 +43,53 @@ class Tare(FileStruct, frozen=True, kw_only=True):
     """Left ankle [N, N m]."""
     right: Offsets = msgspec.field(default_factory=lambda: [0.0] * 6)
     """Right ankle [N, N m]."""
+    robot: str = ""
+    """Name of the robot."""
+    measured_on: str = ""
+    """Day of the last measurement."""
+    instance: str = ""
+    """The robot's process that it was measured with."""
+    left_in_use: Offsets = msgspec.field(default_factory=lambda: [0.0] * 6)
+    """What that process, which read this file at its start, takes off: left."""
+    right_in_use: Offsets = msgspec.field(default_factory=lambda: [0.0] * 6)
+    """The same for the right ankle."""
 
     @property
     def is_zero(self) -> bool:
         """Whether there is nothing to take off."""
         return not any((*self.left, *self.right))
 
-    def plus(self, left: Vec6, right: Vec6) -> Tare:
-        """Return the offsets with what a new measurement found left of them."""
+    def measured(
+        self, found: dict[Side, Vec6], *, robot: str, instance: str, day: str
+    ) -> Tare:
+        """Return the offsets with what a new measurement found.
+
+        It found what the robot's process does not take off. That process takes off what
+        was here when it started, however often it has been measured with since.
+
+        Args:
+            found: by the side of each foot that was measured [N, N m].
+            robot: its name.
+            instance: its process.
+            day: today.
+        """
+        is_same = instance == self.instance
+        in_use = {
+            "left": self.left_in_use if is_same else self.left,
+            "right": self.right_in_use if is_same else self.right,
+        }
+        new = {
+            side: (np.array(in_use[side]) + extra).round(4).tolist()
+            for side, extra in found.items()
+        }
         return Tare(
-            left=(np.array(self.left) + left).round(4).tolist(),
-            right=(np.array(self.right) + right).round(4).tolist(),
+            left=new.get("left", self.left),
+            right=new.get("right", self.right),
+            robot=robot,
+            measured_on=day,
+            instance=instance,
+            left_in_use=in_use["left"],
+            right_in_use=in_use["right"],
         )
 
     def taken_off(self, snapshot: Snapshot) -> Snapshot:

@@ -29,6 +29,12 @@ class Start(FileStruct, frozen=True, kw_only=True):
     """How long it holds the posture on still ground before tick 0."""
 
 
+Near3 = Annotated[
+    list[Annotated[float, msgspec.Meta(ge=-3.0, le=3.0)]],
+    msgspec.Meta(min_length=3, max_length=3),
+]
+
+
 class Payload(FileStruct, frozen=True, kw_only=True):
     """A mass on a link that the controller does not know of."""
 
@@ -36,8 +42,8 @@ class Payload(FileStruct, frozen=True, kw_only=True):
     """Link of the URDF."""
     mass_kg: Positive
     """A ball of twice the density of water."""
-    offset_m: Floats3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
-    """Its middle, in the link's frame."""
+    offset_m: Near3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
+    """Its middle, in the link's frame, up to 3 m off along each axis."""
     start_s: NonNegative = 0.0
     """When it is grasped; carried from before the start when 0."""
 
@@ -146,12 +152,17 @@ class DeviationSides(FileStruct, frozen=True, kw_only=True):
     """Of the right foot."""
 
 
+Scale = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
+ScaleAxes = Scale | Annotated[list[Scale], msgspec.Meta(min_length=3, max_length=3)]
+"""Reading over truth: one number for all axes, or x, y and z."""
+
+
 class ScaleSides(FileStruct, frozen=True, kw_only=True):
     """A scale for each side; 1 where it is not given."""
 
-    left: Axes = 1.0
+    left: ScaleAxes = 1.0
     """Of the left foot."""
-    right: Axes = 1.0
+    right: ScaleAxes = 1.0
     """Of the right foot."""
 
 
@@ -191,13 +202,13 @@ class Sensors(FileStruct, frozen=True, kw_only=True):
     """Ankle forces: constant offset."""
     moment_bias_nm: Axes | Sides = 0.0
     """Ankle moments: constant offset."""
-    force_scale: Axes | ScaleSides = 1.0
+    force_scale: ScaleAxes | ScaleSides = 1.0
     """Ankle forces: reading over truth [1]."""
-    moment_scale: Axes | ScaleSides = 1.0
+    moment_scale: ScaleAxes | ScaleSides = 1.0
     """Ankle moments: reading over truth [1]."""
-    gyro_scale: Axes = 1.0
+    gyro_scale: ScaleAxes = 1.0
     """Gyroscope: reading over truth [1]."""
-    accel_scale: Axes = 1.0
+    accel_scale: ScaleAxes = 1.0
     """Accelerometer: reading over truth [1]."""
     force_drift_n_min: Axes | Sides = 0.0
     """Ankle forces: how the offset grows [N/min]."""

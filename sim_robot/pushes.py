@@ -23,6 +23,7 @@ from surefoot.sim_robot.world import World
 
 MAX_FORCE_N = 2000.0
 MAX_DURATION_S = 5.0
+_LEAST_HEIGHT_M = 0.01
 _ALONG = 1e-9
 """An edge less than so much across a direction is along it."""
 STEADY = 0.3
@@ -55,7 +56,8 @@ class CaptureLimit:
             )
             for along, across in itertools.product((-1.0, 1.0), repeat=2)
         ]
-        height = com[2] - np.mean(corners, axis=0)[2]
+        # A payload far aside has thrown the robot over: it catches nothing.
+        height = max(_LEAST_HEIGHT_M, com[2] - np.mean(corners, axis=0)[2])
         self._corners = np.array(corners)[:, :2]
         self._com, self._yaw = com[:2], world.start.yaw
         mass = world.weight / world.gravity

@@ -41,6 +41,8 @@ FINER = 5
 """Rounds of the search, each about the best so far and half as wide."""
 TRIED = 2
 """So many delays are looked at closely."""
+DRIVE_STEP_S = 1e-3
+"""At least so often a drive steps its set-point [s]."""
 SEEN_S = 0.0025
 """A speed limit that stretches the large step by less is not seen [s]."""
 LEAST_MOTION_RAD = 1e-3
@@ -310,17 +312,20 @@ def _setpoints(
     command: Array, lags: Array, speeds: Array, delay: int, dt: float
 ) -> Array:
     """Return where each model's set-point is at each reading, (n, lags, speeds)."""
+    # Drives step more often than slow robots are commanded.
+    inner = max(1, round(dt / DRIVE_STEP_S))
     safe = np.maximum(lags, 1e-9)
-    gain = np.where(lags > 0.0, -np.expm1(-dt / safe), 1.0)[:, None]
-    reach = speeds * dt
+    gain = np.where(lags > 0.0, -np.expm1(-dt / inner / safe), 1.0)[:, None]
+    reach = speeds * dt / inner
     limited = np.full(len(speeds), command.item(0))
     lagged = np.full((len(lags), len(speeds)), command.item(0))
     out = np.empty((len(command), *lagged.shape))
     late = itertools.chain([command.item(0)] * delay, command.tolist())
     for row, asked in zip(out, late, strict=False):
         row[:] = lagged  # read before the tick's own command acts
-        limited += np.clip(asked - limited, -reach, reach)
-        lagged += gain * (limited - lagged)
+        for _ in range(inner):
+            limited += np.clip(asked - limited, -reach, reach)
+            lagged += gain * (limited - lagged)
     return out
 
 

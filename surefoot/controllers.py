@@ -123,7 +123,8 @@ def loop_notice(plan: RunPlan) -> str:
     tick_ms = MS_PER_S * plan.robot.period_s
     delay = plan.scenario.delay
     command_ms = tick_ms if delay.command_ms is None else delay.command_ms
-    # What single sensors are late by beyond that, the stabilizer sees by their stamps.
+    # What single sensors are late by beyond that, the stabilizer sees by their stamps,
+    # and yields more slowly for it.
     shared_ms = min(delay.of(field.name) for field in fields(SensorDelays))
     whole_ms = command_ms + shared_ms
     said = []
@@ -133,6 +134,15 @@ def loop_notice(plan: RunPlan) -> str:
             f"this robot bears {borne_ms:g} ms with these gains and will sway; --set "
             f"dik.loop_delay_s={whole_ms / MS_PER_S:g} makes the feet softer, see "
             "surefoot margins"
+        )
+    rate_hz = plan.scenario.sensors.force_torque_rate_hz
+    between_ms = 0.0 if rate_hz is None else max(0.0, MS_PER_S / rate_hz - tick_ms)
+    forces_ms = delay.of("force_torque") - shared_ms + delay.jitter_ms + between_ms
+    if forces_ms and whole_ms + forces_ms > borne_ms + _WHOLE:
+        said.append(
+            f"the foot forces are up to {forces_ms:.3g} ms older than that (rate, "
+            "delay, jitter), for which the feet are made softer by themselves; with "
+            "play, a payload or offsets besides it may then fall on fast ground"
         )
     limit_s = plan.robot.file.gate.max_loop_delay_s
     if limit_s is not None and command_ms > MS_PER_S * limit_s + _WHOLE:

@@ -19,10 +19,10 @@ from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import EXTENDS, Robot, Tare, load_tare, save_tare
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import Array, Vec6
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.reasons import EndReason, in_words
-from surefoot.schemas.robot_file import ServoProfile
+from surefoot.schemas.reasons import EndReason, Outcome, in_words
+from surefoot.schemas.robot_file import ServoProfile, Side
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.toml_file import read_toml
@@ -34,9 +34,10 @@ from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.node import run_stabilizer
 
 FootChoice = Literal["left", "right", "both"]
+SIDES: tuple[Side, Side] = ("left", "right")
 CHANNELS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
-LARGEST_OFFSET_N = 100.0
-"""A foot that feels more stands on something, or its sensor is broken [N]."""
+LARGEST_OFFSET_N, LARGEST_OFFSET_WEIGHTS = 100.0, 0.25
+"""A foot that feels more stands on something, or its sensor is broken [N, weights]."""
 LARGEST_SCATTER_N = 20.0
 """Standard deviation of a foot that is moved [N]."""
 FEWEST_READINGS = 20
@@ -44,6 +45,8 @@ _FIELDS = ("q", "linear_acceleration", "ft_left", "ft_right")
 PROFILE = "identified"
 SIGNATURE = "by surefoot identify"
 AMPLITUDE_RAD = 0.02
+LEAST_STIFFNESS = 0.1
+"""A drive that seems softer than so much of the robot file's did not follow [1]."""
 LARGEST_AMPLITUDE_RAD = 0.05
 """A leg moved further would lift its foot [rad]."""
 
@@ -85,9 +88,17 @@ def measure_tare(
 
     Raises:
         RobotIoError: there is no robot.
-        UsageError: a foot stands or moves, or too few readings came.
+        UsageError: a foot stands or moves, too few readings came, or the robot has no
+            such sensors.
         OSError: the file cannot be written.
     """
+    if robot.file.virtual_ft is not None:
+        raise UsageError(
+            f"tare: {robot.file.name} has no ankle sensors: it works its foot forces "
+            "out from its joints ([virtual_ft]), which have no such offsets"
+        )
+    model = RobotModel(robot)
+    limit_n = min(LARGEST_OFFSET_N, LARGEST_OFFSET_WEIGHTS * model.weight)
     readings: dict[str, list[Array]] = {}
     with Observer(robot, endpoints=endpoints, channels=CHANNELS, depth=64) as observer:
         observer.connect(timeout_s=timeout_s)
@@ -96,27 +107,35 @@ def measure_tare(
             for sample in observer.take(timeout_s=0.1):
                 for name, values in _numbers(observer.decode(sample), sample.channel):
                     readings.setdefault(name, []).append(values)
+        instance = observer.robot_instance
     fewest = min((len(readings.get(name, [])) for name in _FIELDS), default=0)
     if fewest < FEWEST_READINGS:
         raise UsageError(
             f"tare: got {fewest} readings of every sensor in {duration_s:g} s, "
             f"expected {FEWEST_READINGS} or more; measure for longer"
         )
-    found = foot_offsets(RobotModel(robot), _mean(robot, readings))
-    for side, name in enumerate(("left", "right")):
+    found = foot_offsets(model, _mean(robot, readings))
+    measured: dict[Side, Vec6] = {}
+    for side, name in enumerate(SIDES):
         if foot not in (name, "both"):
             found[side] = 0.0
             continue
+        measured[name] = found[side]
         force = float(np.linalg.norm(found[side, :3]))
         scatter = float(np.std(readings[f"ft_{name}"], axis=0)[:3].max())
-        if force > LARGEST_OFFSET_N or scatter > LARGEST_SCATTER_N:
+        if force > limit_n or scatter > LARGEST_SCATTER_N:
             raise UsageError(
                 f"tare: the {name} foot feels {force:.0f} N, changing by {scatter:.0f} "
-                f"N, expected at most {LARGEST_OFFSET_N:g} N and {LARGEST_SCATTER_N:g} "
+                f"N, expected at most {limit_n:.0f} N and {LARGEST_SCATTER_N:g} "
                 "N of a foot that touches nothing and is at rest; lift the robot, or "
                 "one foot and name it with --foot"
             )
-    tare = load_tare(robot.path).plus(found[0], found[1])
+    tare = load_tare(robot.path).measured(
+        measured,
+        robot=robot.file.name,
+        instance=instance,
+        day=time.strftime("%Y-%m-%d"),
+    )
     return TareFound(save_tare(robot.path, tare), found, tare, fewest)
 
 
@@ -182,6 +201,11 @@ def identify_drives(
         RobotIoError: there is no robot on the bus.
         ChildFailedError: the robot fell, or gave up, before all was done.
     """
+    if scenario is not None and (scenario.platform or scenario.push or scenario.walk):
+        raise UsageError(
+            f"--scenario {scenario.name}: its ground or its pushes move the robot, or "
+            "it walks; drives are told from a robot that stands on firm, level ground"
+        )
     if not 0.0 < amplitude_rad <= LARGEST_AMPLITUDE_RAD:
         raise UsageError(
             f"--amplitude {amplitude_rad:g}: expected more than 0 and at most "
@@ -197,14 +221,25 @@ def identify_drives(
         controller, why, code = _in_simulation(robot, make, scenario)
     else:
         controller, why, code = _on_bus(robot, make, endpoints, pace, timeout_s)
-    if not controller.is_done:
+    if not controller.is_done or code is not ExitCode.OK:
         raise ChildFailedError(
             f"identify: it ended with {controller.progress:.0%} of the joints moved: "
             f"{why}; nothing was written. Have the robot stand on both feet on firm, "
             "level ground, or try a smaller --amplitude",
             exit_code=code,
         )
-    return controller.found()
+    drives = controller.found()
+    for drive in drives:
+        stiffness = 1.0 if drive.stiffness_scale is None else drive.stiffness_scale
+        if not stiffness > LEAST_STIFFNESS or drive.backlash_rad > amplitude_rad:
+            raise ChildFailedError(
+                f"identify: {drive.joint} did not follow its commands (stiffness "
+                f"{stiffness:.2f} of the robot file's, play {drive.backlash_rad:.3f} "
+                "rad); nothing was written. Does the robot's gate let commands pass, "
+                "and is the joint free to move?",
+                exit_code=ExitCode.FAILED,
+            )
+    return drives
 
 
 class _Ended(NamedTuple):
@@ -227,6 +262,9 @@ def _in_simulation(
             break
     result = sim.result()
     code = ExitCode.FELL if sim.fell else ExitCode.FAILED
+    has_followed = result.outcome not in (Outcome.FELL, Outcome.FAULT, Outcome.HELD)
+    if controller.is_done and has_followed:
+        code = ExitCode.OK
     return _Ended(controller, result.outcome_detail or str(result.outcome), code)
 
 
@@ -257,17 +295,21 @@ def _on_bus(
     if not done and result.end is EndReason.STOPPED:
         raise KeyboardInterrupt
     code = ExitCode.FELL if result.end is EndReason.FELL else ExitCode.FAILED
+    code = ExitCode.OK if done else code
     why = in_words(result.end, result.end_detail)
     return _Ended((done or made)[-1], why, code)
 
 
-def profile_of(drives: Sequence[Drive]) -> ServoProfile:
+def profile_of(robot: Robot, drives: Sequence[Drive]) -> ServoProfile:
     """Return one profile for all: the median lag, the slowest limit that showed.
 
-    Where no limit showed, the smallest of what drives reached at least.
+    Where no limit showed, the robot's own, or the smallest of what drives reached if
+    that is more.
     """
-    shown = [drive.velocity_limit_rad_s for drive in drives if not drive.is_bound]
-    speeds = shown or [drive.velocity_limit_rad_s for drive in drives]
+    speeds = [drive.velocity_limit_rad_s for drive in drives if not drive.is_bound]
+    if not speeds:
+        reached = min(drive.velocity_limit_rad_s for drive in drives)
+        speeds = [max(reached, robot.servo_profile.velocity_limit_rad_s)]
     return ServoProfile(
         velocity_limit_rad_s=round(min(speeds), 3),
         lag_s=round(float(np.median([drive.lag_s for drive in drives])), 5),
@@ -302,7 +344,7 @@ def write_profile(
         UsageError: the file is there.
         OSError: it cannot be written.
     """
-    profile = profile_of(drives)
+    profile = profile_of(robot, drives)
     profiles = {**robot.file.servo.profiles, PROFILE: profile}
     servo = {"profile": PROFILE, "profiles": msgspec.to_builtins(profiles)}
     source = read_toml(robot.path)

@@ -268,6 +268,11 @@ class ReadOnlyClient(ABC):
         raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
 
     @property
+    def robot_instance(self) -> str:
+        """The robot's process, once connected; another start of it is another one."""
+        return "" if self._watch.found is None else self._watch.found.instance
+
+    @property
     def robot_is_here(self) -> bool:
         """Whether the robot's process is alive, as far as the bus knows.
 

@@ -11,10 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
-from surefoot.measure import identify_drives
+from surefoot.errors import ChildFailedError, UsageError
+from surefoot.measure import identify_drives, profile_of
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.sim_robot.catalogue import load_scenario
 from tests.stabilizer.closed_loop import NOISE
 
 pytestmark = pytest.mark.closed_loop
@@ -60,6 +62,36 @@ def test_a_limit_that_does_not_show_is_a_bound(walker: Robot) -> None:
     assert found.lag_s == pytest.approx(0.005, abs=LAG_S)
     assert found.is_bound
     assert 5.0 < found.velocity_limit_rad_s <= 12.0
+
+
+def test_a_robot_of_another_rate_has_its_drives_found(walker: Robot) -> None:
+    robot = with_drives(walker, lag_s=0.02, speed=3.1)
+    gate = msgspec.structs.replace(robot.file.gate, max_loop_delay_s=0.02)
+    file = msgspec.structs.replace(robot.file, rate_hz=200.0, gate=gate)
+    (found,) = identify_drives(replace(robot, file=file), joints=[JOINT])
+    assert found.velocity_limit_rad_s == pytest.approx(3.1, rel=SPEED_SHARE)
+    assert found.lag_s == pytest.approx(0.02, abs=2.5e-3)
+
+
+def test_a_robot_that_does_not_follow_is_not_described(walker: Robot) -> None:
+    gate = msgspec.structs.replace(walker.file.gate, max_loop_delay_s=0.0035)
+    file = msgspec.structs.replace(walker.file, rate_hz=200.0, gate=gate)
+    with pytest.raises(ChildFailedError, match="nothing was written"):
+        identify_drives(replace(walker, file=file), joints=[JOINT])
+
+
+def test_a_limit_that_does_not_show_leaves_the_robots_own(walker: Robot) -> None:
+    robot = with_drives(walker, lag_s=0.005, speed=12.0)
+    (found,) = identify_drives(robot, joints=[JOINT])
+    assert profile_of(robot, [found]).velocity_limit_rad_s == 12.0
+    slow = with_drives(walker, lag_s=0.005, speed=1.0)
+    reached = profile_of(slow, [found]).velocity_limit_rad_s
+    assert reached == pytest.approx(found.velocity_limit_rad_s, abs=1e-3)
+
+
+def test_ground_that_moves_is_refused(walker: Robot) -> None:
+    with pytest.raises(UsageError, match="firm, level ground"):
+        identify_drives(walker, scenario=load_scenario("moving-platform-fast"))
 
 
 def test_the_command_writes_a_robot_file_and_replaces_none(tmp_path: Path) -> None:

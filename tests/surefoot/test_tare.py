@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from surefoot.robot_io.robot import Tare, load_tare, save_tare, tare_path
+from surefoot.robot_io.robot import Tare, load_robot, load_tare, save_tare, tare_path
 from surefoot.schemas.errors import FileFormatError
 from tests.command import REPOSITORY, Surefoot, environment
 from tests.hanging_driver import OFFSET
@@ -55,6 +55,11 @@ def test_what_is_measured_is_taken_off_from_then_on(
         assert not tare_path(robot).exists()
         done = surefoot(*words, "--foot", "right")
         assert done.returncode == 0, done.stderr
+        twice = surefoot(*words, "--foot", "right")  # the driver takes nothing off yet
+        assert twice.returncode == 0, twice.stderr
+        np.testing.assert_allclose(
+            json.loads(twice.stdout)["right"], OFFSET, atol=CLOSE
+        )
     told = json.loads(done.stdout)
     np.testing.assert_allclose(told["right"], OFFSET, atol=CLOSE)
     assert told["left"] == [0.0] * 6
@@ -62,7 +67,24 @@ def test_what_is_measured_is_taken_off_from_then_on(
         again = surefoot(*words, "--foot", "right")
     assert again.returncode == 0, again.stderr
     np.testing.assert_allclose(json.loads(again.stdout)["right"], OFFSET, atol=CLOSE)
-    assert load_tare(robot) == Tare(left=[0.0] * 6, right=told["right"])
+    stored = load_tare(robot)
+    assert stored.left == [0.0] * 6
+    np.testing.assert_allclose(stored.right, OFFSET, atol=CLOSE)
+    assert stored.robot == load_robot(robot).file.name
+    assert stored.measured_on
+
+
+def test_feet_are_measured_one_after_the_other_with_the_same_process() -> None:
+    def measured(tare: Tare, **found: float) -> Tare:
+        sides = {side: np.full(6, value) for side, value in found.items()}
+        return tare.measured(sides, robot="r", instance="a", day="today")  # type: ignore[arg-type]
+
+    one = measured(Tare(left=[1.0] * 6), left=2.0)
+    both = measured(one, right=5.0)
+    assert (both.left, both.right) == ([3.0] * 6, [5.0] * 6)
+    assert measured(both, left=2.5).left == [3.5] * 6
+    later = both.measured({"left": np.ones(6)}, robot="r", instance="b", day="today")
+    assert later.left == [4.0] * 6
 
 
 def test_a_file_that_is_none_is_refused_by_name(tmp_path: Path) -> None:
