@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -68,6 +69,7 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
     ]
     upright = _upright(file, urdf)
     _check_height(file, path, urdf, upright)
+    _check_margin(file, path, ranges)
     bounds = np.array(ranges, dtype=np.float64).T.copy()
     normals = np.array([_sole_normal(foot, urdf) for foot in file.foot])
     for array in (bounds, normals, upright):
@@ -92,6 +94,16 @@ def _check_file(file: RobotFile, path: Path) -> None:
             f"{', '.join(sorted(file.servo.profiles))}",
             field="servo.profile",
         )
+    tick_s = 1.0 / file.rate_hz
+    for limit in ("hold_after_s", "max_command_age_s", "max_loop_delay_s"):
+        value = getattr(file.gate, limit)
+        if value is not None and value < tick_s * (1.0 - 1e-6):
+            raise FileFormatError(
+                f"{path}: gate.{limit}: got {value:g} s, expected a tick of the robot "
+                f"or more ({tick_s:g} s at rate_hz = {file.rate_hz:g}): no command "
+                "could be in time",
+                field=f"gate.{limit}",
+            )
     names = [joint.name for joint in file.joint]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
@@ -267,6 +279,20 @@ def _joint_range(
         )
     _check_soft_range(joint, path, lower=lower, upper=upper)
     return lower, upper
+
+
+def _check_margin(
+    file: RobotFile, path: Path, ranges: Sequence[tuple[float, float]]
+) -> None:
+    """See that the gate lets the nominal posture pass."""
+    margin = file.gate.position_margin_rad
+    for joint, (lower, upper) in zip(file.joint, ranges, strict=True):
+        if not lower + margin <= joint.nominal_rad <= upper - margin:
+            raise RobotFileError(
+                f"{path}: gate.position_margin_rad: got {margin:g}, but joint "
+                f"{joint.name!r} stands at {joint.nominal_rad:g} rad of [{lower:g}, "
+                f"{upper:g}]; expected a margin that the nominal posture keeps"
+            )
 
 
 def _check_soft_range(joint: Joint, path: Path, *, lower: float, upper: float) -> None:

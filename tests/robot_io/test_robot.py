@@ -122,6 +122,10 @@ def test_wrong_key_overrides_name_the_file(files: Path) -> None:
         ("soft_lower_rad = 0.2", "soft_upper_rad = 3.0", "soft range [-0.2622, 3.0]"),
         ("com_travel_m = [-0.15", "com_travel_m = [0.15", "com_travel_m: got [0.15"),
         ("half_length_m = 0.1357", "half_length_m = 0.2", "make them equal"),
+        ("max_command_age_s = 0.008", "max_command_age_s = 0.0005", "a tick of"),
+        ("hold_after_s = 0.02", "hold_after_s = 0.0001", "gate.hold_after_s: got"),
+        ("rate_hz = 1000.0", "rate_hz = 200.0", "0.005 s at rate_hz = 200"),
+        ("position_margin_rad = 0.0", "position_margin_rad = 1.0", "stands at"),
     ],
 )
 def test_contradictions_are_refused(
