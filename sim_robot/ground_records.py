@@ -7,6 +7,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -372,15 +373,17 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
     delimiter = _delimiter(lines)
     rows = _rows(motion.file, lines, delimiter)
     first = rows[0][1] if rows else []
-    heading: list[str] = []
+    heading, must_fit = [], delimiter == " "
     if not any(_is_number(cell, delimiter) for cell in first):
         heading = first
         rows, first = rows[1:], rows[1][1] if rows[1:] else []
     elif remark:
-        heading = _rows(motion.file, [(0, remark)], delimiter)[0][1]
+        must_fit = True
+        with suppress(ScenarioError):  # words with a quotation mark
+            heading = _rows(motion.file, [(0, remark)], delimiter)[0][1]
     if delimiter == " ":
         heading = _with_units(heading)
-    if len(heading) != len(first) and (remark or delimiter == " "):
+    if must_fit and len(heading) != len(first):
         heading = []
     column = _column(motion, heading) if motion.column else 1
     width = max(len(heading) or len(first), column + 1)

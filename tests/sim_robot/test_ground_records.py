@@ -98,9 +98,10 @@ COMMAS = "0,1,-1\n1,2,-2\n2,3,-3\n3,4,-4\n"
         ("Time [s]  A [g]\n0 0.5\n 1   1.0\n2\t1.5 \n3 2\n", "A", None),
         ("# by hand\n# t, a, b\n" + COMMAS, "b", [-1, -2, -3, -4]),
         ("# t b a\n0 1 .5\n1 2 1\n2 3 1.5D0\n3 4 2\n", "a", None),
+        ("# by hand\nt,a,b\n0,.5,\n1,1,2\n2,1.5,\n3,2,\n", "a", None),
         ("0;0,5;\n1;1;\n2;1,5;\n3;2;\n", "", None),
         ("0, 0.5,\n1, 1.0,\n2, 1.5,\n\n3, 2.0,\n", "", None),
-        ("# remark\n0.5,0.5\r\n1,1\r\n1.5,1.5\r\n2,2\r\n", "", None),
+        ('# "remark\n0.5,0.5\r\n1,1\r\n1.5,1.5\r\n2,2\r\n', "", None),
     ],
 )
 def test_columns_are_those_the_heading_names(
