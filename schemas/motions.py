@@ -225,14 +225,16 @@ class RecordedMotion(
     scale: float = 1.0
     """Factor on the motion [1]."""
     drift_hz: NonNegative | None = None
-    """Slower motion is taken for drift and removed; absent: 0.1 for accelerations and
-    velocities, 0.0 (nothing is) for positions."""
+    """Slower motion is taken for drift and removed, from 0.001 to less than half the
+    record's rate; absent: 0.1 for accelerations and velocities, 0.0 (nothing is) for
+    positions."""
     from_s: NonNegative = 0.0
     """Where to begin in the record."""
     to_s: Positive | None = None
     """Where to end in the record; absent: at its end."""
     column: str = ""
-    """Text files with a heading: which column; absent: the second."""
+    """Text files with a heading: which column, with or without its unit in brackets;
+    absent: the second."""
     channel: str = ""
     """MCAP: topic of the channel."""
     field: str = ""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -12,7 +15,6 @@ from typing import Any
 
 import msgpack
 import numpy as np
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from mcap.records import Channel, Schema
 
@@ -21,11 +23,15 @@ from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.sim_robot.errors import ScenarioError
 
 _NANOSECOND = 1e-9
+_LATEST_NS = 2**63
 _Decoder = Callable[[bytes], Any]
-_PEER = {".at2": "acceleration", ".vt2": "velocity", ".dt2": "position"}
-_PEER_HEAD_LINES = 4
-_KNET_HEAD_LINES = 17
-_UNITS = {"g": "g", "cm/s": "cm/s", "cm/sec": "cm/s", "cm": "cm", "cm/s/s": "cm/s2"}
+_PEER: dict[str, tuple[Quantity, str]] = {
+    ".at2": ("acceleration", "g"),
+    ".vt2": ("velocity", "cm/s"),
+    ".dt2": ("position", "cm"),
+}
+_PEER_MOST_HEAD_LINES = 10
+_SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3}
 
 
 def read_mcap(
@@ -49,23 +55,29 @@ def read_mcap(
     times, values = [], []
     decoders: dict[int, _Decoder] = {}
     try:
-        reader = make_reader(BytesIO(content))
+        reader = make_reader(BytesIO(content), validate_crcs=True)
         for schema, about, message in reader.iter_messages(topics=[channel]):
             if about.id not in decoders:
                 decoders[about.id] = _decoder(schema, about, file)
             decoded = decoders[about.id](message.data)
             values.append(_value(decoded, field, channel))
-            times.append(_stamp_ns(decoded, message.log_time))
-        if not values:
-            topics = sorted({c.topic for c in _channels(content)})
-            raise _error(
-                "channel",
-                f"{file} has no messages of {channel!r}; it has {', '.join(topics)}",
-            )
-    except (McapError, ValueError, msgpack.UnpackException, EOFError) as error:
-        if isinstance(error, ScenarioError):
-            raise
-        raise _error("file", f"{file}: cannot be read as MCAP ({error})") from error
+            times.append(_stamp_ns(decoded, message.log_time, channel))
+        topics = [] if values else sorted({c.topic for c in _channels(content)})
+    except ScenarioError:
+        raise
+    except Exception as error:  # each library has errors of its own for damage
+        raise _error(
+            "file",
+            f"{file}: cannot be read as MCAP "
+            f"({type(error).__name__}: {_short(str(error))}); it is damaged or was cut "
+            "off, fetch it again or mend it with `mcap recover`",
+        ) from error
+    if not values:
+        raise _error(
+            "channel",
+            f"{file} has no messages of {channel!r}; it has "
+            f"{', '.join(topics) or 'none at all'}",
+        )
     stamps = np.array(times, dtype=np.int64)
     return _NANOSECOND * (stamps - stamps[0]), np.array(values)
 
@@ -117,7 +129,17 @@ def _value(message: Any, path: str, channel: str) -> float:
             "field",
             f"{path!r} of {channel!r} is no number; name one in it, such as {path}.0",
         )
-    return float(place)
+    try:
+        value = float(place)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value):
+        raise _error(
+            "field",
+            f"{path!r} of {channel!r} is {value:g} in a message, expected a finite "
+            "number; cut a piece without it out of the file",
+        )
+    return value
 
 
 def _inside(place: Any, step: str) -> Any:
@@ -128,25 +150,53 @@ def _inside(place: Any, step: str) -> Any:
     return getattr(place, step)
 
 
-def _stamp_ns(message: Any, logged_ns: int) -> int:
+def _stamp_ns(message: Any, logged_ns: int, channel: str) -> int:
     """When a message was measured, as far as it says so [ns]."""
-    if isinstance(message, dict):
-        stamp = message.get("stamp_ns")
-        return int(stamp) if isinstance(stamp, int) and stamp > 0 else logged_ns
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    if stamp is None:
-        return logged_ns
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec) or logged_ns
+    stamp_ns = _whole(_first(message, "stamp_ns"))
+    stamp = _first(_first(message, "header"), "stamp")
+    if not stamp_ns and stamp is not None:
+        seconds = _whole(_first(stamp, "sec", "secs"))
+        rest_ns = _whole(_first(stamp, "nanosec", "nsec", "nsecs"))
+        stamp_ns = seconds * 1_000_000_000 + rest_ns
+    stamp_ns = stamp_ns if stamp_ns > 0 else logged_ns
+    if stamp_ns >= _LATEST_NS:
+        raise _error(
+            "channel",
+            f"a message of {channel!r} has the stamp {_short(str(stamp_ns))} ns, "
+            f"expected less than {_LATEST_NS}; what wrote it has no sound clock",
+        )
+    return stamp_ns
 
 
-_PEER_COUNT = re.compile(r"NPTS\s*=\s*(\d+)", re.IGNORECASE)
-_PEER_STEP = re.compile(r"DT\s*=\s*([\d.]+(?:E[-+]?\d+)?)", re.IGNORECASE)
-_PEER_OLD = re.compile(r"^\s*(\d+)\s+([\d.]+)\s+NPTS", re.IGNORECASE)
-_PEER_UNITS = re.compile(r"UNITS?\s+OF\s+(\S+)", re.IGNORECASE)
-_KNET_RATE = re.compile(r"^Sampling Freq\(Hz\)\s+([\d.]+)", re.MULTILINE)
-_KNET_SCALE = re.compile(
-    r"^Scale Factor\s+([\d.]+)\s*\(gal\)\s*/\s*([\d.]+)", re.MULTILINE
+def _first(place: Any, *names: str) -> Any:
+    """Return the first of these that a message has; None when it has none."""
+    if isinstance(place, dict):
+        return next((place[name] for name in names if name in place), None)
+    return next((getattr(place, name) for name in names if hasattr(place, name)), None)
+
+
+def _whole(stamp: Any) -> int:
+    """Return a stamp as a whole number; 0 for what is none. JSON has text for some."""
+    if isinstance(stamp, str) and re.fullmatch(r"[0-9]{1,25}", stamp):
+        return int(stamp)
+    if isinstance(stamp, float):
+        return int(stamp) if math.isfinite(stamp) else 0
+    return stamp if isinstance(stamp, int) else 0
+
+
+_PEER_COUNT = re.compile(r"NPTS\s*=\s*([^\s,;]*)", re.IGNORECASE)
+_PEER_STEP = re.compile(
+    r"\bDT\s*=\s*([^\s,;A-Z]*(?:[ED][-+]?\d+)?)\s*(?!NPTS)([A-Z]*)", re.IGNORECASE
 )
+_PEER_OLD = re.compile(r"^\s*([^\s,]+)[\s,]+([^\s,]+)[\s,]+NPTS", re.IGNORECASE)
+_PEER_UNITS = re.compile(r"UNITS?\s+OF\s+([^,;]+?)\s*(?:[,;]|$)", re.IGNORECASE)
+_KNET_RATE = re.compile(r"^Sampling Freq\(Hz\)\s+(\S+?)(?:Hz)?\s*$", re.MULTILINE)
+_KNET_SCALE = re.compile(r"^Scale Factor\s+(\S+?)\s*\(gal\)\s*/\s*(\S+)", re.MULTILINE)
+_KNET_LASTS = re.compile(r"^Duration Time\(s\)\s+(\S+)", re.MULTILINE)
+_KNET_HEAD_END = re.compile(r"^Memo\b.*$", re.MULTILINE)
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EDed][-+]?\d+)?", re.ASCII)
+_RUN_TOGETHER = re.compile(r"(?<=[\d.])(?=[-+])")
+_IN_BRACKETS = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\))\s*$")
 
 
 @dataclass(frozen=True)
@@ -178,22 +228,24 @@ def read_record(motion: RecordedMotion) -> GroundRecord:
     path = Path(motion.file)
     try:
         content = path.read_bytes()
-    except OSError as error:
+    except (OSError, ValueError) as error:
         raise _error(
             "file",
-            f"{path}: cannot be read ({error.strerror or error}); the name is relative "
-            "to the scenario file",
+            f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); "
+            "the name is relative to the scenario file",
         ) from error
-    reader = _reader(path, content)
-    record = reader(motion, content)
+    if not content.strip():
+        raise _error("file", f"{path}: is empty, expected a record; fetch it again")
+    record = _reader(path, content)(motion, content)
     if len(record.times) != len(record.values) or len(record.times) < 4:
         raise _error(
             "file", f"{path}: holds {len(record.values)} samples, expected 4 or more"
         )
     if not (np.isfinite(record.values).all() and np.isfinite(record.times).all()):
         raise _error("file", f"{path}: holds values that are no finite numbers")
-    if (np.diff(record.times) <= 0.0).any():
-        at = int(np.argmax(np.diff(record.times) <= 0.0))
+    falls = np.diff(record.times) <= 0.0
+    if falls.any():
+        at = int(np.argmax(falls))
         raise _error(
             "file",
             f"{path}: time goes from {record.times[at]:g} s to "
@@ -215,94 +267,207 @@ def _reader(
         return _mcap
     if path.suffix.lower() in _PEER:
         return _peer
-    if content.startswith(b"Origin Time"):
+    if _decoded(path, content).lstrip().startswith("Origin Time"):
         return _knet
     return _text
 
 
+def _decoded(file: str | Path, content: bytes) -> str:
+    """Return a file as text: UTF-8, or Latin-1 where it is not."""
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content:
+        raise _error(
+            "file",
+            f"{file}: is UTF-16 or no text at all, expected text in UTF-8; save it "
+            "anew as such",
+        )
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
 def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
-    """PEER: four lines of heading, then values row by row."""
-    lines = content.decode("latin-1").splitlines()
-    head = lines[:_PEER_HEAD_LINES]
-    count, step = (_found(pattern, head) for pattern in (_PEER_COUNT, _PEER_STEP))
-    old = next((m for line in head if (m := _PEER_OLD.match(line))), None)
-    if old is not None:
-        count, step = old[1], old[2]
-    if count is None or step is None or float(step) <= 0.0:
+    """PEER: a heading that ends with NPTS and DT, then values row by row."""
+    lines = _decoded(motion.file, content).splitlines()
+    told = [
+        index
+        for index, line in enumerate(lines[:_PEER_MOST_HEAD_LINES])
+        if "NPTS" in line.upper() or _PEER_STEP.search(line)
+    ]
+    length = told[-1] + 1 if told else 0
+    head = "\n".join(lines[:length])
+    count, step = _PEER_COUNT.search(head), _PEER_STEP.search(head)
+    words = [count and count[1], step and step[1], step and step[2]]
+    if told and (old := _PEER_OLD.match(lines[told[-1]])):
+        words = [old[1], old[2], ""]
+    if words[0] is None or words[1] is None:
         raise _error(
             "file",
-            f"{motion.file}: the first {_PEER_HEAD_LINES} lines do not say NPTS and "
-            "DT, expected a record of PEER",
+            f"{motion.file}: the first {_PEER_MOST_HEAD_LINES} lines do not say NPTS "
+            "and DT, expected a record of PEER",
         )
-    values = _numbers(motion, lines[_PEER_HEAD_LINES:])
-    if len(values) < int(count):
-        raise _error(
-            "file",
-            f"{motion.file}: holds {len(values)} values and its heading says {count}; "
-            "it was cut off, fetch it again",
-        )
-    units = _found(_PEER_UNITS, head)
-    quantity = _PEER[Path(motion.file).suffix.lower()]
-    default = {"acceleration": "g", "velocity": "cm/s", "position": "cm"}[quantity]
-    values = values[: int(count)]
+    number = _Numbers(motion.file)
+    samples = number(words[0], "NPTS", above=0.0)
+    unit = (words[2] or "").lower()
+    per_second = _SECONDS.get(unit) or _SECONDS.get(unit.removesuffix("s"))
+    if per_second is None:
+        raise number.bad("DT", f"{words[1]} {words[2]}", "seconds (SEC or MSEC)")
+    step_s = per_second * number(words[1], "DT", above=0.0)
+    values = number.rows(lines[length:], first_line=length + 1)
+    number.enough(len(values), samples)
+    values = values[: int(samples)]
+    quantity, default = _PEER[Path(motion.file).suffix.lower()]
+    units = next((m[1] for m in map(_PEER_UNITS.search, lines[:length]) if m), None)
     return GroundRecord(
         content=content,
-        quantity=quantity,  # type: ignore[arg-type]
-        units=default if units is None else _UNITS.get(units.lower(), units),
-        times=float(step) * np.arange(len(values), dtype=np.float64),
+        quantity=quantity,
+        units=default if units is None else _plain_units(units),
+        times=step_s * np.arange(len(values), dtype=np.float64),
         values=values,
     )
 
 
+def _plain_units(units: str) -> str:
+    """Return units as scenarios write them, of the many ways that headings do."""
+    plain = re.sub(r"[\s().]", "", units.lower())
+    plain = plain.replace("seconds", "s").replace("second", "s").replace("sec", "s")
+    plain = re.sub(r"/s(/s|\*\*2|\^2|2|²)$", "/s2", plain)
+    return re.sub(r"^(g|gal)'?s$", r"\1", plain)
+
+
 def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
-    """K-NET and KiK-net: 17 lines of heading, then counts."""
-    text = content.decode("latin-1")
-    rate, scale = _KNET_RATE.search(text), _KNET_SCALE.search(text)
-    if rate is None or scale is None or float(rate[1]) <= 0.0:
+    """K-NET and KiK-net: a heading that ends with `Memo.`, then counts."""
+    text = _decoded(motion.file, content)
+    end = _KNET_HEAD_END.search(text)
+    head = text if end is None else text[: end.end()]
+    rate, scale = _KNET_RATE.search(head), _KNET_SCALE.search(head)
+    if end is None or rate is None or scale is None:
         raise _error(
             "file",
-            f"{motion.file}: its heading has no `Sampling Freq(Hz)` or `Scale Factor`, "
-            "expected a record of K-NET",
+            f"{motion.file}: its heading has no `Sampling Freq(Hz)`, `Scale Factor` or "
+            "`Memo.`, expected a record of K-NET",
         )
-    counts = _numbers(motion, text.splitlines()[_KNET_HEAD_LINES:])
-    return GroundRecord(
-        content=content,
-        quantity="acceleration",
-        units="gal",
-        times=np.arange(len(counts), dtype=np.float64) / float(rate[1]),
-        values=counts * float(scale[1]) / float(scale[2]),
-    )
+    number = _Numbers(motion.file)
+    rate_hz = number(rate[1], "Sampling Freq(Hz)", above=0.0)
+    gal, steps = (number(scale[at], "Scale Factor", above=0.0) for at in (1, 2))
+    body = text[end.end() :].splitlines()
+    counts = number.rows(body, first_line=head.count("\n") + 1)
+    if lasts := _KNET_LASTS.search(head):
+        number.enough(len(counts), number(lasts[1], "Duration Time(s)") * rate_hz)
+    with np.errstate(over="ignore"):  # told of by whoever called
+        values = counts * gal / steps
+        times = np.arange(len(counts), dtype=np.float64) / rate_hz
+    return GroundRecord(content, "acceleration", "gal", times, values)
 
 
 def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
     """Time and values in columns, by commas, semicolons or blanks; # for remarks."""
     quantity = _stated_quantity(motion)
-    rows = [
-        re.split(r"[,;\s]+", line.strip().rstrip(",;"))
-        for line in content.decode("utf-8-sig", "replace").splitlines()
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    heading: list[str] = []
-    if rows and not _is_number(rows[0][0]):
-        heading = rows.pop(0)
-    column = 1
-    if motion.column:
-        if motion.column not in heading:
+    number = _Numbers(motion.file)
+    lines, remark = [], ""
+    for at, line in enumerate(_decoded(motion.file, content).splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            lines.append((at, line.strip(" ")))
+        elif line.strip() and not lines:
+            remark = line.lstrip().lstrip("#").strip()
+    delimiter = _delimiter(lines)
+    rows = _rows(motion.file, lines, delimiter)
+    first = rows[0][1] if rows else []
+    heading, must_fit = [], delimiter == " "
+    if not any(_is_number(cell, delimiter) for cell in first):
+        heading = first
+        rows, first = rows[1:], rows[1][1] if rows[1:] else []
+    elif remark:
+        must_fit = True
+        with suppress(ScenarioError):  # words with a quotation mark
+            heading = _rows(motion.file, [(0, remark)], delimiter)[0][1]
+    if delimiter == " ":
+        heading = _with_units(heading)
+    if must_fit and len(heading) != len(first):
+        heading = []
+    column = _column(motion, heading) if motion.column else 1
+    width = max(len(heading) or len(first), column + 1)
+    for at, cells in rows:
+        if len(cells) > width:
             raise _error(
-                "column",
-                f"got {motion.column!r}, but the first line of {motion.file} names "
-                f"{', '.join(heading) or 'no columns'}",
+                "file",
+                f"{motion.file}, line {at}: has {len(cells)} cells, expected {width}; "
+                "decimal commas need semicolons between cells",
             )
-        column = heading.index(motion.column)
+        cells.extend([""] * (width - len(cells)))
+    used = [(at, cells[0], cells[column]) for at, cells in rows]
+    if delimiter in ";\t" and any("," in time + value for _, time, value in used):
+        number = _Numbers(motion.file, decimal_comma=True)
+    name = heading[column] if column < len(heading) else f"column {column + 1}"
+    table = np.array(
+        [
+            (number(time, "time [s]", line=at), number(value, name, line=at))
+            for at, time, value in used
+        ],
+        dtype=np.float64,
+    ).reshape(-1, 2)
+    return GroundRecord(content, quantity, None, table[:, 0], table[:, 1])
+
+
+def _delimiter(lines: list[tuple[int, str]]) -> str:
+    """Return what stands between the cells of a text, as its last line shows."""
+    last = lines[-1][1] if lines else ""
+    for delimiter in ";\t,":
+        if delimiter in last and _is_number(last.split(delimiter)[0], delimiter):
+            return delimiter
+    if _is_number(last.partition(" ")[0], " "):
+        return " "
+    return next((delimiter for delimiter in ";\t," if delimiter in last), " ")
+
+
+def _with_units(heading: list[str]) -> list[str]:
+    """Put units in brackets, which blanks set apart, back to their names."""
+    joined: list[str] = []
+    for cell in heading:
+        if joined and re.fullmatch(r"\[.*\]|\(.*\)", cell):
+            joined[-1] += f" {cell}"
+        else:
+            joined.append(cell)
+    return joined
+
+
+def _rows(
+    file: str, lines: list[tuple[int, str]], delimiter: str
+) -> list[tuple[int, list[str]]]:
+    """Return line numbers and cells, without the empty ones at a line's end."""
+    texts = (f"{line}\n" for _, line in lines)
+    if delimiter == " ":
+        texts = (" ".join(line.split()) for _, line in lines)
+    reader = csv.reader(texts, delimiter=delimiter, skipinitialspace=True, strict=True)
+    rows: list[tuple[int, list[str]]] = []
     try:
-        table = np.array([[float(row[0]), float(row[column])] for row in rows])
-    except (ValueError, IndexError) as error:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            while len(cells) > 2 and not cells[-1]:
+                cells.pop()
+            rows.append((lines[reader.line_num - 1][0], cells))
+    except csv.Error as error:
+        at = lines[min(reader.line_num, len(lines)) - 1][0]
         raise _error(
             "file",
-            f"{motion.file}: expected a time [s] and a value in each line ({error})",
+            f"{file}, line {at}: cannot be read as columns ({error}); is a quotation "
+            "mark left open?",
         ) from error
-    table = table.reshape(-1, 2)
-    return GroundRecord(content, quantity, None, table[:, 0], table[:, 1])
+    return rows
+
+
+def _column(motion: RecordedMotion, heading: list[str]) -> int:
+    """Return the place of the named column, whose unit may be left out."""
+    names = (heading, [_IN_BRACKETS.sub("", cell) for cell in heading])
+    found = next((name for name in names if motion.column in name), [])
+    if found.count(motion.column) == 1:
+        return found.index(motion.column)
+    named = ", ".join(heading) or "no columns"
+    what = f"{found.count(motion.column)} such columns: " if found else ""
+    raise _error(
+        "column",
+        f"got {motion.column!r}, but the heading of {motion.file} names {what}{named}",
+    )
 
 
 def _mcap(motion: RecordedMotion, content: bytes) -> GroundRecord:
@@ -327,25 +492,87 @@ def _stated_quantity(motion: RecordedMotion) -> Quantity:
     return motion.quantity
 
 
-def _numbers(motion: RecordedMotion, lines: list[str]) -> Array:
-    try:
-        return np.array([float(word) for line in lines for word in line.split()])
-    except ValueError as error:
-        raise _error(
-            "file", f"{motion.file}: expected numbers after the heading ({error})"
-        ) from error
+@dataclass(frozen=True)
+class _Numbers:
+    """Reads the numbers of a text file, those of Fortran included.
+
+    Attributes:
+        file: for errors.
+        decimal_comma: 0,5 is a half, and no number has a point.
+    """
+
+    file: str
+    decimal_comma: bool = False
+
+    def __call__(
+        self, word: str, what: str, *, line: int = 0, above: float = -math.inf
+    ) -> float:
+        """Return a finite number.
+
+        Raises:
+            ScenarioError: the word is none, or not above the bound.
+        """
+        plain = word.strip()
+        if self.decimal_comma:
+            plain = plain.replace(".", "?").replace(",", ".")
+        value = math.nan
+        if _NUMBER.fullmatch(plain):
+            value = float(plain.upper().replace("D", "E"))
+        if math.isfinite(value) and value > above:
+            return value
+        bound = "" if above == -math.inf else f" above {above:g}"
+        mark = " with a decimal comma" if self.decimal_comma else ""
+        raise self.bad(what, word, f"a number{bound}{mark}", line=line)
+
+    def bad(
+        self, what: str, got: str, expected: str, *, line: int = 0
+    ) -> ScenarioError:
+        """Return the error for what is no number."""
+        place = f", line {line}" if line else ""
+        got = repr(_short(got)) if got.strip() else "nothing"
+        return _error(
+            "file",
+            f"{self.file}{place}: {what} is {got}, expected {expected}; mend or remove "
+            "it",
+        )
+
+    def rows(self, lines: Iterable[str], *, first_line: int) -> Array:
+        """Return all numbers of some lines, (n,); fixed widths may touch."""
+        return np.array(
+            [
+                self(part, "a value", line=at)
+                for at, line in enumerate(lines, start=first_line)
+                for word in line.split()
+                for part in _parts(word)
+            ],
+            dtype=np.float64,
+        )
+
+    def enough(self, found: int, told: float) -> None:
+        """Check that there are as many values as the heading tells."""
+        if found < math.floor(told + 1e-6):
+            raise _error(
+                "file",
+                f"{self.file}: holds {found} values and its heading says {told:g}; "
+                "it was cut off, fetch it again",
+            )
 
 
-def _found(pattern: re.Pattern[str], lines: list[str]) -> str | None:
-    return next((m[1] for line in lines if (m := pattern.search(line))), None)
+def _parts(word: str) -> list[str]:
+    """Return numbers that touch one by one; 1.5-101, an exponent, is left whole."""
+    parts = _RUN_TOGETHER.split(word)
+    return parts if all("." in part for part in parts) else [word]
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _is_number(cell: str, delimiter: str) -> bool:
+    plain = cell.strip().strip('"')
+    if delimiter in ";\t":
+        plain = plain.replace(",", ".")
+    return _NUMBER.fullmatch(plain) is not None
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else f"{text[:60]}..."
 
 
 def _error(key: str, what: str) -> ScenarioError:

@@ -35,6 +35,14 @@ _FILTER_ORDER = 2
 """Of the high-pass, which runs forwards and backwards: twice that in all."""
 _PADDING_PERIODS = 3.0
 """Zeros before and after a record, in periods of the high-pass."""
+_SLOWEST_HZ = 1e-3
+"""No high-pass is lower: its padding would be longer than any scenario."""
+LONGEST_S = 3600.0
+"""As a scenario's duration."""
+_MOST_MISSING = 5.0
+"""The longest gap, in typical intervals, that a curve may bridge."""
+_BURST = 16
+"""Intervals over which the rate of sampling is looked at; stamps jitter."""
 
 
 @dataclass(frozen=True)
@@ -112,15 +120,17 @@ def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
     try:
         factor = motion.si_factor(motion.units or record.units, record.quantity)
     except ValueError as error:
-        raise ScenarioError(f"units: {error}", field="units") from error
-    values = motion.scale * factor * values
+        said = "" if motion.units else f" (as {Path(motion.file).name} says)"
+        raise ScenarioError(
+            f"units: {error}{said}; `units` in the scenario overrides the file's",
+            field="units",
+        ) from error
+    with np.errstate(over="ignore"):  # told of in the next line
+        values = motion.scale * factor * values
     _check_size(values, motion, "holds")
-    v, a = _velocity(
-        record.quantity,
-        times,
-        values,
-        drift_hz=motion.drift_of(record.quantity),
-    )
+    drift_hz = motion.drift_of(record.quantity)
+    _check_drift(drift_hz, times)
+    v, a = _velocity(record.quantity, times, values, drift_hz=drift_hz)
     v, a = _faded(v, a, blend_s=motion.blend)
     # Corrected trapezoid: exact for a velocity that is cubic between two steps.
     steps = 0.5 * SIM_STEP_S * (v[1:] + v[:-1])
@@ -128,6 +138,17 @@ def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
     p = np.concatenate(([0.0], np.cumsum(steps)))
     _check_size(p, motion, "moves the ground by")
     return RecordedTrack(hashlib.sha256(record.content).hexdigest(), p, v, a)
+
+
+def _check_drift(drift_hz: float, times: Array) -> None:
+    most_hz = 0.5 / float(np.median(np.diff(times)))
+    fits = _SLOWEST_HZ <= drift_hz < most_hz * (1.0 - 1e-6)
+    if drift_hz != 0.0 and not fits:
+        raise ScenarioError(
+            f"drift_hz: got {drift_hz:g}, expected 0 for none, or from {_SLOWEST_HZ:g} "
+            f"to less than {most_hz:g} Hz, half the record's rate",
+            field="drift_hz",
+        )
 
 
 def _check_size(values: Array, motion: RecordedMotion, what: str) -> None:
@@ -173,23 +194,56 @@ def _cut(record: GroundRecord, motion: RecordedMotion) -> tuple[Array, Array]:
     times = record.times - record.times[0]
     until = times[-1] if motion.to_s is None else motion.to_s
     chosen = (times >= motion.from_s - 1e-9) & (times <= until + 1e-9)
-    if np.count_nonzero(chosen) < 4:
+    count = int(np.count_nonzero(chosen))
+    if motion.from_s >= times[-1]:
+        raise ScenarioError(
+            f"from_s: got {motion.from_s:g} s, but {motion.file} ends after "
+            f"{times[-1]:g} s; begin before that",
+            field="from_s",
+        )
+    if count < 4:
         raise ScenarioError(
             f"from_s: {motion.file} lasts {times[-1]:g} s; from {motion.from_s:g} s to "
-            f"{until:g} s there are {np.count_nonzero(chosen)} samples, expected at "
-            "least 4",
+            f"{until:g} s there are {count} samples, expected at least 4",
             field="from_s",
         )
     times, values = times[chosen], record.values[chosen]
-    rate_hz = (len(times) - 1) / (times[-1] - times[0])
-    if rate_hz > 2.0 * FASTEST_HZ * (1.0 + 1e-6):
+    _check_times(times, motion)
+    return times - times[0], values
+
+
+def _check_times(times: Array, motion: RecordedMotion) -> None:
+    """Refuse what is too long, too fast or has gaps, before it is sampled anew."""
+    length_s = float(times[-1] - times[0])
+    if length_s > LONGEST_S:
         raise ScenarioError(
-            f"file: {motion.file} has {rate_hz:g} samples a second, expected at most "
-            f"{2.0 * FASTEST_HZ:g}, the simulation's rate: what is faster than half of "
-            "that cannot be shown; low-pass the record and sample it anew",
+            f"file: {motion.file} lasts {length_s:g} s, expected at most "
+            f"{LONGEST_S:g}; are its times in seconds? `from_s` and `to_s` cut a piece "
+            "out",
             field="file",
         )
-    return times - times[0], values
+    most_hz, over = 2.0 * FASTEST_HZ, min(_BURST, len(times) - 1)
+    rates_hz = over / (times[over:] - times[:-over])
+    at = int(np.argmax(rates_hz))
+    mean_hz = (len(times) - 1) / length_s
+    # Jitter of the stamps alone makes some intervals shorter.
+    if mean_hz > most_hz * (1.0 + 1e-6) or rates_hz[at] > 1.25 * most_hz:
+        raise ScenarioError(
+            f"file: {motion.file} has {rates_hz[at]:g} samples a second at "
+            f"{times[at]:g} s, expected at most {most_hz:g}, the simulation's rate: "
+            "what is faster than half of that cannot be shown; low-pass the record and "
+            "sample it anew",
+            field="file",
+        )
+    steps = np.diff(times)
+    typical, at = float(np.median(steps)), int(np.argmax(steps))
+    if steps[at] > _MOST_MISSING * typical:
+        raise ScenarioError(
+            f"file: {motion.file} has no samples from {times[at]:g} s to "
+            f"{times[at + 1]:g} s, expected one about every {typical:g} s; take a "
+            "piece beside the gap by `from_s` and `to_s`, or fill it",
+            field="file",
+        )
 
 
 def _velocity(
@@ -200,11 +254,12 @@ def _velocity(
     from scipy.signal import detrend
 
     grid = SIM_STEP_S * np.arange(round(times[-1] / SIM_STEP_S) + 1)
+    # A straight line between samples would weaken what is fast.
+    spline = CubicSpline(times, values)
     if quantity == "position":
-        spline = CubicSpline(times, values)
         v, a = spline(grid, 1), spline(grid, 2)
         return _without_drift(v, drift_hz), _without_drift(a, drift_hz)
-    measured = np.interp(grid, times, values)
+    measured = spline(np.minimum(grid, times[-1]))
     if drift_hz > 0.0:
         # An offset would be a step at both ends, and ring there.
         measured = detrend(measured, type="constant")
@@ -230,7 +285,8 @@ def _without_drift(values: Array, drift_hz: float) -> Array:
     sections = butter(
         _FILTER_ORDER, drift_hz, btype="highpass", fs=1.0 / SIM_STEP_S, output="sos"
     )
-    filtered: Array = sosfiltfilt(sections, values)
+    padding = min(9, len(values) - 1)  # SciPy's own, where there is as much
+    filtered: Array = sosfiltfilt(sections, values, padlen=padding)
     return filtered
 
 

@@ -1,0 +1,362 @@
+"""Recorded ground from files as others write them, and as damage leaves them."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import msgpack
+import numpy as np
+import pytest
+from mcap.writer import CompressionType, Writer
+
+from surefoot.schemas.motions import RecordedMotion
+from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.ground_records import GroundRecord, read_record
+from surefoot.sim_robot.recorded import recorded_track
+
+KNET = """Origin Time       2026/11/26 12:00:00
+{more}Sampling Freq(Hz) {rate}
+Duration Time(s)  {lasts}
+Dir.              E-W
+Scale Factor      {scale}
+Memo.
+{rows}
+"""
+ROWS = "\n".join(8 * f"{count:9d}" for count in range(1, 26))  # two seconds
+
+
+def _motion(path: Path, **keys: object) -> RecordedMotion:
+    return RecordedMotion(axis="x", file=str(path), **keys)  # type: ignore[arg-type]
+
+
+def _read(path: Path, content: str | bytes, **keys: object) -> GroundRecord:
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    if path.suffix in (".csv", ".mcap"):
+        keys = {"quantity": "acceleration"} | keys
+    return read_record(_motion(path, **keys))
+
+
+def _refused(path: Path, content: str | bytes, words: str, **keys: object) -> None:
+    with pytest.raises(ScenarioError, match=words) as caught:
+        _read(path, content, **keys)
+    assert str(path) in str(caught.value)
+    assert len(str(caught.value)) < 400 + len(str(path))
+
+
+def _peer(*, units: str = "G", count: str = "4", step: str = ".5 SEC") -> str:
+    return (
+        "PEER STRONG MOTION DATABASE RECORD\nSynthetic\n"
+        f"ACCELERATION TIME SERIES IN UNITS OF {units}\nNPTS= {count}, DT= {step}\n"
+    )
+
+
+def _knet(
+    *,
+    rate: str = "100Hz",
+    lasts: str = "2",
+    scale: str = "3920(gal)/1960",
+    more: str = "",
+    rows: str = ROWS,
+) -> str:
+    return KNET.format(rate=rate, lasts=lasts, scale=scale, more=more, rows=rows)
+
+
+def _mcap(
+    messages: list[bytes],
+    *,
+    encoding: str = "json",
+    compression: CompressionType = CompressionType.NONE,
+    first_ns: int = 10**9,
+) -> bytes:
+    file = io.BytesIO()
+    writer = Writer(file, compression=compression)
+    writer.start()
+    schema = writer.register_schema("imu", "jsonschema", b"{}")
+    channel = writer.register_channel("/imu", encoding, schema)
+    for index, message in enumerate(messages):
+        log_ns = first_ns + 50_000_000 * index
+        writer.add_message(channel, log_ns, message, log_ns)
+    writer.finish()
+    return file.getvalue()
+
+
+HEADING = "Time [s],Ax [m/s^2],Ay [m/s^2]\n"
+COMMAS = "0,1,-1\n1,2,-2\n2,3,-3\n3,4,-4\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "values"),
+    [
+        (HEADING + COMMAS, "Ax", [1, 2, 3, 4]),
+        (HEADING + COMMAS, "Ay [m/s^2]", [-1, -2, -3, -4]),
+        ('"Time, s";"A x (m/s2)"\n0,0;0,5\n0,1;1\n0,2;1,5\n0,3;2\n', "A x", None),
+        ("t\ta\n0,0\t0,5\n0,1\t1\n0,2\t1,5\n0,3\t2\n", "a", None),
+        ("Time [s]  A [g]\n0 0.5\n 1   1.0\n2\t1.5 \n3 2\n", "A", None),
+        ("# by hand\n# t, a, b\n" + COMMAS, "b", [-1, -2, -3, -4]),
+        ("# t b a\n0 1 .5\n1 2 1\n2 3 1.5D0\n3 4 2\n", "a", None),
+        ("# by hand\nt,a,b\n0,.5,\n1,1,2\n2,1.5,\n3,2,\n", "a", None),
+        ("0;0,5;\n1;1;\n2;1,5;\n3;2;\n", "", None),
+        ("0, 0.5,\n1, 1.0,\n2, 1.5,\n\n3, 2.0,\n", "", None),
+        ('# "remark\n0.5,0.5\r\n1,1\r\n1.5,1.5\r\n2,2\r\n', "", None),
+    ],
+)
+def test_columns_are_those_the_heading_names(
+    tmp_path: Path, text: str, column: str, values: list[float] | None
+) -> None:
+    record = _read(tmp_path / "a.csv", text, column=column)
+    assert record.values.tolist() == (values or [0.5, 1.0, 1.5, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "column", "words"),
+    [
+        (
+            HEADING + "0,1,2\n0.50,,9\n",
+            "Ax",
+            r"line 3: Ax .* is nothing, expected a nu",
+        ),
+        (HEADING + "0,1,2\n1,2,3\n2,3,\n", "Ay", r"line 4: Ay .* is nothing"),
+        (HEADING + "0,1,2\n1,2\n", "Ay", r"line 3: Ay .* is nothing"),
+        (HEADING + "0,1,2\n,2,3\n", "Ay", r"line 3: time \[s\] is nothing"),
+        ("t,a\n0,01,0,5\n", "a", "line 2: has 4 cells, expected 2; decimal commas"),
+        ("0,1\n1,1_0\n", "", "line 2: column 2 is '1_0', expected a number"),
+        ("0,1\n1,NaN\n", "", "line 2: column 2 is 'NaN'"),
+        (f"0,1\n1,{400 * '1'}\n", "", "line 2: column 2 is '1*[.]{3}'"),
+        ("0;0,5\n1;1.5\n", "", "'1.5', expected a number with a decimal comma"),
+        ('t,a\n0,1\n"1,2\n', "", "line 3: cannot be read as columns"),
+        ("t [s],a [x],a [y]\n0,1,2\n", "a", r"names 2 such columns: t \[s\], a"),
+        ("Time in s a b\n0 1 2\n", "a", "names no columns"),
+        (COMMAS, "a", "names no columns"),
+        ((HEADING + COMMAS).encode("utf-16"), "", "UTF-16 .* save it anew"),
+        ((HEADING + COMMAS).encode("utf-16-le"), "", "UTF-16 .* save it anew"),
+        (" \n", "", "is empty"),
+    ],
+)
+def test_a_text_says_where_it_is_no_record(
+    tmp_path: Path, text: str | bytes, column: str, words: str
+) -> None:
+    _refused(tmp_path / "a.csv", text, words, column=column)
+
+
+@pytest.mark.parametrize(
+    ("units", "understood"),
+    [
+        ("G", "g"),
+        ("G.", "g"),
+        ("(G)", "g"),
+        ("g's, HORIZONTAL", "g"),
+        ("GALS", "gal"),
+        ("CM/SEC/SEC", "cm/s2"),
+        ("CM/SEC2", "cm/s2"),
+        ("CM/S/S", "cm/s2"),
+        ("M/SEC**2", "m/s2"),
+        ("M / SEC^2", "m/s2"),
+        ("CM/SEC", "cm/s"),
+    ],
+)
+def test_peers_many_ways_to_write_a_unit(
+    tmp_path: Path, units: str, understood: str
+) -> None:
+    record = _read(tmp_path / "a.AT2", _peer(units=units) + "1 2 3 4")
+    assert record.units == understood
+
+
+@pytest.mark.parametrize(
+    ("step", "step_s"),
+    [(".5 SEC", 0.5), ("1.0D-2", 0.01), ("10 MSEC", 0.01), ("0.01SEC,", 0.01)],
+)
+def test_peers_step_and_touching_fields(
+    tmp_path: Path, step: str, step_s: float
+) -> None:
+    body = "-1.234E-01-5.678E-02\n 1.0D-2\n.5-.25"
+    record = _read(tmp_path / "a.AT2", _peer(step=step, count="5") + body)
+    assert record.values.tolist() == [-0.1234, -0.05678, 0.01, 0.5, -0.25]
+    assert record.times[1] == pytest.approx(step_s)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (_peer(step="..05") + "1 2 3 4", "DT is '..05', expected a number above 0"),
+        (_peer(step="1.2.3") + "1 2 3 4", "DT is '1.2.3'"),
+        (_peer(step="0") + "1 2 3 4", "DT is '0', expected a number above 0"),
+        (_peer(step="1 HOURS") + "1 2 3 4", "DT is '1 HOURS', expected seconds"),
+        (_peer(count=5000 * "9") + "1 2 3 4", "NPTS is '9*[.]{3}', expected a number"),
+        (_peer(count="5") + "1 2 3 4", "holds 4 values and its heading says 5"),
+        (_peer() + "1 2\n3 1.5-101", "line 6: a value is '1.5-101'"),
+        ("nothing\nof\nthe\nkind\n1 2", "do not say NPTS"),
+    ],
+)
+def test_peer_refused(tmp_path: Path, text: str, words: str) -> None:
+    _refused(tmp_path / "a.AT2", text, words)
+
+
+def test_units_of_the_scenario_override_those_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.AT2"
+    path.write_text(_peer(units="FURLONGS", step=".01") + "0 1 -1 0")
+    with pytest.raises(ScenarioError, match=r"furlongs.*a.AT2 says.*overrides"):
+        recorded_track(_motion(path))
+    assert recorded_track(_motion(path, units="cm/s2", drift_hz=0.0)) is not None
+
+
+@pytest.mark.parametrize("before", ["", "\ufeff", "\n", "\ufeff \r\n"])
+@pytest.mark.parametrize("more", ["", "Lat. 1\nLong. 2\n"])
+def test_knet_is_told_by_its_content(tmp_path: Path, before: str, more: str) -> None:
+    record = _read(tmp_path / "a.EW", before + _knet(more=more))
+    assert record.values[:9].tolist() == [2.0] * 8 + [4.0]
+    assert len(record.times) == 200
+    assert record.times[-1] == pytest.approx(1.99)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"rate": "..Hz"}, "Sampling Freq.* is '..', expected a number above 0"),
+        ({"scale": "..(gal)/6182761"}, "Scale Factor is '..'"),
+        ({"scale": "1.2.3(gal)/6182761"}, "Scale Factor is '1.2.3'"),
+        ({"scale": "3920(gal)/0"}, "Scale Factor is '0', expected a number above 0"),
+        ({"lasts": "3"}, "holds 200 values and its heading says 300; it was cut"),
+        ({"rows": "1 x 2"}, "line 7: a value is 'x'"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_knet_refused(tmp_path: Path, keys: dict[str, str], words: str) -> None:
+    _refused(tmp_path / "a.EW", _knet(**keys), words)
+
+
+@pytest.mark.parametrize(
+    "stamp",
+    [
+        lambda ns: {"stamp_ns": ns},
+        lambda ns: {"stamp_ns": float(ns)},
+        lambda ns: {"stamp_ns": str(ns)},
+        lambda ns: {"header": {"stamp": {"sec": ns // 10**9, "nanosec": ns % 10**9}}},
+        lambda ns: {"header": {"stamp": {"secs": ns // 10**9, "nsecs": ns % 10**9}}},
+        lambda ns: {"header": {"stamp": {"sec": ns // 10**9, "nsec": ns % 10**9}}},
+    ],
+)
+@pytest.mark.parametrize("encoding", ["json", "msgpack"])
+def test_messages_count_from_when_they_were_measured(
+    tmp_path: Path, stamp: Callable[[int], dict[str, object]], encoding: str
+) -> None:
+    encode = (
+        msgpack.packb if encoding == "msgpack" else lambda m: json.dumps(m).encode()
+    )
+    messages = [
+        encode({"a": float(index), **stamp(5 * 10**9 + 10**7 * index)})
+        for index in range(4)
+    ]
+    content = _mcap(messages, encoding=encoding)
+    record = _read(tmp_path / "a.mcap", content, channel="/imu", field="a")
+    assert record.times == pytest.approx([0.0, 0.01, 0.02, 0.03])
+
+
+GOOD = [b'{"a": 1}'] * 50
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "is empty"),
+        (_mcap(GOOD)[:5], "cannot be read as MCAP"),
+        (_mcap(GOOD)[:8], "cannot be read as MCAP"),
+        (_mcap(GOOD)[:-100], "cannot be read as MCAP .*cut off"),
+        (_mcap([b'{"a": %s}' % (b"[" * 10**5)]), "MCAP .RecursionError"),
+        (_mcap([msgpack.packb(1)[:0]], encoding="msgpack"), "cannot be read as MCAP"),
+    ],
+)
+def test_a_damaged_mcap_is_called_that(
+    tmp_path: Path, content: bytes, words: str
+) -> None:
+    _refused(tmp_path / "a.mcap", content, words, channel="/imu", field="a")
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_no_byte_of_an_mcap_makes_a_traceback(
+    tmp_path: Path, compression: CompressionType
+) -> None:
+    sound, random = _mcap(GOOD, compression=compression), np.random.default_rng(0)
+    refused = 0
+    for _ in range(150):
+        content = bytearray(sound)
+        for at in random.integers(0, len(sound), 3):
+            content[at] = random.integers(256)
+        try:
+            _read(tmp_path / "a.mcap", bytes(content), channel="/imu", field="a")
+        except ScenarioError:
+            refused += 1
+    assert refused > 50
+
+
+@pytest.mark.parametrize(
+    ("message", "first_ns", "key", "words"),
+    [
+        (b'{"a": 1%s}' % (400 * b"0"), 0, "field", "is inf in a message"),
+        (b'{"a": NaN}', 0, "field", "is nan in a message"),
+        (b'{"a": 1}', 2**63, "channel", "stamp 9223372036854775808 ns"),
+        (b'{"a": 1, "stamp_ns": 1%s}' % (400 * b"0"), 0, "channel", "no sound clock"),
+    ],
+)
+def test_numbers_no_message_should_have(
+    tmp_path: Path, message: bytes, first_ns: int, key: str, words: str
+) -> None:
+    content = _mcap([message] * 4, first_ns=first_ns)
+    with pytest.raises(ScenarioError, match=words) as caught:
+        _read(tmp_path / "a.mcap", content, channel="/imu", field="a")
+    assert caught.value.field == key
+
+
+TENTHS = [0.1 * index for index in range(100)]
+
+
+@pytest.mark.parametrize(
+    ("times", "keys", "key", "words"),
+    [
+        ([1e5 * t for t in TENTHS], {}, "file", "at most 3600; .* in seconds"),
+        ([1e9 * t for t in TENTHS], {}, "file", "at most 3600; .* in seconds"),
+        (TENTHS, {"drift_hz": 5.0}, "drift_hz", "got 5, .* less than 5 Hz, half"),
+        (TENTHS, {"drift_hz": 600.0}, "drift_hz", "less than 5 Hz, half"),
+        (TENTHS, {"drift_hz": 1e-9}, "drift_hz", "got 1e-09, expected 0 .* from 0.001"),
+        (TENTHS, {"from_s": 100.0}, "from_s", "got 100 s, but .* ends after 9.9 s"),
+        (TENTHS[:50] + TENTHS[60:], {}, "file", "from 4.9 s to 6 s, expected one abo"),
+        (
+            TENTHS + [10.0 + index / 4000.0 for index in range(40)],
+            {},
+            "file",
+            "has 4000 samples a second at 10",
+        ),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_times_no_ground_can_follow(
+    tmp_path: Path, times: list[float], keys: dict[str, float], key: str, words: str
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("".join(f"{time!r},0.1\n" for time in times))
+    with pytest.raises(ScenarioError, match=words) as caught:
+        recorded_track(_motion(path, quantity="velocity", **keys))
+    assert caught.value.field == key
+
+
+def test_a_piece_beside_a_gap_is_taken(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("".join(f"{t!r},0.1\n" for t in TENTHS[:50] + TENTHS[60:]))
+    track = recorded_track(_motion(path, quantity="position", to_s=4.0))
+    assert len(track.position) == 4001
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_what_is_fast_is_not_weakened(tmp_path: Path, quantity: str) -> None:
+    times = np.arange(501) / 50.0
+    wave = np.sin(math.tau * 10.0 * times)
+    path = tmp_path / "a.csv"
+    path.write_text(
+        "".join(f"{t:.9f},{v:.9f}\n" for t, v in zip(times, wave, strict=True))
+    )
+    track = recorded_track(_motion(path, quantity=quantity, drift_hz=0.0))
+    middle = getattr(track, quantity)[2000:8000]
+    assert math.sqrt(2.0) * middle.std() == pytest.approx(1.0, abs=0.03)
