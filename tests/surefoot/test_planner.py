@@ -66,6 +66,16 @@ def test_a_new_velocity_counts_from_the_next_step_on(planner: VelocityPlanner) -
     assert first.position == pytest.approx([1.2, -HALF_M, 0.0])
 
 
+@pytest.mark.parametrize("lateral", [-0.1, 0.0, 0.1])
+@pytest.mark.parametrize(("onto", "leaving"), [("left", "right"), ("right", "left")])
+def test_while_the_weight_shifts_the_leaving_foot_is_first(
+    planner: VelocityPlanner, lateral: float, onto: str, leaving: str
+) -> None:
+    planner.pace = PACE._replace(lateral=lateral)
+    status = msgspec.structs.replace(STATUS, phase="shift", moved=onto)
+    assert planner.plan(status).steps[0].side == leaving
+
+
 def test_no_steps_is_a_plan_too(planner: VelocityPlanner) -> None:
     assert planner.plan(STATUS, count=0).steps == []
 
