@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import math
 import re
 import shutil
 from pathlib import Path
@@ -150,10 +151,26 @@ RobotOption = Annotated[
     ),
 ]
 
+
+def finite(value: float) -> float:
+    """Return an option's number as it is; one with both limits needs no such check.
+
+    Raises:
+        BadParameter: it is NaN, or infinite.
+    """
+    if not math.isfinite(value):
+        raise typer.BadParameter(f"{value} is no finite number")
+    return value
+
+
 WaitOption = Annotated[
     float,
     typer.Option(
-        "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
+        "--wait",
+        min=0.0,
+        metavar="SECONDS",
+        help="How long to look for the robot.",
+        callback=finite,
     ),
 ]
 

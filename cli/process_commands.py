@@ -126,14 +126,25 @@ def _show(
 
 def walk(
     velocity: Annotated[
-        float, typer.Option("--velocity", metavar="M_S", help="Ahead.")
+        float,
+        typer.Option(
+            "--velocity", metavar="M_S", help="Ahead.", callback=options.finite
+        ),
     ] = 0.0,
     lateral: Annotated[
-        float, typer.Option("--lateral", metavar="M_S", help="To the left.")
+        float,
+        typer.Option(
+            "--lateral", metavar="M_S", help="To the left.", callback=options.finite
+        ),
     ] = 0.0,
     yaw_rate: Annotated[
         float,
-        typer.Option("--yaw-rate", metavar="DEG_S", help="Turning to the left."),
+        typer.Option(
+            "--yaw-rate",
+            metavar="DEG_S",
+            help="Turning to the left.",
+            callback=options.finite,
+        ),
     ] = 0.0,
     steps: Annotated[
         int | None,
@@ -166,8 +177,9 @@ def walk(
 
     Tells the robot's stabilizer where to set its feet, some steps ahead. After the last
     step, on Ctrl-C, and when this process is gone, the feet come together and the robot
-    stands. Exits with 4 when there is no robot or nobody who walks, with 1 when the
-    steps were refused, with 130 after Ctrl-C.
+    stands; where nobody answers, Ctrl-C ends at once. Exits with 4 when there is no
+    robot or nobody who walks, or either has gone, with 1 when the steps were refused,
+    with 130 after Ctrl-C.
     """
     from surefoot.cli.console import print_json
     from surefoot.planner import VelocityPlanner, walk_on_bus
@@ -191,17 +203,17 @@ def walk(
     )
     planner = VelocityPlanner(pace, half_width=half_width_of(model))
     stop = StopRequest()
-    with PlannerClient(model, endpoints=meeting) as client, stop.on_signals():
+    with PlannerClient(model, endpoints=meeting) as client:
         client.connect(timeout_s=wait_s)
-        log_note(f"plans for {model.file.name}; Ctrl-C brings its feet together")
-        status = walk_on_bus(client, planner, steps=steps, stop=stop)
+        with stop.on_signals():
+            log_note(f"plans for {model.file.name}; Ctrl-C brings its feet together")
+            status = walk_on_bus(client, planner, steps=steps, stop=stop)
     if status is None:
-        log_warning(
-            "no word of a walk from any stabilizer: start one with --controller "
-            "whole-body"
-        )
-        raise typer.Exit(ExitCode.UNREACHABLE)
-    log_note(f"{status.steps_done} steps taken; the walk is at: {status.phase}")
+        raise typer.Exit(ExitCode.INTERRUPTED)
+    where = f"the walk is at: {status.phase}"
+    if steps is None and not stop.is_set and not status.refusal:
+        where = "the robot's run is over"
+    log_note(f"{status.steps_done} steps taken; {where}")
     if as_json:
         print_json(status)
     if status.refusal:

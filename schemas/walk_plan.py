@@ -88,7 +88,8 @@ class WalkStatus(Message, frozen=True, kw_only=True):
     """Time in it [s]."""
     moved: str
     """The foot moved last, or on its way: ``left`` or ``right``; empty before the first
-    step."""
+    walk. While the weight shifts, ``shift``, the foot that it goes onto: on the way it
+    is always the other one's turn."""
     last_step: int
     """Largest id of a step that has begun; -1 before the first."""
     steps_done: Count

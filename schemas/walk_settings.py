@@ -31,8 +31,6 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     """Speed down where the ground was expected and is not."""
     late_depth_m: Positive = 0.12
     """Farthest that a foot goes down below the expected ground [m]."""
-    late_s: Positive = 0.25
-    """Longest that single support waits for a touchdown."""
     unloaded_share: Fraction = 0.13
     """A foot may leave the ground when it carries less of the weight [1]."""
     unload_wait_s: NonNegative = 0.1

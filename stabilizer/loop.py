@@ -23,6 +23,7 @@ from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import GOOD, ControllerTelemetry
+from surefoot.stabilizer.walking.feet import WalkState
 
 _LOG = logging.getLogger(__name__)
 
@@ -241,7 +242,9 @@ class Loop:
                 status, state=StabilizerState.PAUSED, detail=self._requests.holding
             )
         self._client.publish_status(status)
-        walk = output.walk
+        walk = output.walk if self._is_started else None
+        if walk is None and self._telemetry.has_walked:
+            walk = WalkState()  # what one that has given way said is not so any more
         if walk is not None:
             self._client.publish_walk(
                 walk.message(tick=status.tick, stamp_ns=status.stamp_ns)

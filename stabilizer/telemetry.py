@@ -184,6 +184,11 @@ class ControllerTelemetry:
         self._settled = 0
         self._walk: WalkState | None = None
 
+    @property
+    def has_walked(self) -> bool:
+        """Whether a controller has told of a walk: others go by that."""
+        return self._walk is not None
+
     def begin(self) -> None:
         """Note that a controller starts."""
         self._since_start = 0

@@ -6,8 +6,10 @@ import itertools
 import time
 
 from surefoot.robot_io.client_side.requests import PlannerClient
+from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest
-from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode
+from surefoot.schemas.reasons import ModeCause, in_words
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 from surefoot.stabilizer.walking.footsteps import (
     SIDES,
@@ -21,8 +23,13 @@ STEPS_AHEAD = 5
 """A planner that is gone leaves the robot so many steps; then it stands."""
 PERIOD_S = 0.1
 """Plans are sent so often: one that is lost is made up for by the next."""
-SILENCE_S = 10.0
-"""A stabilizer that says nothing of a walk for so long takes no plans."""
+SILENCE_S = 5.0
+"""Without a stabilizer, or a word of it on a walk, for so long: it is given up."""
+NO_ANSWER_S = 1.0
+"""Who is asked for an end does not wait for one who has been silent for so long."""
+
+ENDS = (ModeCause.RUN_OVER, ModeCause.FELL, ModeCause.STOPPED, ModeCause.NO_COMMANDER)
+"""Causes of a robot that is off for good."""
 
 
 class VelocityPlanner:
@@ -109,30 +116,82 @@ def walk_on_bus(
         stop: asks for an end: the feet come together first, unless it is urgent.
 
     Returns:
-        The walk's last word; None when the stabilizer never said one.
+        The walk's last word; None when there was none before somebody asked for an end.
+
+    Raises:
+        RobotUnreachableError: there is no stabilizer that walks, or it has gone, or the
+            robot has, or is in fault, or has ended before all steps were taken.
     """
     heard_s = time.monotonic()
-    begun = client.status()
-    first = -1 if begun is None else begun.last_step
-    status, sent = begun, set[int]()
-    while not stop.is_urgent and client.robot_is_here:
-        left = STEPS_AHEAD
-        status = client.status() or status
-        if status is not None and steps is not None:
-            left = min(left, steps - (status.last_step - first))
-        if status is not None or not client.has_stabilizer:
-            heard_s = time.monotonic()
-        elif time.monotonic() - heard_s > SILENCE_S:
-            return None
-        if stop.is_set:
+    last_word: WalkStatus | None = None
+    sent = set[int]()
+    taken = 0
+    while not stop.is_urgent:
+        status = client.status()
+        if status is not None and status is not last_word:
+            # One that begins anew counts from the first step again.
+            before = status if last_word is None else last_word
+            taken += max(0, status.last_step - before.last_step)
+            heard_s, last_word = time.monotonic(), status
+        silence_s = time.monotonic() - heard_s
+        if stop.is_set and (status is None or silence_s > NO_ANSWER_S):
+            break
+        left = STEPS_AHEAD if steps is None else min(STEPS_AHEAD, steps - taken)
+        if stop.is_set or left < 0:
             left = 0
-        is_over = status is not None and status.phase == "stand"
-        if left <= 0 and is_over:
-            return status
-        if status is not None and status.refusal and status.plan_stamp_ns in sent:
-            return status
-        plan = planner.plan(status, count=max(0, left))
-        client.send(plan)
-        sent.add(plan.stamp_ns)
+        if status is not None:
+            if left == 0 and status.phase == "stand":
+                break
+            if status.refusal and status.plan_stamp_ns in sent:
+                break
+        if steps is None and last_word is not None and _run_is_over(client):
+            break
+        missing = _missing(client, silence_s, last_word)
+        if missing:
+            many = "" if last_word is None else f", after {taken} steps"
+            raise RobotUnreachableError(f"{missing}{many}")
+        if client.has_stabilizer:
+            plan = planner.plan(status, count=left)
+            client.send(plan)
+            sent.add(plan.stamp_ns)
         time.sleep(PERIOD_S)
-    return status
+    return last_word
+
+
+def _run_is_over(client: PlannerClient) -> bool:
+    """Whether the robot has gone to its run's end, and said so."""
+    said = client.robot_status()
+    return said is not None and said.cause is ModeCause.RUN_OVER
+
+
+def _missing(
+    client: PlannerClient, silence_s: float, last_word: WalkStatus | None
+) -> str:
+    """What a walk lacks, in words; empty while there is hope.
+
+    Args:
+        client: connected.
+        silence_s: since something new was heard of the walk.
+        last_word: of the walk; None before the first.
+    """
+    said = client.robot_status()
+    if said is not None:
+        why = in_words(said.cause, said.detail)
+        if said.mode is RobotMode.FAULT:
+            return f"the robot is in fault ({why})"
+        if said.cause in ENDS:
+            return f"the robot has ended ({why})"
+    if not client.robot_is_here:
+        return "the robot is gone"
+    if silence_s <= SILENCE_S:
+        return ""
+    if client.has_stabilizer:
+        if last_word is None:
+            return (
+                "no word of a walk from the stabilizer: start one with --controller "
+                "whole-body"
+            )
+        return f"the stabilizer has said nothing for {silence_s:.0f} s"
+    if last_word is None:
+        return "nobody commands the robot: start one with 'surefoot stabilizer'"
+    return "the stabilizer is gone"

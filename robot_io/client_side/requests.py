@@ -25,6 +25,7 @@ from surefoot.schemas.messages import (
     ControlRequest,
     EstopRequest,
     PushRequest,
+    RobotStatus,
     ServiceReply,
     SettingsRequest,
     StabilizerReply,
@@ -324,8 +325,19 @@ class PlannerClient(ReadOnlyClient):
         return bool(self._stabilizers)
 
     def status(self) -> WalkStatus | None:
-        """Return the newest word of the walk; None before the first."""
-        return None if self._status is None else self._status.poll()
+        """Return the newest word of the walk; None before the first.
+
+        What a stabilizer that has gone said is old, and forgotten.
+        """
+        if self._status is None:
+            return None
+        if not self._stabilizers:
+            self._status.forget()
+        return self._status.poll()
+
+    def robot_status(self) -> RobotStatus | None:
+        """Return the robot's newest status; None before the first."""
+        return None if self._farewell is None else self._farewell.poll()
 
     def send(self, plan: WalkPlan) -> None:
         """Send a plan. One may be lost: what counts is said again."""

@@ -53,7 +53,8 @@ class WalkState:
         plan_stamp_ns: stamp of the last plan [ns].
         refusal: why it was refused, in words; empty when it was taken.
         phase_s: time in the phase [s].
-        moved: the foot moved last, or on its way; None before the first step.
+        moved: the foot moved last, or on its way; from a walk's first shift on the
+            one that it goes onto, as it is the other one's turn. None before the first.
         last_step: largest id of a step that has begun; -1 before the first.
     """
 

@@ -49,6 +49,8 @@ class StepQueue:
     Attributes:
         shift: (x, y) by which the plan's places are off, by step adjustment [m].
         last: the step begun last; None before the first.
+        leaving: the foot that the weight shifts off, so that the walk's first step is
+            its; None but between the shift's begin and that step.
         begun: largest id of a plan's step that has begun; -1 before the first.
         planned: steps of all plans that were taken, so far.
     """
@@ -76,6 +78,7 @@ class StepQueue:
         self._steps: deque[Move] = deque()
         self.shift = (0.0, 0.0)
         self.last: Move | None = None
+        self.leaving: int | None = None
         self.begun = CLOSING_ID
         self.planned = 0
         self._known: list[Move] = []
@@ -91,7 +94,7 @@ class StepQueue:
         Args:
             plan: the newest.
             feet: where left and right foot are, or are being set.
-            walks: whether a step is under way, so that the other foot's turn is next.
+            walks: whether the robot does not stand, so that it is one foot's turn.
 
         Returns:
             Why the plan is refused, in words: then there are no steps left. Empty
@@ -147,7 +150,10 @@ class StepQueue:
             moves.append(self._paced(move, place, start=places[move.side]))
             places[move.side] = moves[-1].place
         if len(moves) < count:
-            closing = self._closing(moves[-1] if moves else self.last, places)
+            before, side = self.last, self.leaving
+            if moves:
+                before, side = moves[-1], None
+            closing = self._closing(before, places, side)
             if closing is not None:
                 moves.append(closing)
         return moves
@@ -161,7 +167,7 @@ class StepQueue:
         move = self.ahead(feet, 1)[0]
         if self._steps:
             self._steps.popleft()
-        self.last, self._known_for = move, None
+        self.last, self.leaving, self._known_for = move, None, None
         self.begun = max(self.begun, move.id)
         return move
 
@@ -174,14 +180,18 @@ class StepQueue:
         """
         self.shift = (self.shift[0] + x, self.shift[1] + y)
 
-    def _closing(self, before: Move | None, places: list[Foothold]) -> Move | None:
-        """The step that brings the other foot beside the one moved last, if needed."""
+    def _closing(
+        self, before: Move | None, places: list[Foothold], side: int | None
+    ) -> Move | None:
+        """The step that brings the feet together, if needed.
+
+        It is by the foot that was not moved last, where no side says otherwise.
+        """
         if before is None:
             return None
-        side = 1 - before.side
-        goal = places[before.side].beside(
-            0.0, self._width if side == 0 else -self._width
-        )
+        if side is None:
+            side = 1 - before.side
+        goal = places[1 - side].beside(0.0, self._width if side == 0 else -self._width)
         x, y, yaw = places[side].seen_from(goal)
         # Not again for what a foot was set off its place.
         near = TOGETHER_M if before.id != CLOSING_ID else NEARLY_TOGETHER_M
@@ -210,8 +220,14 @@ class StepQueue:
     ) -> str:
         """Why these steps cannot be walked; empty when they can."""
         places = list(feet)
-        last = self.last
-        if moves and walks and last is not None and moves[0].side == last.side:
+        last, leaving = self.last, self.leaving
+        if moves and leaving is not None:
+            if moves[0].side != leaving:
+                return (
+                    f"step {moves[0].id} moves the {SIDES[1 - leaving]} foot, which "
+                    "the weight shifts onto; the other one leaves first"
+                )
+        elif moves and walks and last is not None and moves[0].side == last.side:
             return (
                 f"step {moves[0].id} moves the {SIDES[last.side]} foot, which is on "
                 "its way; the other one's turn is next"

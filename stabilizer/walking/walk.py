@@ -320,7 +320,9 @@ class Walk:
         self._base_yaw = None
         self._anchors.by_load = True
         x, y = stance.com[:2].tolist()
-        self.gait.begin_shift(1 - moves[0].side, feet, moves, com=(x, y))
+        leaving = self.queue.leaving = moves[0].side
+        self._told.moved = 1 - leaving
+        self.gait.begin_shift(1 - leaving, feet, moves, com=(x, y))
         self._changes.begin()
         return True
 
@@ -447,7 +449,7 @@ class Walk:
 
     def _stand(self, stance: Stance) -> None:
         """Leave the stance that the walk has ended in."""
-        self._move = None
+        self._move = self.queue.leaving = None
         self._anchors.by_load = False
         self._tell()
         stance.com_velocity[:] = 0.0

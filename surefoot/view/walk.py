@@ -246,7 +246,7 @@ class Stroller:
             self._tell(f"walk: {error}")
             return
         if status is None:
-            self._tell("walk: the stabilizer takes no steps")
+            self._tell("walk: over, before a stabilizer answered")
         elif status.refusal:
             self._tell(f"walk: refused, {status.refusal}")
         else:

@@ -126,3 +126,15 @@ def test_a_loop_that_never_rests_takes_no_real_time_priority(
 ) -> None:
     told = refused(surefoot, *words, "--realtime-priority", "20")
     assert "--realtime-priority goes with --realtime" in told
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+@pytest.mark.parametrize(
+    "option",
+    ["velocity", "lateral", "yaw-rate", "step-s", "double-s", "height", "wait"],
+)
+def test_a_walk_by_numbers_that_are_none_is_refused(
+    surefoot: Surefoot, option: str, value: str
+) -> None:
+    words = refused(surefoot, "walk", f"--{option}={value}")
+    assert f"Invalid value for '--{option}'" in words

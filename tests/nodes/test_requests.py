@@ -7,20 +7,25 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
+from surefoot.planner import VelocityPlanner, walk_on_bus
 from surefoot.robot_io.client_side.observer import (
     VIEWER_CHANNELS,
     LatestMessages,
     Observer,
 )
-from surefoot.robot_io.errors import RequestRefusedError
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.client_side.requests import PlannerClient
+from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, RequestRefusal, StabilizerState
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
+from surefoot.stabilizer.walking.footsteps import Pace as WalkPace
+from surefoot.stabilizer.walking.footsteps import half_width_of
 from tests.nodes.processes import Running, robot, running
 from tests.patient_robot import gentle_settings
 from tests.support import PATIENCE_S, wait_until
@@ -216,3 +221,51 @@ def test_a_controller_without_gains_says_so(endpoints: Endpoints) -> None:
         with pytest.raises(RequestRefusedError, match="takes no settings") as caught:
             observer.requests.change_settings({"tsid.com_kp": [NEW_GAIN]})
         assert caught.value.refusal is RequestRefusal.NOT_SUPPORTED
+
+
+def hesitant(endpoints: Endpoints) -> Any:
+    """A whole-body stabilizer whose first shift takes long."""
+    walker = load_robot("walker")
+    settings = gentle_settings()
+    slow = replace(settings, walk=replace(settings.walk, shift_s=60.0))
+    return run_stabilizer(
+        lambda settings: make_controller("whole-body", walker, settings),
+        walker,
+        endpoints=endpoints,
+        pace=Pace.LOCKSTEP,
+        identity="ann",
+        connect_timeout_s=PATIENCE_S,
+        settings=slow,
+    )
+
+
+def test_a_walk_that_a_hold_has_ended_is_told_to_stand(endpoints: Endpoints) -> None:
+    walker = load_robot("walker")
+    planner = VelocityPlanner(
+        WalkPace(0.1, 0.0, 0.0, 0.6, 0.2, 0.05), half_width=half_width_of(walker)
+    )
+    with (
+        running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant,
+        running(hesitant, endpoints) as control,
+        looking(endpoints) as observer,
+        PlannerClient(walker, endpoints=endpoints) as client,
+    ):
+        client.connect(timeout_s=PATIENCE_S)
+        run = Run(plant, control, observer)
+        run.has_gone_on()
+        client.send(planner.plan(None))
+        run.when(lambda s: s.walk_status and s.walk_status.phase == "shift", what="it")
+        for action in ("hold", "resume"):
+            observer.requests.control(action)
+            seen = run.when(
+                lambda s: s.walk_status and s.walk_status.phase == "stand", what="it"
+            )
+            assert seen.walk_status is not None
+            assert seen.walk_status.last_step == -1
+            later = run.has_gone_on().walk_status
+            assert later is not None
+            assert later.phase == "stand"
+            assert later.tick > seen.walk_status.tick
+        observer.requests.stop_robot()
+        with pytest.raises(RobotUnreachableError, match="the robot is in fault"):
+            walk_on_bus(client, planner, steps=2, stop=StopRequest())

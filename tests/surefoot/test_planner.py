@@ -5,8 +5,12 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from surefoot.planner import STEPS_AHEAD, VelocityPlanner
-from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot import planner as planner_module
+from surefoot.planner import STEPS_AHEAD, VelocityPlanner, walk_on_bus
+from surefoot.robot_io.errors import RobotUnreachableError
+from surefoot.robot_io.realtime import StopRequest
+from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode, RobotStatus
+from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold, Pace
@@ -66,6 +70,16 @@ def test_a_new_velocity_counts_from_the_next_step_on(planner: VelocityPlanner) -
     assert first.position == pytest.approx([1.2, -HALF_M, 0.0])
 
 
+@pytest.mark.parametrize("lateral", [-0.1, 0.0, 0.1])
+@pytest.mark.parametrize(("onto", "leaving"), [("left", "right"), ("right", "left")])
+def test_while_the_weight_shifts_the_leaving_foot_is_first(
+    planner: VelocityPlanner, lateral: float, onto: str, leaving: str
+) -> None:
+    planner.pace = PACE._replace(lateral=lateral)
+    status = msgspec.structs.replace(STATUS, phase="shift", moved=onto)
+    assert planner.plan(status).steps[0].side == leaving
+
+
 def test_no_steps_is_a_plan_too(planner: VelocityPlanner) -> None:
     assert planner.plan(STATUS, count=0).steps == []
 
@@ -97,3 +111,112 @@ def test_plans_are_taken_on_the_way(
         again = queue.ahead(feet, 3)
         assert queue.take(plan, feet, walks=walks) == ""
         assert queue.ahead(feet, 3) == again
+
+
+def robot_status(mode: RobotMode, cause: ModeCause) -> RobotStatus:
+    return RobotStatus(
+        schema=SCHEMA_VERSION,
+        tick=0,
+        stamp_ns=0,
+        mode=mode,
+        cause=cause,
+        detail="",
+        notice="",
+        commander="",
+        command_age_s=0.0,
+        q_command=[],
+        refused={},
+        clipped={},
+        deadline_misses=0,
+    )
+
+
+class FakeClient:
+    """A bus on which nobody says anything new after some words."""
+
+    def __init__(
+        self,
+        *words: WalkStatus,
+        has_stabilizer: bool = True,
+        robot: RobotStatus | None = None,
+        robot_is_here: bool = True,
+    ) -> None:
+        self._words = list(words)
+        self._word: WalkStatus | None = None
+        self.has_stabilizer, self.robot_is_here = has_stabilizer, robot_is_here
+        self._robot = robot
+        self.sent: list[WalkPlan] = []
+
+    def status(self) -> WalkStatus | None:
+        if self._words:
+            self._word = self._words.pop(0)
+        return self._word
+
+    def robot_status(self) -> RobotStatus | None:
+        return self._robot
+
+    def send(self, plan: WalkPlan) -> None:
+        self.sent.append(plan)
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner_module, "SILENCE_S", 0.05)
+    monkeypatch.setattr(planner_module, "NO_ANSWER_S", 0.02)
+    monkeypatch.setattr(planner_module, "PERIOD_S", 0.01)
+
+
+ESTOPPED = robot_status(RobotMode.FAULT, ModeCause.ESTOP)
+RUN_OVER = robot_status(RobotMode.OFF, ModeCause.RUN_OVER)
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize(
+    ("client", "words"),
+    [
+        (FakeClient(has_stabilizer=False), "nobody commands the robot"),
+        (FakeClient(), "no word of a walk"),
+        (FakeClient(STATUS), "said nothing"),
+        (FakeClient(STATUS, has_stabilizer=False), "the stabilizer is gone"),
+        (FakeClient(STATUS, robot=ESTOPPED), "the robot is in fault"),
+        (FakeClient(STATUS, robot=RUN_OVER), "the robot has ended"),
+        (FakeClient(STATUS, robot_is_here=False), "the robot is gone"),
+    ],
+)
+def test_a_walk_that_nobody_answers_ends_and_says_what_is_missing(
+    planner: VelocityPlanner, client: FakeClient, words: str
+) -> None:
+    with pytest.raises(RobotUnreachableError, match=words):
+        walk_on_bus(client, planner, steps=3, stop=StopRequest())  # type: ignore[arg-type]  # all that it asks for
+
+
+@pytest.mark.usefixtures("impatient")
+def test_the_runs_end_is_that_of_a_walk_without_one(planner: VelocityPlanner) -> None:
+    client = FakeClient(STATUS, robot=RUN_OVER)
+    assert walk_on_bus(client, planner, steps=None, stop=StopRequest()) is STATUS  # type: ignore[arg-type]  # as above
+
+
+@pytest.mark.usefixtures("impatient")
+@pytest.mark.parametrize("words", [(), (STATUS,)])
+def test_asked_for_an_end_it_waits_for_nobody_who_is_silent(
+    planner: VelocityPlanner, words: tuple[WalkStatus, ...]
+) -> None:
+    stop = StopRequest()
+    stop.set()
+    client = FakeClient(*words)
+    status = walk_on_bus(client, planner, steps=None, stop=stop)  # type: ignore[arg-type]  # as above
+    assert status is (words[0] if words else None)
+
+
+@pytest.mark.usefixtures("impatient")
+def test_steps_are_counted_from_the_first_word_on_and_over_a_new_beginning(
+    planner: VelocityPlanner,
+) -> None:
+    stand = msgspec.structs.replace(STATUS, phase="stand")
+    words = [
+        msgspec.structs.replace(stand, last_step=number) for number in (6, 7, -1, 0, 1)
+    ]
+    client = FakeClient(*words)
+    walk_on_bus(client, planner, steps=3, stop=StopRequest())  # type: ignore[arg-type]  # as above
+    assert [len(plan.steps) for plan in client.sent] == [3, 2, 2, 1]
+    assert client.sent[2].steps[0].id == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from surefoot.planner import VelocityPlanner
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.scenario import scenario_from_table
@@ -12,6 +13,7 @@ from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.walking.feet import FootState
+from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 from surefoot.stabilizer.walking.gait import Phase
 from tests.stabilizer.closed_loop import NOISE
 
@@ -21,7 +23,9 @@ IN_THE_AIR_S = 1.5
 """The left foot is on its way then."""
 
 
-def begun(robot: Robot, **table: object) -> tuple[Simulation, WholeBodyController]:
+def begun(
+    robot: Robot, *, until_s: float = IN_THE_AIR_S, **table: object
+) -> tuple[Simulation, WholeBodyController]:
     scenario = scenario_from_table(
         {
             "name": "walk",
@@ -34,9 +38,10 @@ def begun(robot: Robot, **table: object) -> tuple[Simulation, WholeBodyControlle
     )
     sim = Simulation(robot, scenario)
     controller = WholeBodyController(robot, ControllerSettings())
-    while sim.time_s < IN_THE_AIR_S:
+    while sim.time_s < until_s:
         sim.step(controller)
-    assert controller.walk.feet.states[0] is FootState.SWING
+    if until_s == IN_THE_AIR_S:
+        assert controller.walk.feet.states[0] is FootState.SWING
     return sim, controller
 
 
@@ -51,6 +56,28 @@ def test_an_empty_plan_brings_the_feet_together(walker: Robot) -> None:
     assert controller.walk.gait.phase is Phase.STAND
     assert left[0] == pytest.approx(right[0], abs=0.01)
     assert controller.walk.state.done == 1
+
+
+@pytest.mark.usual("right")
+@pytest.mark.parametrize("asked", ["left", "right"])
+def test_a_plan_in_the_first_shift_may_not_change_the_foot(
+    walker: Robot, asked: str
+) -> None:
+    sim, controller = begun(walker, until_s=0.8)
+    walk = controller.walk
+    assert walk.gait.phase is Phase.SHIFT
+    status = walk.state.message(tick=0, stamp_ns=0)
+    assert status.moved == "right"  # the left foot leaves
+    pace = Pace(0.2, 0.1 if asked == "left" else -0.1, 0.0, 0.5, 0.15, 0.05)
+    planner = VelocityPlanner(pace, half_width=half_width_of(walker))
+    assert planner.plan(status, count=1).steps[0].side == "left"
+    controller.follow_plan(planner.plan(None if asked == "right" else status, count=2))
+    assert (walk.state.refusal == "") == (asked == "left")
+    while not sim.finished and walk.is_walking:
+        sim.step(controller)
+    assert not sim.fell
+    assert walk.gait.phase is Phase.STAND
+    assert walk.state.done == (2 if asked == "left" else 0)
 
 
 @pytest.mark.usual("left")

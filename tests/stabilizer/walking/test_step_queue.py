@@ -108,6 +108,37 @@ def test_the_foot_on_its_way_cannot_be_next(queue: StepQueue) -> None:
     assert "on its way" in why
 
 
+@pytest.mark.parametrize("walked", [False, True])
+def test_while_the_weight_shifts_only_the_leaving_foot_can_be_first(
+    queue: StepQueue, walked: bool
+) -> None:
+    if walked:  # and brought the right foot beside the left one last
+        queue.take(plan(step(0)), FEET, walks=False)
+        queue.begin(FEET)
+        queue.begin([Foothold(0.2, HALF_M, 0.0, 0.0), RIGHT])
+    queue.take(plan(step(3, position=[0.2, -HALF_M, 0.0])), FEET, walks=False)
+    queue.leaving = 1
+    assert "shifts onto" in queue.take(plan(step(4)), FEET, walks=True)
+    again = plan(step(5, position=[0.2, -HALF_M, 0.0]))
+    assert queue.take(again, FEET, walks=True) == ""
+    assert queue.begin(FEET).side == 1
+    assert queue.leaving is None
+
+
+@pytest.mark.parametrize("leaving", [0, 1])
+def test_given_up_in_the_shift_the_leaving_foot_closes(
+    queue: StepQueue, leaving: int
+) -> None:
+    queue.take(plan(step(0)), FEET, walks=False)
+    queue.begin(FEET)
+    feet = [Foothold(0.2, HALF_M, 0.0, 0.0), RIGHT]  # a walk that ended so
+    queue.leaving = leaving
+    assert queue.take(plan(), feet, walks=True) == ""
+    (closing,) = queue.ahead(feet, 3)
+    assert (closing.id, closing.side) == (CLOSING_ID, leaving)
+    assert abs(closing.place.seen_from(feet[1 - leaving])[0]) < 1e-9
+
+
 def test_a_shift_moves_all_that_is_to_come(queue: StepQueue) -> None:
     queue.take(plan(step(0), step(1)), FEET, walks=False)
     before = [move.place for move in queue.ahead(FEET, 2)]
