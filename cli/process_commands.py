@@ -126,14 +126,24 @@ def _show(
 
 def walk(
     velocity: Annotated[
-        float, typer.Option("--velocity", metavar="M_S", help="Ahead.")
+        float,
+        typer.Option("--velocity", min=-10.0, max=10.0, metavar="M_S", help="Ahead."),
     ] = 0.0,
     lateral: Annotated[
-        float, typer.Option("--lateral", metavar="M_S", help="To the left.")
+        float,
+        typer.Option(
+            "--lateral", min=-10.0, max=10.0, metavar="M_S", help="To the left."
+        ),
     ] = 0.0,
     yaw_rate: Annotated[
         float,
-        typer.Option("--yaw-rate", metavar="DEG_S", help="Turning to the left."),
+        typer.Option(
+            "--yaw-rate",
+            min=-360.0,
+            max=360.0,
+            metavar="DEG_S",
+            help="Turning to the left.",
+        ),
     ] = 0.0,
     steps: Annotated[
         int | None,

@@ -287,6 +287,7 @@ def _velocity_steps(
     if last_s is None:
         # One more step brings the feet together.
         last_s = duration_s - STAND_AT_END_S - settings.settle_s - 2.0 * period
+    last_s = min(last_s, duration_s)
     begun_s = walk.start_s + settings.shift_s
     count = max(0, math.floor((last_s - begun_s) / period + 1.0 + _LENGTH_TOLERANCE))
     pace = Pace(
