@@ -124,3 +124,16 @@ def test_an_hour_of_the_shortest_steps_is_a_plan(walker: Robot) -> None:
     plan = plan_of(walk, walker, WalkSettings(), duration_s=3600.0)
     assert 10000 < len(plan.steps) <= MOST_STEPS
     assert msgspec.convert(msgspec.to_builtins(plan), WalkPlan) == plan
+
+
+def test_an_arc_back_is_one(walker: Robot) -> None:
+    """Heading and middle go where the velocity says, whichever foot opens."""
+    pace = Pace(-0.2, 0.0, 0.3, single_s=0.6, double_s=0.2, height_m=0.05)
+    endless = steps_at(pace, ORIGIN, half_width=HALF_M, first_id=0)
+    taken = places(list(itertools.islice(endless, 12)))
+    assert taken[0][0] == 1  # the right one is outside: going back it is the leading
+    last = taken[-1][1]
+    assert last.yaw == pytest.approx(12 * 0.8 * 0.3)
+    middle = last.beside(0.0, -HALF_M)
+    radius = 0.2 / 0.3
+    assert math.hypot(middle.x, middle.y + radius) == pytest.approx(radius, abs=0.03)
