@@ -115,7 +115,7 @@ def test_plans_are_taken_on_the_way(
 def _refusals(paces: list[Pace]) -> list[str]:
     """Walk a step at each pace, by a plan of its own, and say what is refused."""
     planner = VelocityPlanner(PACE, half_width=HALF_M)
-    queue = StepQueue(WalkSettings(), half_width=HALF_M, nearest=nearest, soles=SOLES)
+    queue = StepQueue(WalkSettings(), half_width=HALF_M, nearest=NEAREST_M, soles=SOLES)
     feet = [Foothold(0.0, HALF_M, 0.0, 0.0), Foothold(0.0, -HALF_M, 0.0, 0.0)]
     status, refused = None, []
     for pace in paces:
