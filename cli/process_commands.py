@@ -128,19 +128,31 @@ def walk(
     velocity: Annotated[
         float,
         typer.Option(
-            "--velocity", metavar="M_S", help="Ahead.", callback=options.finite
+            "--velocity",
+            min=-10.0,
+            max=10.0,
+            metavar="M_S",
+            help="Ahead.",
+            callback=options.finite,
         ),
     ] = 0.0,
     lateral: Annotated[
         float,
         typer.Option(
-            "--lateral", metavar="M_S", help="To the left.", callback=options.finite
+            "--lateral",
+            min=-10.0,
+            max=10.0,
+            metavar="M_S",
+            help="To the left.",
+            callback=options.finite,
         ),
     ] = 0.0,
     yaw_rate: Annotated[
         float,
         typer.Option(
             "--yaw-rate",
+            min=-360.0,
+            max=360.0,
             metavar="DEG_S",
             help="Turning to the left.",
             callback=options.finite,

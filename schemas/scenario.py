@@ -26,7 +26,7 @@ from surefoot.schemas.scenario_robot import (
 from surefoot.schemas.sensors import sensor
 from surefoot.schemas.toml_file import FileStruct, convert, read_toml
 from surefoot.schemas.topics import TICK_SENSORS
-from surefoot.schemas.walk_plan import Walk
+from surefoot.schemas.walk_plan import LONGEST_WALK_S, Walk
 
 PositiveNumber = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
 FaultKind = Literal["drop", "freeze", "nan", "jump", "range"]
@@ -155,7 +155,7 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
 
     name: str
     """Shown in tables and kept in results."""
-    duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
+    duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=LONGEST_WALK_S)]
     """Simulated time."""
     description: str = ""
     """One sentence for the list of scenarios."""
@@ -185,7 +185,12 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     """Walk instead of stand."""
 
     def __post_init__(self) -> None:
-        """Check that every foot has at most one platform."""
+        """Check that a foot has at most one platform, and a walk begins in time."""
+        if self.walk is not None and self.walk.start_s >= self.duration_s:
+            raise ValueError(
+                f"at `walk.start_s`: got {self.walk.start_s:g}, expected earlier than "
+                f"the scenario ends, `duration_s`, {self.duration_s:g}"
+            )
         feet: list[str] = []
         for platform in self.platform:
             feet += ["left", "right"] if platform.foot == "both" else [platform.foot]

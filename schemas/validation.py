@@ -265,6 +265,8 @@ def _structs(info: msgspec.inspect.Type) -> list[msgspec.inspect.StructType]:
 
 
 _PLACE = re.compile(r" - at `(?:key` in `)?\$\.?([^`]*)`$")
+_WITHIN = re.compile(r"^at `([^`]+)`: ")
+"""How a check of a whole struct names the field in it that is wrong."""
 _NAMED_FIELD = re.compile(r"field `([^`]+)`")
 _CHOICE = re.compile(r"^Invalid (?:enum )?value ")
 _EXPECTED = re.compile(r"^Expected `([^`]+)`(.*?)(?:, got `[^`]+`)?$")
@@ -291,6 +293,10 @@ def explain(
     path = place.group(1) if place else ""
     if place:
         text = text[: place.start()]
+    within = _WITHIN.match(text)
+    if within:
+        path = f"{path}.{within.group(1)}" if path else within.group(1)
+        return path, text[within.end() :]
     named = _NAMED_FIELD.search(text)
     if named:
         path = f"{path}.{named.group(1)}" if path else named.group(1)

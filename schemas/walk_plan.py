@@ -2,20 +2,34 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import msgspec
 
 from surefoot.schemas.arrays import Floats3
 from surefoot.schemas.messages import Count, Message
-from surefoot.schemas.robot_file import NonNegative, Positive
 from surefoot.schemas.toml_file import FileStruct
 
 Side = Literal["left", "right"]
-Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
+LEAST_SINGLE_S, LEAST_DOUBLE_S, LONGEST_S = 0.2, 0.05, 10.0
+"""Least single and double support of a step, and the longest of either [s]."""
+LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.01, 0.5
+"""How high a foot may be lifted [m]."""
+LONGEST_WALK_S = 3600.0
+"""No scenario is longer."""
+MOST_STEPS = round(LONGEST_WALK_S / (LEAST_SINGLE_S + LEAST_DOUBLE_S))
+"""As many are taken in an hour, at most."""
+FASTEST_M_S, FASTEST_DEG_S = 10.0, 360.0
+"""What nobody who walks comes near."""
+SingleS = Annotated[float, msgspec.Meta(ge=LEAST_SINGLE_S, le=LONGEST_S)]
+DoubleS = Annotated[float, msgspec.Meta(ge=LEAST_DOUBLE_S, le=LONGEST_S)]
 Position2 = Annotated[list[float], msgspec.Meta(min_length=2, max_length=2)]
-StepHeight = Annotated[float, msgspec.Meta(gt=0.0, le=0.5)]
+StepHeight = Annotated[float, msgspec.Meta(ge=LEAST_HEIGHT_M, le=MOST_HEIGHT_M)]
+Speed = Annotated[float, msgspec.Meta(ge=-FASTEST_M_S, le=FASTEST_M_S)]
+YawRate = Annotated[float, msgspec.Meta(ge=-FASTEST_DEG_S, le=FASTEST_DEG_S)]
 SINGLE_S = 0.6
 """Single support of a step, where nothing else is said [s]."""
 DOUBLE_S = 0.2
@@ -40,9 +54,9 @@ class Step(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
     foothold counts."""
     yaw: float
     """Heading of the sole [rad]."""
-    single_s: Seconds
+    single_s: SingleS
     """Time on the other foot alone."""
-    double_s: Seconds
+    double_s: DoubleS
     """Time on both feet that follows."""
     height_m: StepHeight
     """How high the foot is lifted over the higher of its two footholds [m]."""
@@ -58,7 +72,7 @@ class WalkPlan(Message, frozen=True, kw_only=True):
     begin_tick: Count
     """The first step's weight shift begins at this tick of the robot, or at once
     where it has gone by."""
-    steps: Annotated[list[Step], msgspec.Meta(max_length=2000)]
+    steps: Annotated[list[Step], msgspec.Meta(max_length=MOST_STEPS)]
     """In order; left and right take turns."""
 
     def __post_init__(self) -> None:
@@ -66,11 +80,13 @@ class WalkPlan(Message, frozen=True, kw_only=True):
         for before, step in zip(self.steps, self.steps[1:], strict=False):
             if step.id <= before.id:
                 raise ValueError(f"step ids must grow, got {step.id} after {before.id}")
-            if step.side == before.side:
-                raise ValueError(
-                    f"step {step.id} moves the {step.side} foot, as the step before "
-                    "it; left and right take turns"
-                )
+        index = out_of_turn([step.side for step in self.steps])
+        if index is not None:
+            step = self.steps[index]
+            raise ValueError(
+                f"step {step.id} moves the {step.side} foot, as the step before "
+                "it; left and right take turns"
+            )
 
 
 Place = Annotated[list[float], msgspec.Meta(min_length=4, max_length=4)]
@@ -136,12 +152,24 @@ class WalkStep(FileStruct, frozen=True, kw_only=True):
     """Heading of the sole, against that at first."""
     rise_m: float = 0.0
     """Height of the foothold over the ground the robot stands on at first."""
-    step_s: Seconds | None = None
+    step_s: SingleS | None = None
     """Single support; the walk's when absent."""
-    double_s: Seconds | None = None
+    double_s: DoubleS | None = None
     """Double support after it; the walk's when absent."""
     height_m: StepHeight | None = None
     """How high the foot is lifted; the walk's when absent."""
+
+
+def out_of_turn(sides: Sequence[Side]) -> int | None:
+    """Return which is the first step that moves the foot of the one before it.
+
+    Args:
+        sides: of the steps of a plan or a scenario, in order.
+    """
+    for index, (before, side) in enumerate(itertools.pairwise(sides), 1):
+        if side == before:
+            return index
+    return None
 
 
 PLANNED_M_S = 0.5
@@ -149,30 +177,30 @@ PLANNED_M_S = 0.5
 
 
 class Walk(FileStruct, frozen=True, kw_only=True):
-    """Walk instead of stand: with a velocity, or by footsteps."""
+    """Walk instead of stand: with a velocity, or by footsteps; on the spot without."""
 
-    velocity_m_s: float = 0.0
+    velocity_m_s: Speed = 0.0
     """Ahead; negative for backwards."""
-    lateral_m_s: float = 0.0
+    lateral_m_s: Speed = 0.0
     """To the left; negative to the right."""
-    yaw_rate_deg_s: float = 0.0
+    yaw_rate_deg_s: YawRate = 0.0
     """Counter-clockwise from above."""
-    start_s: NonNegative = 2.0
+    start_s: Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_WALK_S)] = 2.0
     """When the weight begins to shift onto the first foot."""
-    stop_s: Positive | None = None
-    """No step begins later; then the feet come together. Absent: in time to stand for
-    a second at the scenario's end."""
-    step_s: Seconds = SINGLE_S
+    stop_s: Annotated[float, msgspec.Meta(gt=0.0, le=LONGEST_WALK_S)] | None = None
+    """No step of a velocity begins later, nor after the scenario's end; then the feet
+    come together. Absent: in time to stand for a second at the scenario's end."""
+    step_s: SingleS = SINGLE_S
     """Single support of a step."""
-    double_s: Seconds = DOUBLE_S
+    double_s: DoubleS = DOUBLE_S
     """Double support after it."""
     height_m: StepHeight = HEIGHT_M
     """How high the swing foot is lifted."""
-    step: list[WalkStep] = []
-    """Footsteps in place of a velocity."""
+    step: Annotated[list[WalkStep], msgspec.Meta(max_length=MOST_STEPS)] = []
+    """Footsteps in place of a velocity; left and right take turns."""
 
     def __post_init__(self) -> None:
-        """Check that there is one kind of walk and time for it."""
+        """Check that there is one kind of walk, time for it, and turns are taken."""
         moves = (self.velocity_m_s, self.lateral_m_s, self.yaw_rate_deg_s)
         if self.step and any(moves):
             raise ValueError("takes a velocity, or [[walk.step]], not both")
@@ -180,6 +208,12 @@ class Walk(FileStruct, frozen=True, kw_only=True):
             raise ValueError(
                 f"`stop_s` is {self.stop_s:g}, expected later than `start_s`, "
                 f"{self.start_s:g}"
+            )
+        index = out_of_turn([step.side for step in self.step])
+        if index is not None:
+            raise ValueError(
+                f"at `step[{index}].side`: got {self.step[index].side!r}, as the step "
+                "before it; left and right take turns"
             )
 
     @property

@@ -26,6 +26,8 @@ Extents = tuple[Extent, Extent]
 FLOOR_M: Extents = ((-3.0, 12.0), (-6.0, 6.0))
 """From where to where the floor goes along x and y, at least [m]."""
 FLOOR_THICKNESS_M = 0.06
+SAME_EDGE_M = 1e-6
+"""Edges of tiles nearer than this are one: between tiles that touch is no floor [m]."""
 BELOW_M = 0.3
 """Tiles are blocks that reach so far below the floor, and below their own top [m]."""
 SEESAW_THICKNESS_M = 0.05
@@ -335,8 +337,7 @@ def _floor(
         leaves = walk.velocity_m_s < 0.0 or walk.yaw_rate_deg_s != 0.0
         if leaves or far > floor[0][1]:
             floor = ((-far, max(far, floor[0][1])), (-far, far))
-    xs = sorted({*floor[0], *(e for tile in tiles for e in _extent(tile, 0, floor))})
-    ys = sorted({*floor[1], *(e for tile in tiles for e in _extent(tile, 1, floor))})
+    xs, ys = (_edges(tiles, axis, floor) for axis in (0, 1))
     boxes: list[list[float]] = []  # x from, x to, y from, y to
     for x, x_next in itertools.pairwise(xs):
         strips: list[list[float]] = []
@@ -364,6 +365,17 @@ def _floor(
         )
         for index, (x, x_to, y, y_to) in enumerate(boxes)
     )
+
+
+def _edges(tiles: tuple[StillGround, ...], axis: int, floor: Extents) -> list[float]:
+    """Where floor may begin and end along an axis, each place once [m]."""
+    found: list[float] = []
+    for edge in sorted(
+        {*floor[axis], *(e for tile in tiles for e in _extent(tile, axis, floor))}
+    ):
+        if not found or edge - found[-1] > SAME_EDGE_M:
+            found.append(edge)
+    return found
 
 
 def _extent(tile: StillGround, axis: int, floor: Extents) -> Extent:

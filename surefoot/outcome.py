@@ -105,8 +105,19 @@ def _up(plant: PlantResult, walk: WalkReport | None) -> Judgement:
     if walk.is_over and done == planned > 0 and not walk.refusal:
         far = "" if plant.distance_m is None else f", {plant.distance_m:.2f} m"
         return Judgement(Outcome.WALKED, f"{done} steps{far}, {detail}")
-    why = f": {walk.refusal}" if walk.refusal else ""
-    return Judgement(Outcome.STOOD, f"{detail}, {done} of {planned} steps taken{why}")
+    why = walk.refusal or _unfinished(walk)
+    return Judgement(Outcome.STOOD, f"{detail}, {done} of {planned} steps taken: {why}")
+
+
+def _unfinished(walk: WalkReport) -> str:
+    """What is missing of a walk that no plan was refused in."""
+    if not walk.steps_planned:
+        return "there was no time for a step, or none was planned"
+    if not walk.is_over:
+        return "still walking at the end"
+    if not walk.steps_done:
+        return "no step was begun: it was not time yet, or a foot had no ground"
+    return "the rest was not begun"
 
 
 def _fall(plant: PlantResult, slow: str) -> str:

@@ -15,6 +15,7 @@ from surefoot.stabilizer.walking.footsteps import (
     SIDES,
     Foothold,
     Pace,
+    half_width_at,
     mean_yaw,
     steps_at,
 )
@@ -92,7 +93,8 @@ class VelocityPlanner:
                 mean_yaw(left.yaw, right.yaw),
             )
         last = 1 - first_side
-        return feet[last].beside(0.0, self._half_width * (2 * last - 1))
+        wide = half_width_at(self.pace, self._half_width)
+        return feet[last].beside(0.0, wide * (2 * last - 1))
 
 
 def _foothold(numbers: list[float]) -> Foothold:

@@ -20,6 +20,8 @@ SIDES: tuple[Side, Side] = ("left", "right")
 STAND_AT_END_S = 1.0
 """A walk without an end of its own stops in time to stand for so long."""
 _LENGTH_TOLERANCE = 1e-6
+MOST_TURN_RAD = 1.5
+"""A step that turns by more is refused, however wide."""
 RAMP = 0.35
 """Part of a foot's way in which it speeds up, and slows down again [1]."""
 GLIDE_PEAK = 1.0 / (1.0 - RAMP)
@@ -98,32 +100,32 @@ def steps_at(
 
     A robot that goes sideways, or turns, opens its stance with the leading foot and
     closes it with the other one, so that its feet never come nearer than standing.
+    Where an arc would bring them nearer all the same they go wider apart.
 
     Args:
         pace: velocity and times.
-        middle: between the feet at first.
+        middle: between the feet at first; on the way, beside the one that stands.
         half_width: sole to middle, standing [m].
         first_id: of the first step; the others count on.
         first_side: which foot goes first; None for the leading one.
     """
-    period = pace.single_s + pace.double_s
-    leads, turns = _leading(pace.lateral), _leading(pace.yaw_rate)
+    leads, turns = _leading(pace.lateral), _turning(pace, half_width)
+    wide = _width_with(turns, pace, half_width)
     side = first_side
     if side is None:
         side = leads if pace.lateral else turns
-    ahead, lateral, turn = (
-        rate * period for rate in (pace.ahead, pace.lateral, pace.yaw_rate)
-    )
+    stands = half_width if first_side is None else wide
+    support = middle.beside(0.0, -stands if side == 0 else stands)
     number = 0
     while True:
-        # The leading foot goes both steps' way to the side, or turns for both.
-        middle = _advanced(
-            middle,
-            ahead,
-            2.0 * lateral if side == leads else 0.0,
-            2.0 * turn if side == turns else 0.0,
-        )
-        place = middle.beside(0.0, half_width if side == 0 else -half_width)
+        middle = _advanced(middle, *_way(side, pace, turns))
+        out = 1.0 if side == 0 else -1.0
+        place = middle.beside(0.0, out * wide)
+        # The first one leaves a stance that may be narrower, or made at another pace.
+        x, apart, yaw = place.seen_from(support)
+        if out * apart < 2.0 * half_width - _LENGTH_TOLERANCE:
+            place = support.beside(x, out * 2.0 * half_width, yaw)
+        support = place
         yield Step(
             id=first_id + number,
             side=SIDES[side],
@@ -135,6 +137,60 @@ def steps_at(
         )
         number += 1
         side = 1 - side
+
+
+def half_width_at(pace: Pace, half_width: float) -> float:
+    """Return how far the feet go from their middle at a pace [m].
+
+    Args:
+        pace: velocity and times.
+        half_width: sole to middle, standing [m].
+    """
+    return _width_with(_turning(pace, half_width), pace, half_width)
+
+
+def _turning(pace: Pace, half_width: float) -> int:
+    """The foot that turns for both: to where the robot turns, if that opens most.
+
+    Going back, its way along the arc is towards the other foot.
+    """
+    foot = _leading(pace.yaw_rate)
+    widths = [_width_with(side, pace, half_width) for side in (foot, 1 - foot)]
+    return foot if widths[0] <= widths[1] else 1 - foot
+
+
+def _width_with(turns: int, pace: Pace, half_width: float) -> float:
+    """The least sole to middle that brings no foot nearer to the other than standing.
+
+    Seen from a foot that stands beside the middle of a step before, the next one is
+    w (1 + cos turn) beside it, and farther by what the middle has gone outward.
+    """
+    width = half_width
+    for side in (0, 1):
+        ahead, lateral, turn = _way(side, pace, turns)
+        out = ahead * math.sin(0.5 * turn) + lateral * math.cos(0.5 * turn)
+        if side == 1:
+            out = -out
+        if abs(turn) < MOST_TURN_RAD:
+            width = max(width, (2.0 * half_width - out) / (1.0 + math.cos(turn)))
+    return width
+
+
+def _way(side: int, pace: Pace, turns: int) -> tuple[float, float, float]:
+    """How far the middle goes ahead and aside, and turns, by a step of a foot.
+
+    The leading foot goes both steps' way to the side, or turns for both.
+    """
+    period = pace.single_s + pace.double_s
+    ahead, lateral, turn = (
+        rate * period for rate in (pace.ahead, pace.lateral, pace.yaw_rate)
+    )
+    leads = _leading(pace.lateral)
+    return (
+        ahead,
+        2.0 * lateral if side == leads else 0.0,
+        2.0 * turn if side == turns else 0.0,
+    )
 
 
 def _leading(rate: float) -> int:
@@ -287,6 +343,7 @@ def _velocity_steps(
     if last_s is None:
         # One more step brings the feet together.
         last_s = duration_s - STAND_AT_END_S - settings.settle_s - 2.0 * period
+    last_s = min(last_s, duration_s)
     begun_s = walk.start_s + settings.shift_s
     count = max(0, math.floor((last_s - begun_s) / period + 1.0 + _LENGTH_TOLERANCE))
     pace = Pace(

@@ -20,6 +20,8 @@ NEARLY_TOGETHER_M = 0.03
 """So are those that a step has just brought so near [m]."""
 TOGETHER_RAD = 0.03
 """And turned against each other by no more than this [rad]."""
+BETWEEN_SOLES_M = 0.001
+"""Soles that a plan sets nearer than this would touch [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,7 @@ class StepQueue:
         half_width: float,
         nearest: float,
         leg_speed: float = math.inf,
+        soles: Sequence[tuple[float, float]] = (),
     ) -> None:
         """Begin without a plan.
 
@@ -71,7 +74,10 @@ class StepQueue:
             nearest: least sideways distance of the feet [m].
             leg_speed: of the end of a straight leg, by the speed of its drives; a step
                 that needs more than a part of it takes longer [m/s].
+            soles: half length and half width of the left and the right one [m]; none
+                where they are not known.
         """
+        self._soles = soles
         self._leg_speed = leg_speed
         self._settings, self._nearest = settings, nearest
         self._width = 2.0 * half_width
@@ -256,7 +262,42 @@ class StepQueue:
         rise = move.place.z - support.z
         if abs(rise) > limits.rise_limit_m:
             return f"{rise:+.2f} m higher, at most {limits.rise_limit_m:g} m"
+        if self._soles:
+            mine, other = self._soles[move.side], self._soles[1 - move.side]
+            over = _overlap((move.place, mine), (support, other))
+            if over > 0.0:
+                return f"its sole would stand on the other one by {1e3 * over:.0f} mm"
+            if over > -BETWEEN_SOLES_M:
+                return "its sole would touch the other one"
         return ""
+
+
+def _overlap(
+    one: tuple[Foothold, tuple[float, float]],
+    other: tuple[Foothold, tuple[float, float]],
+) -> float:
+    """How far two soles overlap along the axis on which they do least [m].
+
+    Negative when there is a gap. Two rectangles that do not overlap have a gap along
+    an axis of one of them.
+
+    Args:
+        one: place, half length and half width of a sole.
+        other: the same.
+    """
+    least = math.inf
+    for (place, (length, width)), (beside, (its_length, its_width)) in (
+        (one, other),
+        (other, one),
+    ):
+        x, y, yaw = beside.seen_from(place)
+        cos, sin = abs(math.cos(yaw)), abs(math.sin(yaw))
+        least = min(
+            least,
+            length + cos * its_length + sin * its_width - abs(x),
+            width + sin * its_length + cos * its_width - abs(y),
+        )
+    return least
 
 
 def _foothold(position: list[float], yaw: float) -> Foothold:

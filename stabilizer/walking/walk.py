@@ -105,7 +105,11 @@ class Walk:
         widths = sum(width for _, width in model.half_sizes)
         nearest = widths + settings.between_soles_m
         self.queue = StepQueue(
-            settings, half_width=half_width, nearest=nearest, leg_speed=speed
+            settings,
+            half_width=half_width,
+            nearest=nearest,
+            leg_speed=speed,
+            soles=model.half_sizes,
         )
         self.state: WalkState | None = None
         self._told = WalkState()

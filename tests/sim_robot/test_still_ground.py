@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario, scenario_from_table
+from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.sim_robot.ground import ground_blocks
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.still_ground import FLOOR_M, plan_still_ground
@@ -56,6 +57,29 @@ def test_floor_goes_on_around_tiles_and_never_under_them() -> None:
         {"center_m": [1.2, -0.4], "size_m": [0.5, 0.2], "roll_deg": 3.0},
     ]
     assert 0.8 < _area_without(tiles) < 1.0
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 1e-7])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_no_floor_stands_between_tiles_that_touch(axis: int, gap_m: float) -> None:
+    # 0.387 + 0.16 and 0.707 - 0.16 differ by the last bit.
+    tiles = [
+        {"center_m": [at, 0.0][:: 1 - 2 * axis], "size_m": size, "height_m": -0.1}
+        for at, size in ((0.387, [0.32, 0.32]), (0.707 + gap_m, [0.32, 0.32]))
+    ]
+    floor = [
+        ground
+        for ground in plan_still_ground(_scenario(*tiles))
+        if ground.name.startswith("floor")
+    ]
+    assert len(floor) == 4
+    assert min(size for ground in floor for size in ground.size[:2]) > 0.3
+
+
+@pytest.mark.parametrize("name", ["walk-stairs", "walk-tiles", "walk-soft"])
+def test_shipped_floors_have_no_slivers(name: str) -> None:
+    for ground in plan_still_ground(load_scenario(name)):
+        assert min(ground.size[:2]) > 1e-3
 
 
 def test_floor_is_as_large_as_a_walk_needs() -> None:

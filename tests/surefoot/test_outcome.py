@@ -232,7 +232,22 @@ def short_scenario(tmp_path: Path) -> Path:
     [
         ({}, Outcome.WALKED, "4 steps"),
         ({"steps_done": 3}, Outcome.STOOD, "3 of 4 steps"),
-        ({"is_over": False}, Outcome.STOOD, "4 of 4 steps"),
+        (
+            {"is_over": False},
+            Outcome.STOOD,
+            "4 of 4 steps taken: still walking at the end",
+        ),
+        (
+            {"steps_done": 3},
+            Outcome.STOOD,
+            "3 of 4 steps taken: the rest was not begun",
+        ),
+        ({"steps_done": 0}, Outcome.STOOD, "0 of 4 steps taken: no step was begun"),
+        (
+            {"steps_done": 0, "steps_planned": 0},
+            Outcome.STOOD,
+            "0 of 0 steps taken: there was no time for a step",
+        ),
         ({"refusal": "too far"}, Outcome.STOOD, "too far"),
     ],
 )

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+import random
+
 import msgspec
 import pytest
 
@@ -9,15 +13,18 @@ from surefoot import planner as planner_module
 from surefoot.planner import STEPS_AHEAD, VelocityPlanner, walk_on_bus
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest
+from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.walking.footsteps import Foothold, Pace
 from surefoot.stabilizer.walking.step_queue import StepQueue
 
-NEAREST_M = 0.17
 HALF_M = 0.11
+SOLES = RobotModel(load_robot("walker")).half_sizes
+NEAREST_M = sum(width for _, width in SOLES) + WalkSettings().between_soles_m
 PACE = Pace(0.25, 0.0, 0.0, single_s=0.6, double_s=0.2, height_m=0.05)
 STATUS = WalkStatus(
     schema=SCHEMA_VERSION,
@@ -43,6 +50,12 @@ STATUS = WalkStatus(
     plan_stamp_ns=0,
     refusal="",
 )
+AHEAD, ASIDE, TURN = (
+    (-0.4, -0.2, 0.0, 0.2, 0.4),
+    (-0.1, -0.05, 0.0, 0.05, 0.1),
+    (-20.0, -10.0, 0.0, 10.0, 20.0),
+)
+"""As far as the live page lets one go [m/s, deg/s]."""
 
 
 @pytest.fixture
@@ -220,3 +233,59 @@ def test_steps_are_counted_from_the_first_word_on_and_over_a_new_beginning(
     walk_on_bus(client, planner, steps=3, stop=StopRequest())  # type: ignore[arg-type]  # as above
     assert [len(plan.steps) for plan in client.sent] == [3, 2, 2, 1]
     assert client.sent[2].steps[0].id == 0
+
+
+def _refusals(paces: list[Pace]) -> list[str]:
+    """Walk a step at each pace, by a plan of its own, and say what is refused."""
+    planner = VelocityPlanner(PACE, half_width=HALF_M)
+    queue = StepQueue(WalkSettings(), half_width=HALF_M, nearest=NEAREST_M, soles=SOLES)
+    feet = [Foothold(0.0, HALF_M, 0.0, 0.0), Foothold(0.0, -HALF_M, 0.0, 0.0)]
+    status, refused = None, []
+    for pace in paces:
+        planner.pace = pace
+        why = queue.take(planner.plan(status), feet, walks=status is not None)
+        if why:
+            refused.append(f"{pace}: {why}")
+            break
+        move = queue.begin(feet)
+        feet[move.side] = move.place
+        apart = move.place.seen_from(feet[1 - move.side])[1]
+        assert abs(apart) > 2.0 * HALF_M - 1e-5
+        status = msgspec.structs.replace(
+            STATUS,
+            last_step=queue.begun,
+            moved=("left", "right")[move.side],
+            goal_left=list(feet[0]),
+            goal_right=list(feet[1]),
+        )
+    return refused
+
+
+def test_all_velocities_of_the_live_page_are_walked() -> None:
+    refused = [
+        why
+        for ahead, aside, turn in itertools.product(AHEAD, ASIDE, TURN)
+        for why in _refusals(
+            [PACE._replace(ahead=ahead, lateral=aside, yaw_rate=math.radians(turn))]
+            * 6,
+        )
+    ]
+    assert refused == []
+
+
+def test_velocities_may_change_at_every_step() -> None:
+    rng = random.Random(3)
+    paces = [
+        PACE._replace(
+            ahead=rng.choice(AHEAD),
+            lateral=rng.choice(ASIDE),
+            yaw_rate=math.radians(rng.choice(TURN)),
+        )
+        for _ in range(300)
+    ]
+    assert _refusals(paces) == []
+
+
+def test_too_quick_a_turn_is_refused_as_one() -> None:
+    (why,) = _refusals([PACE._replace(ahead=0.0, yaw_rate=math.radians(40.0))])
+    assert why.endswith("left foot: turned by +1.12 rad, at most 0.6 rad")

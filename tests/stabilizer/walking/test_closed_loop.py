@@ -76,7 +76,7 @@ def test_written_steps_are_set_where_they_are_written(walker: Robot) -> None:
 def test_standing_is_a_walk_without_steps(walker: Robot) -> None:
     """Bit for bit: not even the rounding of the walk's own numbers shows."""
     hashes = []
-    for table in ({}, {"walk": {"start_s": 0.9}}):
+    for table in ({}, {"walk": {"start_s": 0.3}}):
         scenario = scenario_from_table(
             {"name": "stand", "duration_s": 0.6, "sensors": NOISE, **table},
             source="test",

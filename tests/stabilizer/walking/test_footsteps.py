@@ -5,10 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 
+import msgspec
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
-from surefoot.schemas.walk_plan import Step, Walk
+from surefoot.schemas.walk_plan import MOST_STEPS, Step, Walk, WalkPlan
 from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import (
     SIDES,
@@ -68,7 +69,6 @@ def test_two_steps_go_as_far_as_the_velocity_says(name: str) -> None:
 @pytest.mark.parametrize("name", PACES)
 def test_steps_can_be_walked(name: str) -> None:
     from surefoot.schemas.messages import SCHEMA_VERSION
-    from surefoot.schemas.walk_plan import WalkPlan
 
     plan = WalkPlan(
         schema=SCHEMA_VERSION, tick=0, stamp_ns=0, begin_tick=0, steps=steps(name)
@@ -109,3 +109,31 @@ def test_slow_drives_take_fewer_steps_in_the_same_time(walker: Robot) -> None:
         for robot in (walker, slow_drives)
     ]
     assert counts[1] < counts[0]
+
+
+def test_footsteps_of_a_velocity_end_with_the_run(walker: Robot) -> None:
+    walk = Walk(velocity_m_s=0.25, start_s=1.0, stop_s=3600.0)
+    settings = WalkSettings()
+    plan = plan_of(walk, walker, settings, duration_s=9.0)
+    last_s = 1.0 + settings.shift_s + (len(plan.steps) - 1) * 0.8
+    assert 9.0 - 0.8 < last_s <= 9.0
+
+
+def test_an_hour_of_the_shortest_steps_is_a_plan(walker: Robot) -> None:
+    walk = Walk(start_s=0.0, stop_s=3600.0, step_s=0.2, double_s=0.05)
+    plan = plan_of(walk, walker, WalkSettings(), duration_s=3600.0)
+    assert 10000 < len(plan.steps) <= MOST_STEPS
+    assert msgspec.convert(msgspec.to_builtins(plan), WalkPlan) == plan
+
+
+def test_an_arc_back_is_one(walker: Robot) -> None:
+    """Heading and middle go where the velocity says, whichever foot opens."""
+    pace = Pace(-0.2, 0.0, 0.3, single_s=0.6, double_s=0.2, height_m=0.05)
+    endless = steps_at(pace, ORIGIN, half_width=HALF_M, first_id=0)
+    taken = places(list(itertools.islice(endless, 12)))
+    assert taken[0][0] == 1  # the right one is outside: going back it is the leading
+    last = taken[-1][1]
+    assert last.yaw == pytest.approx(12 * 0.8 * 0.3)
+    middle = last.beside(0.0, -HALF_M)
+    radius = 0.2 / 0.3
+    assert math.hypot(middle.x, middle.y + radius) == pytest.approx(radius, abs=0.03)

@@ -101,6 +101,28 @@ def test_what_no_robot_can_step_to_is_refused(
     assert len(queue) == 0
 
 
+@pytest.mark.parametrize(
+    ("place", "yaw", "over_mm"),
+    [
+        ([0.04, 0.17, 0.0], -0.6, 48),
+        ([-0.04, 0.17, 0.0], 0.6, 48),
+        ([0.0, 0.21, 0.0], -0.6, 8),
+        ([0.0, 0.22, 0.0], -0.6, 0),
+        ([0.0, 0.17, 0.0], 0.0, 0),
+        ([0.3, 0.17, 0.0], -0.6, 0),  # past the other one's toe
+    ],
+)
+def test_no_sole_is_set_on_the_other_one(
+    place: list[float], yaw: float, over_mm: int
+) -> None:
+    soles = [(0.1357, 0.0774)] * 2
+    queue = StepQueue(LIMITS, half_width=HALF_M, nearest=0.1698, soles=soles)
+    feet = [Foothold(0.0, 0.22, 0.0, 0.0), Foothold(0.0, 0.0, 0.0, 0.0)]
+    why = queue.take(plan(step(0, position=place, yaw=yaw)), feet, walks=False)
+    words = f"step 0, left foot: its sole would stand on the other one by {over_mm} mm"
+    assert why == (words if over_mm else "")
+
+
 def test_the_foot_on_its_way_cannot_be_next(queue: StepQueue) -> None:
     queue.take(plan(step(0)), FEET, walks=False)
     queue.begin(FEET)
