@@ -225,7 +225,7 @@ def walk(
     where = f"the walk is at: {status.phase}"
     if steps is None and not stop.is_set and not status.refusal:
         where = "the robot's run is over"
-    log_note(f"{status.steps_done} steps taken; {where}")
+    log_note(f"the robot has taken {status.steps_done} steps so far; {where}")
     if as_json:
         print_json(status)
     if status.refusal:
