@@ -241,7 +241,7 @@ class DenseQp:
             return True
         self.G.dot(x, out=self._slack)
         np.subtract(self._slack, self.h_u, out=self._slack)
-        return float(self._slack.max()) <= tolerance
+        return float(np.maximum.reduce(self._slack)) <= tolerance
 
     def _solve_constrained(self) -> QpSolution:
         arrays = (self.P, self.q_lin, self.G, self.h_u, self.x_l, self.x_u)

@@ -254,19 +254,23 @@ class ForceFeedback:
             index = 6 * side + axis
             # Velocity of the pressed point along the normal is v_z + turn * arm.
             arm = F[axis] / F[NORMAL]
+            outward = abs(arm) / half
+            if outward <= self._sole_scale:  # most ticks, so at once
+                continue
             lowers = math.copysign(1.0, arm)  # turning so, the far edge goes down
             turn = lowers * self.r[index]
+            if turn >= 0.0:
+                continue
             wanted = lowers * F_id[axis] / F_id[NORMAL]
             room = max(
-                _room(abs(arm) / half, begins=self._sole_scale, ends=1.0),
+                _room(outward, begins=self._sole_scale, ends=1.0),
                 _room(wanted / half, begins=self._edge_begins, ends=self._sole_scale),
             )
-            if turn < 0.0 and room < 1.0:
-                own = lowers * dynamics.Lambda_c_inv[index, index] * self._scaled[index]
-                free = 1.0 - self._kept_flat * (1.0 - room)
-                kept = free * turn + (1.0 - free) * max(own, 0.0)
-                self.r[index] = lowers * kept
-                self.r[6 * side + NORMAL] += (turn - kept) * min(abs(arm), half)
+            own = lowers * dynamics.Lambda_c_inv[index, index] * self._scaled[index]
+            free = 1.0 - self._kept_flat * (1.0 - room)
+            kept = free * turn + (1.0 - free) * max(own, 0.0)
+            self.r[index] = lowers * kept
+            self.r[6 * side + NORMAL] += (turn - kept) * min(abs(arm), half)
 
     def _feed_forward(self, side: int, F: list[float]) -> None:
         """Have a foot that stands firmly move with its ground.
@@ -335,9 +339,9 @@ class ForceFeedback:
         offset = stance.p_sole[side] - dynamics.p_sole[side]
         offset[2] = 0.0
         start = 6 * side
-        pull = offset @ R
-        self.r[start] += self._leak * pull[0]
-        self.r[start + 1] += self._leak * pull[1]
+        along_x, along_y, _ = offset.dot(R).tolist()
+        self.r[start] += self._leak * along_x
+        self.r[start + 1] += self._leak * along_y
         yaw = yaw_from(R, stance.yaw_sole[side])
         self.r[start + 5] -= self._leak * yaw
 

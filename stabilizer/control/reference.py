@@ -69,7 +69,7 @@ class Stance:
         Args:
             R_world_base: (3, 3) estimated base rotation.
         """
-        self.base_error[:] = pin.log3(R_world_base.T @ self.R_base)
+        self.base_error[:] = pin.log3(R_world_base.T.dot(self.R_base))
 
     def follow(self, reference: Reference | None, model: RobotModel) -> None:
         """Take over a planner's newest reference, unless that is done already.

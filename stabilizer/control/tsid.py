@@ -262,7 +262,7 @@ class Tsid:
         if solution.ok:
             self.tau[:] = solution.x
             self.F_id[:] = 0.0
-            self.F_id[problem.rows] = problem.Gamma_c @ solution.x + problem.h_c
+            self.F_id[problem.rows] = problem.Gamma_c.dot(solution.x) + problem.h_c
         return solution
 
     def problem(self, in_contact: list[bool]) -> DenseQp:
@@ -279,8 +279,7 @@ class Tsid:
         # One factorisation: Lambda_c [J_c H^-1 S^T, J_c H^-1 c - Jdot_c v].
         known = problem.known
         known[:, :-1] = X[N_BASE_V:].T
-        known[:, -1] = dynamics.c @ X
-        known[:, -1] -= dynamics.Jdot_v_contact[rows]
+        known[:, -1] = dynamics.c.dot(X) - dynamics.Jdot_v_contact[rows]
         _, solved, info = lapack.dposv(
             dynamics.Lambda_c_inv[rows, rows], known, lower=1
         )
@@ -291,7 +290,7 @@ class Tsid:
         X.dot(problem.Gamma_c, out=self.A)
         self.A += dynamics.H_inv[:, N_BASE_V:]
         X.dot(problem.h_c, out=self.b)
-        self.b -= dynamics.H_inv @ dynamics.c
+        self.b -= dynamics.H_inv.dot(dynamics.c)
         return True
 
     def _stack_tasks(

@@ -159,7 +159,7 @@ class Estimator:
         """
         self._attitude.update(
             snapshot.angular_velocity,
-            snapshot.linear_acceleration - self._R_imu_base @ self._accel_bias.bias,
+            snapshot.linear_acceleration - self._R_imu_base.dot(self._accel_bias.bias),
             leg_velocity=self._unit_velocity,
         )
         self._update_share(wrenches)
@@ -189,8 +189,8 @@ class Estimator:
         return self._ground.acceleration
 
     @property
-    def force_offsets(self) -> Array:
-        """What normal forces are too large by, left and right, (2,) [N]."""
+    def force_offsets(self) -> list[float]:
+        """What normal forces are too large by, left and right [N]."""
         return self._felt_motion.offsets
 
     def _read(self, snapshot: Snapshot) -> None:
@@ -350,7 +350,7 @@ class Estimator:
         if tells:
             bias.learn(feet.by_force, feet.by_pressure, self._rows)
             feet.learn_offsets(self._com, self._soles)
-        felt -= self.R_world_base @ bias.bias
+        felt -= self.R_world_base.dot(bias.bias)
         h_x, h_y, _ = felt.tolist()
         r_x, r_y, _ = feet.relative
         self._ground.update(

@@ -68,7 +68,7 @@ class FeltMotion:
         by_pressure: (3,) the same by where the soles are pressed; z is zero.
         relative: acceleration of the accelerometer against the centre of mass, by
             the joints [m/s^2].
-        offsets: (2,) what the left and the right normal force are too large by: zero
+        offsets: what the left and the right normal force are too large by: zero
             unless their sum is off by far [N].
     """
 
@@ -83,7 +83,7 @@ class FeltMotion:
         self._count = 0
         self._sudden = self._odd_s = 0.0
         self._excess = self._aside = 0.0
-        self.offsets: Array = np.zeros(2)
+        self.offsets = [0.0, 0.0]
         self.relative = (0.0, 0.0, 0.0)
         self.by_force = (0.0, 0.0, 0.0)
         self.by_pressure = (0.0, 0.0, 0.0)
@@ -177,7 +177,7 @@ class FeltMotion:
         begins, ends = OFFSET_SHARES
         off = abs(self._excess) / (2.0 * self._least) - begins
         if off <= 0.0:
-            self.offsets[:] = 0.0
+            self.offsets[:] = 0.0, 0.0
             return
         share = min(1.0, off / (ends - begins)) / apart
         a_left = ((com_x - left[0]) * d_x + (com_y - left[1]) * d_y) / apart

@@ -288,7 +288,7 @@ class Observer:
             snapshot.ft_left, snapshot.ft_right, kinematics.R_world_sole
         )
         self._measured = F_meas
-        if isinstance(estimator, Estimator) and estimator.force_offsets.any():
+        if isinstance(estimator, Estimator) and any(estimator.force_offsets):
             self._measured = self._reported
             self._reported[:] = F_meas
             F_meas[NORMAL::6] -= estimator.force_offsets

@@ -164,7 +164,7 @@ def test_a_payload_is_no_offset(model: RobotModel) -> None:
     load[[2, 8]] = 0.04 * model.weight
     readings = at_rest(model, duration_s=1.0)
     estimator = follow(model, readings, disturb=lambda F: F + load)
-    assert not estimator.force_offsets.any()
+    assert not any(estimator.force_offsets)
 
 
 def test_gyroscope_off_by_more_than_slow_ground_turns(model: RobotModel) -> None:
