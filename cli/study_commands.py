@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,7 @@ from surefoot.errors import UsageError
 if TYPE_CHECKING:
     from surefoot.studies.cell import Cell
 
+MOST_SEED = 2**62
 REPORT_NEEDS = ("viser", "yourdfpy", "plotly")
 
 
@@ -97,22 +98,21 @@ def sweep(
         print_table(study_tables(done.summaries))
 
 
-def parse_seeds(text: str) -> list[int]:
+def parse_seeds(text: str) -> Sequence[int]:
     """Parse seeds such as ``0:50`` (0 to 49) or ``1,4,7``.
 
     Raises:
         UsageError: neither.
     """
     first, colon, end = text.partition(":")
-    try:
+    seeds: Sequence[int] = []
+    with suppress(ValueError):
         numbers = text.split(",")
-        seeds = list(range(int(first), int(end))) if colon else [*map(int, numbers)]
-    except ValueError:
-        seeds = []
-    if not seeds or min(seeds) < 0:
+        seeds = range(int(first), int(end)) if colon else sorted(map(int, numbers))
+    if not seeds or seeds[0] < 0 or seeds[-1] > MOST_SEED:
         raise UsageError(
             f"--seeds {text!r}: expected FROM:TO, such as 0:50 for 50 seeds, or a "
-            "list such as 1,4,7"
+            f"list such as 1,4,7; from 0 to {MOST_SEED}"
         )
     return seeds
 
@@ -141,14 +141,17 @@ def parse_vary(text: str) -> list[tuple[str, Any]]:
 
 
 def _spaced(text: str, values: str) -> list[float]:
+    from surefoot.studies.study import MOST_RUNS
+
     first, last, count = values.split(":")
     try:
         low, high, n = float(first), float(last), int(count)
     except ValueError:
         n = 0
-    if n < 2:
+    if not 2 <= n <= MOST_RUNS:
         raise UsageError(
-            f"--vary {text!r}: expected numbers FROM:TO:COUNT with a count of 2 or more"
+            f"--vary {text!r}: expected numbers FROM:TO:COUNT with a count from 2 to "
+            f"{MOST_RUNS}"
         )
     return [low + (high - low) * i / (n - 1) for i in range(n)]
 
@@ -170,7 +173,7 @@ def all_cells(
 
     return make_cells(
         scenarios,
-        combinations=list(product(*(parse_vary(text) for text in vary))),
+        levels=[parse_vary(text) for text in vary],
         controllers=variants,
         servo_profiles=servo_profiles,
         seeds=seeds,

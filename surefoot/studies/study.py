@@ -30,7 +30,8 @@ from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
 from surefoot.studies.tables import markdown_table, write_summary
 
-Values = tuple[tuple[str, Any], ...]
+MOST_RUNS = 1_000_000
+"""Of a study: a year on one processor, and what memory holds of cells."""
 CONFIDENCE = 0.95
 
 
@@ -207,9 +208,7 @@ def study(
     names = [str(scenario) for scenario in several]
     cells = make_cells(
         names,
-        combinations=list(
-            product(*([(k, v) for v in vs] for k, vs in (vary or {}).items()))
-        ),
+        levels=[[(k, v) for v in vs] for k, vs in (vary or {}).items()],
         controllers=controllers,
         servo_profiles=servo_profiles,
         seeds=range(seeds) if isinstance(seeds, int) else list(seeds),
@@ -235,7 +234,7 @@ def study(
 def make_cells(
     scenarios: Sequence[str],
     *,
-    combinations: Sequence[Values],
+    levels: Sequence[Sequence[tuple[str, Any]]],
     controllers: Sequence[str],
     servo_profiles: Sequence[str],
     seeds: Sequence[int],
@@ -244,27 +243,33 @@ def make_cells(
 
     Args:
         scenarios: shipped names or paths.
-        combinations: values of scenario keys by path, one entry a combination.
+        levels: for each scenario key that is varied, its path with each value.
         controllers: see :func:`study`.
         servo_profiles: of the robot file.
         seeds: of the sensor noise.
 
     Raises:
-        UsageError: there is no such controller, or a key is varied twice.
+        UsageError: there is no such controller, a key is varied twice, or there are
+            more than ``MOST_RUNS``.
     """
-    for values in combinations:
-        varied = [name for name, _ in values]
-        twice = next((name for name in varied if varied.count(name) > 1), None)
-        if twice is not None:
-            raise UsageError(
-                f"{twice}: is varied twice; give all of its values at once, such as "
-                f"--vary {twice}=A,B"
-            )
+    varied = [path for key in levels for path, _ in key[:1]]
+    twice = next((path for path in varied if varied.count(path) > 1), None)
+    if twice is not None:
+        raise UsageError(
+            f"{twice}: is varied twice; give all of its values at once, such as "
+            f"--vary {twice}=A,B"
+        )
+    factors = (scenarios, *levels, servo_profiles, controllers, seeds)
+    runs = math.prod(map(len, factors))
+    if runs > MOST_RUNS:
+        raise UsageError(
+            f"{runs:.3g} runs: expected at most {MOST_RUNS}; give fewer values or seeds"
+        )
     names = [find_variant(name).name for name in controllers]
     groups = [
         Group(scenario, hashable(values), variant, profile)
         for scenario in scenarios
-        for values in combinations
+        for values in product(*levels)
         for profile in servo_profiles
         for variant in names
     ]

@@ -21,10 +21,10 @@ from tests.command import run_surefoot
     ("text", "seeds"), [("0:4", [0, 1, 2, 3]), ("7", [7]), ("1,4,7", [1, 4, 7])]
 )
 def test_seeds_are_a_range_or_a_list(text: str, seeds: list[int]) -> None:
-    assert parse_seeds(text) == seeds
+    assert list(parse_seeds(text)) == seeds
 
 
-@pytest.mark.parametrize("text", ["", "a:b", "4:4", "-1,2", "1;2"])
+@pytest.mark.parametrize("text", ["", "a:b", "4:4", "-1,2", "1;2", f"0:{10**20}"])
 def test_other_seeds_are_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--seeds"):
         parse_seeds(text)
@@ -36,7 +36,9 @@ def test_values_are_a_list_or_evenly_spaced() -> None:
     assert spaced == pytest.approx([0.4, 0.6, 0.8, 1.0])
 
 
-@pytest.mark.parametrize("text", ["friction", "friction=", "friction=0:1:x"])
+@pytest.mark.parametrize(
+    "text", ["friction", "friction=", "friction=0:1:x", "friction=0:1:2000000"]
+)
 def test_other_values_are_refused(text: str) -> None:
     with pytest.raises(UsageError, match="--vary"):
         parse_vary(text)
@@ -53,6 +55,17 @@ def test_every_combination_is_there_once_a_round_per_seed() -> None:
     assert len({cell.key for cell in cells}) == len(cells) == 2 * 2 * 3 * 2 * 2
     half = len(cells) // 2
     assert {cell.seed for cell in cells[:half]} == {3}
+
+
+def test_a_study_that_no_one_could_run_is_refused_at_once() -> None:
+    with pytest.raises(UsageError, match="1e\\+18 runs: expected at most 1000000"):
+        all_cells(
+            ["standing"],
+            vary=["friction=0.4:1:1000000"],
+            variants=["whole-body"],
+            servo_profiles=["ideal"],
+            seeds=range(10**12),
+        )
 
 
 def test_unknown_controller_is_refused_with_the_valid_ones() -> None:
