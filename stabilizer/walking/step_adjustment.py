@@ -53,7 +53,7 @@ class StepAdjustment:
 
         Args:
             settings: dead band, weights, speed and limits.
-            nearest: least sideways distance of the feet [m].
+            nearest: least sideways distance of parallel feet [m].
             half_sizes: half length and half width of a sole [m].
             period_s: time between two updates [s].
         """
@@ -168,10 +168,14 @@ class StepAdjustment:
         """Write what the legs reach, and how soon and late the foot may land."""
         settings, qp, omega = self._settings, self._qp, gait.omega
         limit_x, limit_y = settings.adjust_limit_m
-        p_x, p_y, _ = move.place.seen_from(support)
+        p_x, p_y, yaw = move.place.seen_from(support)
+        half_length, half_width = self._half_sizes
+        # The corner of a sole that is turned against the other one is nearer to it.
+        corner = abs(math.sin(yaw)) * half_length + math.cos(yaw) * half_width
+        nearest = self._nearest + corner - half_width
         qp.x_l[_AHEAD] = max(-limit_x, min(0.0, -settings.longest_m - p_x))
         qp.x_u[_AHEAD] = min(limit_x, max(0.0, settings.longest_m - p_x))
-        low = max(-limit_y, min(0.0, self._nearest - abs(p_y)))
+        low = max(-limit_y, min(0.0, nearest - abs(p_y)))
         high = min(limit_y, max(0.0, settings.farthest_m - abs(p_y)))
         if move.side == 1:
             low, high = -high, -low

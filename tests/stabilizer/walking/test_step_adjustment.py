@@ -32,6 +32,7 @@ class Step:
         side: int = 0,
         ahead: float = 0.1,
         yaw: float = 0.0,
+        turn: float = 0.0,
         settings: WalkSettings = SETTINGS,
         at: float = T,
     ) -> None:
@@ -40,7 +41,7 @@ class Step:
         self.move = Move(
             id=0,
             side=side,
-            place=self.support.beside(ahead, across),
+            place=self.support.beside(ahead, across, turn),
             single_s=SINGLE_S,
             double_s=DOUBLE_S,
             height_m=0.05,
@@ -123,6 +124,16 @@ def test_feet_stay_apart_and_a_push_over_the_standing_foot_hurries_none(
     step.push(0.0, 0.15 * over)
     assert abs(step.shift[1]) <= 0.22 - NEAREST_M + 1e-6
     assert step.left_s >= SINGLE_S - T - 1e-6
+
+
+@pytest.mark.parametrize("turn", [0.3, -0.3])
+def test_a_turned_foot_is_not_shifted_onto_the_other_one(turn: float) -> None:
+    step = Step(ahead=0.0, turn=turn)
+    step.push(0.0, -0.2)
+    half_length, half_width = HALF_SIZES
+    reaches = math.sin(abs(turn)) * half_length + math.cos(turn) * half_width
+    assert step.shift[1] < 0.0
+    assert 0.22 + step.shift[1] - reaches >= half_width
 
 
 def test_a_leg_is_given_the_time_that_it_needs() -> None:
