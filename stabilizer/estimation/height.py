@@ -49,8 +49,9 @@ AGREE_M_S2 = 0.05
 """Feet and accelerometer that differ by less agree [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
 """Gravity differs by so much from place to place [m/s^2]."""
-CHANGE_M_S2, FEWEST_READINGS = 0.15, 50
-"""An acceleration that changes by more in so many readings is the ground's [m/s^2]."""
+CHANGE_M_S, FEWEST_READINGS = 0.015, 50
+"""An acceleration whose change in the time watched, times that time, is more, is the
+ground's [m/s]; so many readings at least."""
 BRAKING_M_S2 = 1.5
 """The level goes along with ground that nears the stroke's end once stopping it there
 would take this; no platform within the stroke asks for as much [m/s^2]."""
@@ -163,7 +164,8 @@ class HeightFilter:
         mean = self._sum / self._count
         if self._count >= FEWEST_READINGS:
             lopsided = self._moment - 0.5 * (self._count + 1) * self._sum
-            moves = moves or abs(12.0 * lopsided) > CHANGE_M_S2 * self._count**2
+            least = CHANGE_M_S / (self._count * self._dt)
+            moves = moves or abs(12.0 * lopsided) > least * self._count**2
         self._feet.calibrate(difference)
         # Ground that speeds up evenly looks like a bias, but not to the feet. These are
         # off themselves by what the robot carries: it would be chance if both agreed.
@@ -179,7 +181,9 @@ class HeightFilter:
         self._height, self._rate = height, rate
         self._leg_mean = rate
         self._ground_speed = 0.1 if moves else 0.0
-        self._learnt = Learnt() if moves else None
+        # What both feel beyond gravity is the ground or chance: that has to be seen.
+        doubt = LIKELY_BIAS_M_S2 if moves else abs(mean - bias)
+        self._learnt = Learnt(doubt) if doubt > NOISE_MARGIN_M_S2 else None
 
     def update(
         self,
@@ -327,9 +331,13 @@ class Learnt:
     for a while: the oftener it was seen, the better its mean is known.
     """
 
-    def __init__(self) -> None:
-        """Know nothing but what is likely."""
-        self._hh, self._rr, self._bb = GROUND_M**2, GROUND_M_S**2, LIKELY_BIAS_M_S2**2
+    def __init__(self, bias: float) -> None:
+        """Know nothing but what is likely.
+
+        Args:
+            bias: standard deviation of what has not been seen of it [m/s^2].
+        """
+        self._hh, self._rr, self._bb = GROUND_M**2, GROUND_M_S**2, bias**2
         self._hr = self._hb = self._rb = 0.0
 
     @property
