@@ -9,7 +9,6 @@ import tempfile
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
 from typing import IO, BinaryIO, Self
 
 from surefoot.errors import EnvironmentFailedError, UsageError
@@ -293,12 +292,7 @@ class OutFolder:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         """Release the folder; without anything worth keeping it is as before."""
         if self.out is None:
             shutil.rmtree(self.path, ignore_errors=True)

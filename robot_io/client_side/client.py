@@ -6,7 +6,6 @@ import contextlib
 import os
 import time
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -114,12 +113,7 @@ class RobotClient:
         """Do nothing yet; see :meth:`connect`."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Give the lease back and close the bus."""
         try:
             if self._commands_still():

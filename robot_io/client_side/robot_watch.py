@@ -12,7 +12,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
-from types import TracebackType
 from typing import NamedTuple, Self
 
 from surefoot.robot_io.bus.bus import DIAL_S, Bus
@@ -235,12 +234,7 @@ class ReadOnlyClient(ABC):
         """Do nothing yet; see :meth:`connect`."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Close the bus; what the robot said last stays known."""
         self._hear_farewell()
         self._stack.close()

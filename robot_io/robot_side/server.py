@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from enum import Enum
-from types import TracebackType
 from typing import Self
 
 from surefoot.robot_io.bus.bus import Bus
@@ -210,12 +209,7 @@ class RobotServer:
         self._stop.waking(self._bus.waker.interrupt)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Close the bus."""
         self._stack.close()
 

@@ -16,7 +16,6 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 import msgspec
@@ -206,12 +205,7 @@ class StudyStore:
                 file.write(msgspec.json.encode(row) + b"\n")
         self._file = self._path.open("ab")
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Close the file, and let others write there."""
         if self._file is not None:
             self._file.close()
