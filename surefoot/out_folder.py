@@ -1,4 +1,7 @@
-"""Folders and files that commands write: claimed at the start, others' left alone."""
+"""What long work is given: a place for its files, and a bar for its progress.
+
+Folders and files are claimed at the start, and others' left alone.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,9 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from typing import IO, BinaryIO, Self
+from typing import IO, BinaryIO, Protocol, Self
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 
@@ -328,3 +331,28 @@ class OutFolder:
             for file in self.path.glob(pattern):
                 if file.is_file() or file.is_symlink():
                     file.unlink()
+
+
+class CountBar(Protocol):
+    """Opens a bar that counts; entering it gives a function to call after each."""
+
+    def __call__(
+        self, title: str, *, total: int, done: int, of: str = "runs"
+    ) -> AbstractContextManager[Callable[[], None]]:
+        """Open the bar.
+
+        Args:
+            title: what is under way.
+            total: of all things.
+            done: already, before now.
+            of: what the things are called.
+        """
+
+
+@contextmanager
+def no_bar(
+    title: str, *, total: int, done: int, of: str = "runs"
+) -> Iterator[Callable[[], None]]:
+    """Provide a bar that shows nothing: the default throughout the library."""
+    del title, total, done, of
+    yield lambda: None

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from surefoot.controllers import compute_margins
-from surefoot.out_folder import OutFolder
-from surefoot.progress import CountBar, no_bar
+from surefoot.out_folder import CountBar, OutFolder, no_bar
 from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of
 from surefoot.report.panels import (
     RUN_COLOURS,
