@@ -95,6 +95,7 @@ def relay(
     """
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import relay_table
+    from surefoot.out_folder import write_json
     from surefoot.processes.child import (
         begin_as_child,
         log_note,
@@ -104,7 +105,6 @@ def relay(
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.relay.relay import Relay, find_plan
     from surefoot.robot_io.robot import load_robot
-    from surefoot.run_folder import write_struct
     from surefoot.schemas.relay_plan import load_relay_plan
 
     set_up_logging("relay")
@@ -135,7 +135,7 @@ def relay(
         on_ready=on_ready,
     )
     if result_file is not None:
-        write_struct(result_file, result)
+        write_json(result_file, result)
     if not child:
         if as_json:
             print_json(result)

@@ -42,6 +42,7 @@ def robot(
     from msgspec.structs import replace
 
     from surefoot.cli.options import check_priority, claim_processor
+    from surefoot.out_folder import write_json
     from surefoot.outcome import judge
     from surefoot.processes.child import (
         begin_as_child,
@@ -52,7 +53,6 @@ def robot(
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
-    from surefoot.run_folder import write_struct
     from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.schemas.scenario import load_scenario
     from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
@@ -100,7 +100,7 @@ def robot(
     if ticks is not None:
         result = replace(result, unrecorded_ticks=ticks.lost_ticks)
     if result_file is not None:
-        write_struct(result_file, result)
+        write_json(result_file, result)
     judgement = judge(result, is_realtime=not lockstep, period_s=model.period_s)
     code = exit_code_for(judgement.outcome)
     if child and code is ExitCode.FAILED:

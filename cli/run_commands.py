@@ -257,6 +257,7 @@ def stabilizer(
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.options import check_priority, claim_processor
     from surefoot.cli.summary import controller_table, histogram_table
+    from surefoot.out_folder import write_json
     from surefoot.processes.child import (
         begin_as_child,
         log_note,
@@ -266,7 +267,7 @@ def stabilizer(
     from surefoot.robot_io.realtime import Pace, StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
-    from surefoot.run_folder import QP_FAILURE, write_struct
+    from surefoot.run_folder import QP_FAILURE
     from surefoot.run_plan import resolve_settings, steps_of
     from surefoot.schemas.endpoints import choose_endpoints
 
@@ -319,7 +320,7 @@ def stabilizer(
     if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
         log_warning(in_words(result.end, result.end_detail))
     if result_file is not None:
-        write_struct(result_file, result)
+        write_json(result_file, result)
     if not child:
         if as_json:
             print_json(result)

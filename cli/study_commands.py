@@ -204,7 +204,7 @@ def reproduce(
     less than five minutes. Ended early, it goes on where it was.
     """
     from surefoot.cli.console import count_bar, print_note
-    from surefoot.out_folder import atomic_file
+    from surefoot.out_folder import write_whole
     from surefoot.studies.execute import execute
     from surefoot.studies.paper import cells_of, extent
     from surefoot.studies.paper_page import (
@@ -236,8 +236,7 @@ def reproduce(
             with count_bar("figures", total=len(undrawn), done=0) as tell:
                 for name in undrawn:
                     svg = draw(SHOWN[name], {v: record(name, v) for v in COMPARED})
-                    with atomic_file(folder / f"{name}.svg") as file:
-                        file.write(svg)
+                    write_whole(folder / f"{name}.svg", svg)
                     tell()
         rows = [store.rows[cell.key] for cell in cells if cell.key in store.rows]
         if not rows:

@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import OutFolder, atomic_file
+from surefoot.out_folder import OutFolder, write_json
 from surefoot.run_plan import RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
 
@@ -84,7 +84,7 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
         "platform": platform.platform(),
         "packages": {name: _version(name) for name in _PACKAGES},
     }
-    (folder / MARKER).write_bytes(msgspec.json.format(msgspec.json.encode(about)))
+    write_json(folder / MARKER, about)
 
 
 def write_result(folder: OutFolder, result: RunResult) -> RunResult:
@@ -95,7 +95,7 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     """
     name = None if folder.out is None else _printable(str(folder.out))
     result = msgspec.structs.replace(result, out=name)
-    write_struct(folder.path / RESULT, result)
+    write_json(folder.path / RESULT, result)
     return result
 
 
@@ -162,14 +162,8 @@ def _naming_damage(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def write_struct(path: Path, value: msgspec.Struct) -> None:
-    """Write a struct as JSON, whole or not at all."""
-    with atomic_file(path) as file:
-        file.write(msgspec.json.format(msgspec.json.encode(value)) + b"\n")
-
-
 def read_struct(path: Path, kind: type[_T]) -> _T:
-    """Read what :func:`write_struct` wrote."""
+    """Read the struct that a file of JSON holds."""
     return msgspec.json.decode(path.read_bytes(), type=kind)
 
 
