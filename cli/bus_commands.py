@@ -56,7 +56,7 @@ def topics(
     from surefoot.schemas.endpoints import choose_endpoints
 
     model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     with Listener(
         model, endpoints=meeting, patterns=["**"], elsewhere=True
     ) as listener:
@@ -143,7 +143,7 @@ def echo(
     model = load_robot(robot, servo_profile=servo_profile)
     entry = find_channel(channel, model)
     check_fields(fields or [], entry.message)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     shown = Echo(
         entry,
         joint_count=model.n_a,
@@ -243,7 +243,7 @@ def hz(
 
     model = load_robot(robot, servo_profile=servo_profile)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     has_delay = same_clock(dialed(meeting))
     meters = {
         f"{model.file.namespace}/{model.keys[entry.name]}": TimingMeter(

@@ -53,12 +53,7 @@ def record(
             "tick times period, for a robot in lockstep.",
         ),
     ] = LogTime.STAMPS,
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
-        ),
-    ] = 10.0,
+    wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
     cpu: options.CpuOption = None,
@@ -75,12 +70,7 @@ def record(
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import counts_table
     from surefoot.errors import UsageError
-    from surefoot.processes.child import (
-        begin_as_child,
-        log_note,
-        report_ready,
-        set_up_logging,
-    )
+    from surefoot.processes.child import begin_process, log_note, report_ready
     from surefoot.recording.contents import RING_DEPTH, attachments, record_bus
     from surefoot.recording.write import LogTimes, McapFile
     from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
@@ -88,14 +78,12 @@ def record(
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
 
-    set_up_logging("recorder")
-    if child:
-        begin_as_child()
+    begin_process("recorder", child=child)
     if out.suffix != ".mcap" or not out.absolute().parent.is_dir():
         raise UsageError(f"--out {out}: expected a name .mcap in a folder that exists")
     options.claim_processor(cpu=cpu, priority=realtime_priority)
     model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     kept = attachments(model, attach or [])
     # Status last: whoever receives it has subscribed to all others.
     channels = (*(name for name in ALL_CHANNELS if name != "status"), "status")

@@ -149,7 +149,7 @@ def replay(
         from surefoot.schemas.endpoints import choose_endpoints
 
         meeting = choose_endpoints(
-            endpoints, listen=listen or [], connect=[], router=router, insecure=insecure
+            endpoints, listen=listen, router=router, insecure=insecure
         )
         _play(
             timeline,
@@ -228,11 +228,11 @@ def _play(
     from surefoot.cli.console import progress_bar
     from surefoot.playback.replay import between, play
     from surefoot.playback.timeline import PLAYABLE
-    from surefoot.processes.child import log_note, set_up_logging
+    from surefoot.processes.child import begin_process, log_note
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot_side.replay_server import ReplayServer
 
-    set_up_logging("replay")
+    begin_process("replay")
     period_s = robot.period_s
     entries = between(timeline, period_s=period_s, from_s=span[0], until_s=span[1])
     if not entries:

@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     from surefoot.studies.cell import Cell
 
 REPORT_NEEDS = ("viser", "yourdfpy", "plotly")
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--out", metavar="DIR", help="Folder of the study; a former one goes on."
+    ),
+]
 
 
 def sweep(
@@ -27,12 +33,7 @@ def sweep(
             autocompletion=complete_scenario,
         ),
     ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder of the study; a former one goes on."
-        ),
-    ],
+    out: OutOption,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -178,12 +179,7 @@ def all_cells(
 
 
 def reproduce(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder of the study; a former one goes on."
-        ),
-    ] = Path("out/reproduce"),
+    out: OutOption = Path("out/reproduce"),
     quick: Annotated[
         bool,
         typer.Option("--quick", help="1 seed, fewer rates, two controllers: minutes."),

@@ -286,6 +286,13 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
     return table
 
 
+def with_histograms(table: Table, histograms: dict[str, Histogram]) -> RenderableGroup:
+    """Return a table of figures with those of its times below it, if there are any."""
+    return RenderableGroup(
+        table, *map(histogram_table, histograms, histograms.values())
+    )
+
+
 def _range(edges: list[float], index: int) -> str:
     if index == 0:
         return f"under {edges[0]:g}"
