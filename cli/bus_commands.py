@@ -228,18 +228,14 @@ def hz(
     was lost meanwhile, with 130 after Ctrl-C, which leaves the last table.
     """
     from surefoot.cli.bus_messages import TimingMeter, hz_table
-    from surefoot.cli.bus_topics import (
-        PUBLISHED,
-        find_channel,
-        same_clock,
-        tell_absences,
-    )
+    from surefoot.cli.bus_topics import find_channel, same_clock, tell_absences
     from surefoot.cli.console import live_table, print_json, print_note, print_table
     from surefoot.robot_io.bus.session import dialed
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
+    from surefoot.schemas.topics import PUBLISHED
 
     model = load_robot(robot, servo_profile=servo_profile)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED

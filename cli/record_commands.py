@@ -73,10 +73,11 @@ def record(
     from surefoot.processes.child import begin_process, log_note, report_ready
     from surefoot.recording.contents import RING_DEPTH, attachments, record_bus
     from surefoot.recording.write import LogTimes, McapFile
-    from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
+    from surefoot.robot_io.client_side.observer import Observer
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
+    from surefoot.schemas.topics import ALL_CHANNELS
 
     begin_process("recorder", child=child)
     if out.suffix != ".mcap" or not out.absolute().parent.is_dir():

@@ -227,7 +227,6 @@ def _play(
 ) -> None:
     from surefoot.cli.console import progress_bar
     from surefoot.playback.replay import between, play
-    from surefoot.playback.timeline import PLAYABLE
     from surefoot.processes.child import begin_process, log_note
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot_side.replay_server import ReplayServer
@@ -242,7 +241,7 @@ def _play(
     stop = StopRequest()
     with (
         stop.on_signals(),
-        ReplayServer(robot, endpoints=meeting, channels=PLAYABLE, stop=stop) as server,
+        ReplayServer(robot, endpoints=meeting, stop=stop) as server,
     ):
         if not now:
             log_note(f"waits at {where} for somebody to subscribe (surefoot view)")

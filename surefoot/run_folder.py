@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 
 from surefoot.errors import UsageError
+from surefoot.installation import installed_version
 from surefoot.out_folder import OutFolder, write_json
 from surefoot.run_plan import RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
@@ -82,7 +82,7 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": {name: _version(name) for name in _PACKAGES},
+        "packages": {name: installed_version(name) for name in _PACKAGES},
     }
     write_json(folder / MARKER, about)
 
@@ -170,10 +170,3 @@ def read_struct(path: Path, kind: type[_T]) -> _T:
 def _printable(name: str) -> str:
     """A name of the file system as text that JSON can hold."""
     return os.fsencode(name).decode("utf-8", "replace")
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None

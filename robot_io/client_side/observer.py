@@ -25,20 +25,9 @@ from surefoot.schemas.messages import (
     StabilizerStatus,
     Truth,
 )
-from surefoot.schemas.topics import (
-    ALIVE_STABILIZER,
-    TOPICS,
-    Direction,
-    topic,
-)
+from surefoot.schemas.topics import ALIVE_STABILIZER, ALL_CHANNELS, topic
 from surefoot.schemas.walk_plan import WalkStatus
 
-ALL_CHANNELS = tuple(
-    entry.name
-    for entry in TOPICS
-    if entry.direction not in (Direction.SERVICE, Direction.STABILIZER_SERVICE)
-)
-"""Every channel that can be subscribed to."""
 REQUEST_TIMEOUT_S = 2.0
 POLL_S = 0.002
 """Polling period of a wait [s]: fine enough for viewers, cheap when idle."""

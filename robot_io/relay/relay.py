@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import threading
 import time
 from collections.abc import Callable
@@ -26,10 +25,12 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan
 from surefoot.schemas.result import RelayResult
+from surefoot.schemas.toml_file import find_toml
 from surefoot.schemas.topics import (
     ALIVE_OBSERVER,
     ALIVE_ROBOT,
     ALIVE_STABILIZER,
+    SERVICES,
     TOPICS,
     Direction,
 )
@@ -48,20 +49,8 @@ def find_plan(name_or_path: str) -> Path:
     Raises:
         FileFormatError: there is no such plan; the message names the nearest.
     """
-    path = Path(name_or_path)
-    if path.suffix == ".toml":
-        if path.is_file():
-            return path
-        raise FileFormatError(f"{path}: no such relay plan")
-    names = list_plans()
-    if name_or_path in names:
-        return PLANS_DIR / f"{name_or_path}.toml"
-    near = difflib.get_close_matches(name_or_path, names, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise FileFormatError(
-        f"no relay plan named {name_or_path!r}; {hint}shipped are "
-        f"{', '.join(names)}, or give the path of a plan (.toml)"
-    )
+    shipped = {name: PLANS_DIR / f"{name}.toml" for name in list_plans()}
+    return find_toml(name_or_path, shipped, what="relay plan", error=FileFormatError)
 
 
 POLL_S = 0.1
@@ -75,7 +64,6 @@ FROM_THE_ROBOTS_SIDE = (
     Direction.STABILIZER_SERVICE,
 )
 """What is said, or asked, on the side of the robot, where planners and tools are."""
-SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
 
 
 class Relay:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Self
 
@@ -28,6 +28,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import (
     ALIVE_STABILIZER,
+    ALL_CHANNELS,
     TICK_SENSORS,
     TOPICS,
     Direction,
@@ -49,25 +50,18 @@ class ReplayServer:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        *,
-        endpoints: Endpoints,
-        channels: Iterable[str],
-        stop: StopRequest,
+        self, robot: Robot, *, endpoints: Endpoints, stop: StopRequest
     ) -> None:
         """Prepare; entering the context opens the bus.
 
         Args:
             robot: names keys and joints.
             endpoints: where to listen.
-            channels: names of those that will be published.
             stop: ends waits.
         """
         self._robot, self._stop = robot, stop
         self._identity = new_identity(robot)
         self._lease_ms = endpoints.lease_ms
-        self._channels = tuple(channels)
         self._bus = Bus(
             endpoints,
             Role.ROBOT,
@@ -122,7 +116,7 @@ class ReplayServer:
         """Publish a recorded message.
 
         Args:
-            channel: one of those named at the start.
+            channel: its name.
             data: MessagePack bytes.
         """
         if channel == "status":
@@ -133,7 +127,7 @@ class ReplayServer:
         keys = self._robot.keys
         self._publishers = {
             name: self._bus.publisher(keys[name], urgent=name in URGENT)
-            for name in self._channels
+            for name in ALL_CHANNELS
         }
         replies: dict[Direction, Callable[[], ServiceReply | StabilizerReply]] = {
             Direction.SERVICE: self._robots_refusal,

@@ -45,6 +45,25 @@ class NoAnswer(Enum):
     """It is lost: the answer to a later tick has come."""
 
 
+def read_command(
+    data: bytes, gate: CommandGate, *, joint_count: int
+) -> JointCommand | None:
+    """Read a command; the gate counts one that cannot be read as refused.
+
+    Args:
+        data: as it came.
+        gate: of the robot.
+        joint_count: n_a.
+    """
+    try:
+        return decode(data, JointCommand, joint_count=joint_count)
+    except SchemaVersionError as error:
+        gate.refuse(Refusal.SCHEMA, str(error))
+    except MessageError as error:
+        gate.refuse(Refusal.MALFORMED, str(error))
+    return None
+
+
 class CommandInbox:
     """Reads joint commands and has the gate check each of them.
 
@@ -124,16 +143,10 @@ class CommandInbox:
         return None
 
     def _read(self, data: bytes) -> JointCommand | None:
-        try:
-            command = decode(data, JointCommand, joint_count=self._joint_count)
-        except SchemaVersionError as error:
-            self._gate.refuse(Refusal.SCHEMA, str(error))
-        except MessageError as error:
-            self._gate.refuse(Refusal.MALFORMED, str(error))
-        else:
+        command = read_command(data, self._gate, joint_count=self._joint_count)
+        if command is not None:
             self.newest_tick = command.tick
-            return command
-        return None
+        return command
 
 
 class RobotServer:
