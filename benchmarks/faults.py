@@ -13,8 +13,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
-import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -24,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.shortened import shortened
+from benchmarks.started import run_json
 from surefoot.robot_io.relay.relay import list_plans
 from surefoot.schemas.reasons import Outcome
 from surefoot.signals import read_signals
@@ -45,19 +44,8 @@ def run_once(
     with tempfile.TemporaryDirectory() as folder:
         path, out = Path(folder) / f"{scenario}.toml", Path(folder) / "out"
         path.write_text(shortened(scenario, seconds), encoding="utf-8")
-        words = ["run", str(path), f"--{mode}", "--relay", plan, "--seed", str(seed)]
-        done = subprocess.run(
-            [sys.executable, "-m", "surefoot.cli", *words, "--json", "--out", str(out)],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode not in ENDED or not done.stdout:
-            raise RuntimeError(
-                f"surefoot {' '.join(words)}: exit {done.returncode}\n"
-                f"{done.stderr[-800:]}"
-            )
-        result: dict[str, Any] = json.loads(done.stdout)
+        words = (path, f"--{mode}", "--relay", plan, "--seed", seed, "--out", out)
+        result = run_json(*words, ended=ENDED)
         steps = np.abs(np.diff(read_signals(out)["q_command"], axis=0))
         result["step_mrad"] = MRAD * float(steps.max(initial=0.0))
         return result

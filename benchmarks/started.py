@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 T = TypeVar("T")
 DEADLINE_S = 120.0
@@ -26,6 +27,31 @@ def wait_until(condition: Callable[[], T], *, what: str) -> T:
             raise TimeoutError(f"waited {DEADLINE_S:g} s for {what}")
         time.sleep(PAUSE_S)  # another process: nothing here to wait on
     return answer
+
+
+def run_json(*words: object, ended: Collection[int] = (0,)) -> dict[str, Any]:
+    """Return the result object of ``surefoot run``.
+
+    Args:
+        words: after ``run``.
+        ended: exit codes of runs that tell how they ended.
+
+    Raises:
+        RuntimeError: the run told no result; holds its last words.
+    """
+    told = ["run", *map(str, words), "--json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "surefoot.cli", *told],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode not in ended or not done.stdout:
+        raise RuntimeError(
+            f"surefoot {' '.join(told)}: exit {done.returncode}\n{done.stderr[-800:]}"
+        )
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
 
 
 class Started:
