@@ -28,7 +28,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus, ServiceReply
 from surefoot.schemas.reasons import ModeCause
-from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
+from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER
 
 RETURN_S = 10.0
 """A robot that is away without having said that it ends is waited for so long [s]."""
@@ -228,6 +228,7 @@ class ReadOnlyClient(ABC):
         self._is_over = self._is_cut_off = False
         self._lost_s: float | None = None
         self._absences: list[float] = []
+        self._stabilizers: set[str] = set()
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
@@ -260,6 +261,11 @@ class ReadOnlyClient(ABC):
                 return
         what = f"no robot {self._namespace!r} is ready"
         raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
+
+    @property
+    def stabilizers(self) -> tuple[str, ...]:
+        """Identities of the stabilizers on the bus; of those that watch for them."""
+        return tuple(sorted(self._stabilizers))
 
     @property
     def robot_instance(self) -> str:
@@ -350,6 +356,17 @@ class ReadOnlyClient(ABC):
         status = bus.channel(status_key, depth=1)
         self._farewell = Latest(status, RobotStatus, joint_count=self._joint_count)
         self._watch.follow(bus, prefix=prefix)
+
+    def _watch_stabilizers(self, bus: Bus) -> None:
+        """Know from now on which stabilizers there are."""
+        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
+
+    def _on_stabilizer(self, key: str, is_there: bool) -> None:
+        identity = key.rsplit("/", 1)[-1]
+        if is_there:
+            self._stabilizers.add(identity)
+        else:
+            self._stabilizers.discard(identity)
 
     @abstractmethod
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
