@@ -228,25 +228,17 @@ def export(
 ) -> None:
     """Write a record, or the signals of a run, in a format of other tools."""
     from surefoot.cli.console import print_note
-    from surefoot.recording import export
+    from surefoot.recording.export import export_record, export_signals
     from surefoot.recording.read import read_record
     from surefoot.signals import holds_signals, read_signals
 
     if holds_signals(file):
         signals = read_signals(file)
-        written = {
-            ExportFormat.CSV: export.export_signals_csv,
-            ExportFormat.NPZ: export.export_signals_npz,
-            ExportFormat.PARQUET: export.export_signals_parquet,
-        }[to](signals, out, overwrite=overwrite)
+        written = export_signals(signals, to.value, out, overwrite=overwrite)
         left_out = [_CUT_OFF.format(file)] if signals.is_cut_off else []
     else:
         record = read_record(file)
-        written = {
-            ExportFormat.CSV: export.export_csv,
-            ExportFormat.NPZ: export.export_npz,
-            ExportFormat.PARQUET: export.export_parquet,
-        }[to](record, out, overwrite=overwrite)
+        written = export_record(record, to.value, out, overwrite=overwrite)
         left_out = _left_out(record)
     for path in written:
         print_note(f"wrote {path}")
