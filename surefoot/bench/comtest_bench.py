@@ -184,8 +184,8 @@ def comtest(
         scheduler=scheduler,
         out=out,
         bar=bar,
-    ) as runs:
-        rows = runs.rows(cells, title="comtest")
+    ) as run:
+        rows = run(cells, title="comtest")
     results = [sway_result(cell, row) for cell, row in zip(cells, rows, strict=True)]
     found = Comtest(robot, subject, results, None if out is None else Path(out))
     found.write()

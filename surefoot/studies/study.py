@@ -294,7 +294,7 @@ def run_study(
         bar: shows how many runs are done.
     """
     with StudyStore(folder, about={"robot": robot, "set": list(overrides)}) as store:
-        execute(
+        rows = execute(
             cells,
             store,
             robot=robot,
@@ -304,7 +304,6 @@ def run_study(
             title="runs",
             bar=bar,
         )
-        rows = [store.rows[cell.key] for cell in cells]
     made = Study(rows, summarise(rows))
     write_summary(folder, made.summaries)
     return made
