@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
-from typing import Self
 
 import zenoh
 
-from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.robot_side.services import take_place
+from surefoot.robot_io.robot_side.services import RobotsSide
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError
@@ -41,7 +36,7 @@ SETTLED_S = 0.2
 POLL_S = 0.01
 
 
-class ReplayServer:
+class ReplayServer(RobotsSide):
     """Publishes recorded messages where the robot would, and refuses every request.
 
     A context manager, used by one thread. To everyone else it looks like the robot:
@@ -59,36 +54,10 @@ class ReplayServer:
             endpoints: where to listen.
             stop: ends waits.
         """
-        self._robot, self._stop = robot, stop
-        self._identity = new_identity(robot)
-        self._lease_ms = endpoints.lease_ms
-        self._bus = Bus(
-            endpoints,
-            Role.ROBOT,
-            namespace=robot.file.namespace,
-            keys=robot.keys,
-        )
-        self._stack = ExitStack()
+        super().__init__(robot, endpoints=endpoints, stop=stop)
         self._status: RobotStatus | None = None
         self._commander = ""
         self._stabilizer: zenoh.LivelinessToken | None = None
-
-    def __enter__(self) -> Self:
-        """Open the bus; the robot's liveliness token comes last.
-
-        Raises:
-            EndpointError: cannot listen there.
-            SecondRobotError: a robot of its namespace is on the bus.
-        """
-        with ExitStack() as stack:
-            stack.enter_context(self._bus)
-            self._declare()
-            self._stack = stack.pop_all()
-        return self
-
-    def __exit__(self, *why: object) -> None:
-        """Close the bus."""
-        self._stack.close()
 
     def wait_for_audience(self) -> bool:
         """Wait until somebody has subscribed, to all it wants.
@@ -136,13 +105,6 @@ class ReplayServer:
         for entry in TOPICS:
             if entry.direction in replies:
                 self._refuse(keys[entry.name], replies[entry.direction])
-        take_place(
-            self._bus,
-            self._robot,
-            self._identity,
-            lease_ms=self._lease_ms,
-            stop=self._stop,
-        )
 
     def _refuse(
         self, key: str, reply: Callable[[], ServiceReply | StabilizerReply]
@@ -165,8 +127,8 @@ class ReplayServer:
             q_command=(
                 self._robot.nominal.tolist() if status is None else status.q_command
             ),
-            instance=self._identity.instance,
-            description=self._identity.description,
+            instance=self.identity.instance,
+            description=self.identity.description,
             pace=Pace.REALTIME,
         )
 
