@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -124,12 +123,7 @@ def main() -> int:
             )
         }
         for (plan, scenario), runs in cells.items():
-            try:
-                lines.append(line(plan, scenario, [run.result() for run in runs]))
-            except RuntimeError as error:
-                print(error, file=sys.stderr)
-                pool.shutdown(cancel_futures=True)
-                return 1
+            lines.append(line(plan, scenario, [run.result() for run in runs]))
             print(lines[-1], flush=True)
     if arguments.out is not None:
         arguments.out.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import itertools
 import os
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -115,14 +114,7 @@ def main() -> int:
             ]
             for case, fault, side, policy in grid
         }
-        try:
-            cells = {
-                key: cell([run.result() for run in of]) for key, of in runs.items()
-            }
-        except RuntimeError as error:
-            print(error, file=sys.stderr)
-            pool.shutdown(cancel_futures=True)
-            return 1
+        cells = {key: cell([run.result() for run in of]) for key, of in runs.items()}
     text = table(cells)
     print(text, end="")
     if arguments.out is not None:

@@ -12,7 +12,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from surefoot.out_folder import atomic_file, write_json, write_whole
+from surefoot.out_folder import write_json, write_whole
 from surefoot.studies.cell import Group, in_words
 
 if TYPE_CHECKING:
@@ -218,17 +218,12 @@ def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def write_csv(path: Path, summaries: Summaries) -> None:
     """Write one row per group and one number per column."""
-    with atomic_file(path) as raw:
-        text = io.TextIOWrapper(raw, encoding="utf-8", newline="", write_through=True)
-        writer = csv.writer(text)
-        header: list[str] | None = None
-        for group, summary in summaries.items():
-            flat = _flat(group, summary)
-            if header is None:
-                header = list(flat)
-                writer.writerow(header)
-            writer.writerow(flat.values())
-        text.detach()
+    rows = [_flat(*each) for each in summaries.items()]
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerows(rows[:1])
+    writer.writerows(row.values() for row in rows)
+    write_whole(path, text.getvalue().encode())
 
 
 def _flat(group: Group, summary: GroupSummary) -> dict[str, object]:
