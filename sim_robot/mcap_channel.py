@@ -79,7 +79,8 @@ def _decoder(schema: Schema | None, channel: Channel, file: str) -> _Decoder:
     if channel.message_encoding == "json":
         return json.loads
     if channel.message_encoding == "msgpack":
-        return _unpack
+        unpack: _Decoder = msgpack.unpackb
+        return unpack
     if channel.message_encoding == "cdr":
         try:
             from mcap_ros2.decoder import DecoderFactory
@@ -97,10 +98,6 @@ def _decoder(schema: Schema | None, channel: Channel, file: str) -> _Decoder:
         f"{file}: messages of {channel.topic!r} are {channel.message_encoding!r}, "
         "expected json, msgpack or cdr; export them as .csv",
     )
-
-
-def _unpack(data: bytes) -> Any:
-    return msgpack.unpackb(data)
 
 
 def _value(message: Any, path: str, channel: str) -> float:

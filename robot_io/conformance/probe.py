@@ -35,7 +35,6 @@ from surefoot.schemas.messages import (
     ModeRequest,
     RobotMode,
     RobotStatus,
-    ServiceReply,
 )
 from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.topics import ALIVE_STABILIZER, TICK_SENSORS
@@ -140,7 +139,7 @@ class Probe:
             return Answer(error.refusal, error.detail)
         except (RobotMismatchError, RobotUnreachableError, MessageError) as error:
             return Answer(RequestRefusal.NO_ANSWER, f"no valid answer: {error}")
-        self._note(reply)
+        self.q_held = np.array(reply.q_command)
         return DONE
 
     def _request(
@@ -333,9 +332,6 @@ class Probe:
             self.status_error = str(error)
             return False
         return True
-
-    def _note(self, reply: ServiceReply) -> None:
-        self.q_held = np.array(reply.q_command)
 
 
 @contextmanager
