@@ -34,7 +34,6 @@ from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     EstopRequest,
     JointCommand,
-    LeaseRequest,
     ModeRequest,
     Reference,
     RobotStatus,
@@ -340,14 +339,7 @@ class RobotClient:
         return True
 
     def _ask_lease(self, action: str, timeout_s: float | None = None) -> ServiceReply:
-        robot = self._watch.found
-        request = LeaseRequest(
-            schema=SCHEMA_VERSION,
-            action=action,
-            commander=self.identity,
-            robot="" if robot is None else robot.instance,
-            description=self._watch.description,
-        )
+        request = self._watch.lease_request(action, self.identity)
         return self._services.ask(
             self._robot.keys["lease"], request, timeout_s=timeout_s
         )

@@ -26,7 +26,13 @@ from surefoot.robot_io.identity import (
 )
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.messages import RobotMode, RobotStatus, ServiceReply
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    LeaseRequest,
+    RobotMode,
+    RobotStatus,
+    ServiceReply,
+)
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER
 
@@ -144,6 +150,24 @@ class RobotWatch:
             return  # started anew since: any robot of our description will do
         if reply.instance != found.instance:
             raise self._crowded((found.instance, reply.instance))
+
+    def lease_request(
+        self, action: str, commander: str, *, description: str = ""
+    ) -> LeaseRequest:
+        """Make a request for the lease of the robot that was found.
+
+        Args:
+            action: ``take`` or ``release``.
+            commander: who asks.
+            description: by what description of the robot; ours when empty.
+        """
+        return LeaseRequest(
+            schema=SCHEMA_VERSION,
+            action=action,
+            commander=commander,
+            robot="" if self.found is None else self.found.instance,
+            description=description or self.description,
+        )
 
     def _hold_against_ours(self, there: Iterable[RobotIdentity]) -> None:
         who = tuple(there)

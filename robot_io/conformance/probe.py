@@ -31,7 +31,6 @@ from surefoot.schemas.messages import (
     EstopRequest,
     JointCommand,
     JointState,
-    LeaseRequest,
     ModeRequest,
     RobotMode,
     RobotStatus,
@@ -130,9 +129,7 @@ class Probe:
             description: by what description of the robot; our own when None.
         """
         name = self.identity if who is None else who
-        request = self._request(
-            service, action, name, description or self._watch.description
-        )
+        request = self._request(service, action, name, description or "")
         try:
             reply = self._services.ask(self.robot.keys[service], request)
         except RequestRefusedError as error:
@@ -149,14 +146,7 @@ class Probe:
             return EstopRequest(schema=SCHEMA_VERSION, source=name)
         if service == "mode":
             return ModeRequest(schema=SCHEMA_VERSION, action=action, commander=name)
-        robot = self._watch.found
-        return LeaseRequest(
-            schema=SCHEMA_VERSION,
-            action=action,
-            commander=name,
-            robot="" if robot is None else robot.instance,
-            description=description,
-        )
+        return self._watch.lease_request(action, name, description=description)
 
     def start(self) -> Answer:
         """Have the robot follow; from then on it must be streamed to."""
