@@ -76,13 +76,15 @@ def inline_svg(svg: bytes) -> str:
 COMPARED = (d.WHOLE_BODY, d.TUNED)
 
 
-def record(scenario: str, variant: str) -> dict[str, Array]:
+def record(
+    scenario: str, variant: str, values: tuple[tuple[str, Any], ...] = ()
+) -> dict[str, Array]:
     """Signals of every tick of one run with seed 0 and the ideal servo."""
     from surefoot.signals import memory_sinks
     from surefoot.simulation import Simulation
     from surefoot.stabilizer.factory import make_controller
 
-    cell = Cell(Group(scenario, (), variant, d.IDEAL), seed=0)
+    cell = Cell(Group(scenario, values, variant, d.IDEAL), seed=0)
     plan = cell.plan(robot="walker", overrides=())
     sim = Simulation.of_plan(plan, sinks=memory_sinks())
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
