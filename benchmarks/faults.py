@@ -13,9 +13,6 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
-import subprocess
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -24,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.shortened import shortened
+from benchmarks.started import run_json
 from surefoot.robot_io.relay.relay import list_plans
 from surefoot.schemas.reasons import Outcome
 from surefoot.signals import read_signals
@@ -45,19 +43,8 @@ def run_once(
     with tempfile.TemporaryDirectory() as folder:
         path, out = Path(folder) / f"{scenario}.toml", Path(folder) / "out"
         path.write_text(shortened(scenario, seconds), encoding="utf-8")
-        words = ["run", str(path), f"--{mode}", "--relay", plan, "--seed", str(seed)]
-        done = subprocess.run(
-            [sys.executable, "-m", "surefoot.cli", *words, "--json", "--out", str(out)],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if done.returncode not in ENDED or not done.stdout:
-            raise RuntimeError(
-                f"surefoot {' '.join(words)}: exit {done.returncode}\n"
-                f"{done.stderr[-800:]}"
-            )
-        result: dict[str, Any] = json.loads(done.stdout)
+        words = (path, f"--{mode}", "--relay", plan, "--seed", seed, "--out", out)
+        result = run_json(*words, ended=ENDED)
         steps = np.abs(np.diff(read_signals(out)["q_command"], axis=0))
         result["step_mrad"] = MRAD * float(steps.max(initial=0.0))
         return result
@@ -136,12 +123,7 @@ def main() -> int:
             )
         }
         for (plan, scenario), runs in cells.items():
-            try:
-                lines.append(line(plan, scenario, [run.result() for run in runs]))
-            except RuntimeError as error:
-                print(error, file=sys.stderr)
-                pool.shutdown(cancel_futures=True)
-                return 1
+            lines.append(line(plan, scenario, [run.result() for run in runs]))
             print(lines[-1], flush=True)
     if arguments.out is not None:
         arguments.out.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,19 +1,128 @@
 """Makes the files of ground that shipped scenarios play.
 
 ``python -m benchmarks.ground_files`` writes them into the package. They are the same
-every time; a test compares them.
+every time; a test compares them. Implements the sled pulses of Karekla and Tyler and
+others as given by Krasna et al. (2021, 10.3389/fbioe.2021.680883), and the spectrum of
+Kanai and Tajimi (1960) under the envelope of Saragoni and Hart (1974).
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from pathlib import Path
 
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.catalogue import SCENARIOS_DIR
-from surefoot.sim_robot.recorded import (
-    passenger_pulse,
-    strong_motion,
-    write_ground,
-)
+
+STEP_S = 0.01
+"""Between samples."""
+HOLD_S, CRUISE_S = 1.0, 2.0
+"""Of a pulse: how long its plateau lasts, and at constant speed after it."""
+STOP_M_S2, STOP_JERK_M_S3 = 0.5, 0.5
+"""How gently a ride ends."""
+SHAKEN_S = 24.0
+GROUND_DAMPING = 0.6
+"""Of the layer of soil."""
+
+
+def passenger_pulse(peak_m_s2: float, *, jerk_m_s3: float) -> tuple[Array, Array]:
+    """Make a pulse of acceleration, as a bus that pulls away; then a gentle stop.
+
+    Args:
+        peak_m_s2: of the plateau; negative for a bus that brakes.
+        jerk_m_s3: how fast it is reached and left.
+
+    Returns:
+        Times [s] and velocities [m/s], each (n,); at rest at both ends.
+    """
+    rise = abs(peak_m_s2) / jerk_m_s3
+    gained = abs(peak_m_s2) * (HOLD_S + rise)
+    stop_rise = STOP_M_S2 / STOP_JERK_M_S3
+    stop_hold = gained / STOP_M_S2 - stop_rise
+    stop = STOP_M_S2
+    if stop_hold < 0.0:  # too slow to reach the plateau
+        stop, stop_hold = math.sqrt(gained * STOP_JERK_M_S3), 0.0
+        stop_rise = stop / STOP_JERK_M_S3
+    corners = np.cumsum(
+        [0.0, rise, HOLD_S, rise, CRUISE_S, stop_rise, stop_hold, stop_rise]
+    )
+    levels = [0.0, abs(peak_m_s2), abs(peak_m_s2), 0.0, 0.0, -stop, -stop, 0.0]
+    # Finer than the samples, so that the corners' velocities are exact enough.
+    fine = np.linspace(0.0, corners[-1], round(corners[-1] / STEP_S) * 20 + 1)
+    velocity = cumulative_trapezoid(np.interp(fine, corners, levels), fine, initial=0.0)
+    times = STEP_S * np.arange(math.ceil(corners[-1] / STEP_S) + 1)
+    speeds = np.interp(times, fine, velocity)
+    speeds[-1] = 0.0
+    return times, math.copysign(1.0, peak_m_s2) * speeds
+
+
+def strong_motion(
+    *, peak_m_s2: float, ground_hz: float = 2.5, seed: int
+) -> tuple[Array, Array]:
+    """Make an accelerogram of a strong earthquake that never happened.
+
+    White noise through a layer of soil, under an envelope that rises within a fifth of
+    the time and dies away.
+
+    Args:
+        peak_m_s2: largest acceleration.
+        ground_hz: of the layer; lower is softer.
+        seed: of the noise.
+
+    Returns:
+        Times [s] and accelerations [m/s^2], each (n,).
+    """
+    random = np.random.default_rng(np.random.SeedSequence(seed))
+    count = round(SHAKEN_S / STEP_S)
+    times: Array = STEP_S * np.arange(count + 1, dtype=np.float64)
+    # Saragoni-Hart: at its peak after a fifth of the time, at a twentieth at the end.
+    peak_share, end_level = 0.2, 0.05
+    b = (
+        -peak_share
+        * math.log(end_level)
+        / (1.0 + peak_share * (math.log(peak_share) - 1.0))
+    )
+    share = times / SHAKEN_S
+    envelope = (share / peak_share) ** b * np.exp(-b * (share / peak_share - 1.0))
+    shaken = envelope * random.standard_normal(count + 1)
+    frequency = np.fft.rfftfreq(count + 1, STEP_S)
+    ratio = frequency / ground_hz
+    soil = (1.0 + 2j * GROUND_DAMPING * ratio) / (
+        1.0 - ratio**2 + 2j * GROUND_DAMPING * ratio
+    )
+    # Clough-Penzien: nothing below a fifth of a hertz, where records have none either.
+    slow = (ratio_slow := frequency / 0.2) ** 2 / (
+        1.0 - ratio_slow**2 + 1.2j * ratio_slow
+    )
+    acceleration = np.fft.irfft(np.fft.rfft(shaken) * soil * slow, count + 1)
+    acceleration *= np.minimum(1.0, times / 0.5) * np.minimum(
+        1.0, (times[-1] - times) / 2.0
+    )
+    return times, acceleration * (peak_m_s2 / np.abs(acceleration).max())
+
+
+def write_ground(path: Path, times: Array, columns: Mapping[str, Array]) -> None:
+    """Write a text file that the motion kind ``recorded`` reads.
+
+    Args:
+        path: of the file (.csv).
+        times: (n,) [s].
+        columns: (n,) by name; shorter ones are continued by their last value.
+    """
+    rows = [",".join(["time_s", *columns])]
+    for index, time_s in enumerate(times):
+        values = [column[min(index, len(column) - 1)] for column in columns.values()]
+        rows.append(
+            ",".join(
+                [f"{time_s:.3f}", *(f"{round(value, 5) + 0.0:.5f}" for value in values)]
+            )
+        )
+    path.write_text("\n".join(rows) + "\n", encoding="utf-8")
+
 
 PULSES = {
     "start": passenger_pulse(1.5, jerk_m_s3=5.6),

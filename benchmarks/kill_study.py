@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import re
 import signal
 import sys
 import tempfile
@@ -24,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.shortened import shortened
 from benchmarks.started import Started, wait_until
 from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.robot_io.client_side.observer import Observer
@@ -31,14 +31,12 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode, RobotStatus
 from surefoot.signals import Signals, read_signals
-from surefoot.sim_robot.catalogue import find_scenario
 
 SCENARIOS = ("standing", "moving-platform-slow")
 DURATION_S = 14.0
 """Of each run: long enough for a new process to start and show that it balances."""
 EARLIEST_S = 1.5
 LATEST_S = 5.0
-DURATION = re.compile(r"^duration_s *=.*$", re.MULTILINE)
 ROUNDING_RAD = 1e-12
 UPRIGHT_RAD = math.radians(5.0)
 
@@ -53,14 +51,6 @@ class Kill(NamedTuple):
     fell_at_s: float | None
     fell_held: bool
     lean_deg: float
-
-
-def shortened(scenario: str, folder: Path) -> Path:
-    """Write the scenario with this study's duration, in the first such key."""
-    text = find_scenario(scenario).read_text()
-    path = folder / f"{scenario}.toml"
-    path.write_text(DURATION.sub(f"duration_s = {DURATION_S}", text, count=1))
-    return path
 
 
 class Watch:
@@ -156,7 +146,8 @@ def study_stabilizer(
     found = []
     print(f"\n{scenario}, {pace[2:]}: kill -9 of the stabilizer", flush=True)
     with tempfile.TemporaryDirectory() as name:
-        path = shortened(scenario, Path(name))
+        path = Path(name) / f"{scenario}.toml"
+        path.write_text(shortened(scenario, DURATION_S))
         for index, moment_s in enumerate(rng.uniform(EARLIEST_S, LATEST_S, kills)):
             tick = round(moment_s / robot.period_s)
             try:

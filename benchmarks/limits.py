@@ -25,13 +25,11 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import build_settings
-from surefoot.signals import memory_sinks
-from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.dynamics import SOLE_ROWS
-from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.model import N_BASE_V
 from surefoot.studies.cell import Cell, Group, Row, Task
+from surefoot.studies.paper_page import record
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
 NOISE = "sensors.accel_noise_m_s2"
@@ -208,14 +206,8 @@ def push(grid: Any) -> None:
     for column, (direction, name) in enumerate({0.0: "front", 180.0: "back"}.items()):
         upper, lower = grid[0, column], grid[1, column]
         for variant, colour in PUSHED.items():
-            arrays = _record(
-                Group(
-                    "push-standing",
-                    (("push.0.direction_deg", direction),),
-                    variant,
-                    "ideal",
-                )
-            )
+            pushed = (("push.0.direction_deg", direction),)
+            arrays = record("push-standing", variant, pushed)
             time_s = arrays["time_s"]
             soles = arrays["true_sole_left"] + arrays["true_sole_right"]
             com = 1e3 * (arrays["true_com"] - 0.5 * soles)[:, 0]
@@ -238,13 +230,6 @@ def push(grid: Any) -> None:
         upper.set_xlim(SEEN_S)
     grid[0, 0].set_ylabel("CoM [mm]")
     grid[1, 0].set_ylabel("centre of pressure, edges [mm]")
-
-
-def _record(group: Group) -> dict[str, Array]:
-    plan = Cell(group, seed=0).plan(robot="walker", overrides=())
-    sim = Simulation.of_plan(plan, sinks=memory_sinks())
-    sim.run(make_controller(plan.controller, plan.robot, plan.settings))
-    return dict(sim.signals)
 
 
 def _pressure_mm(arrays: dict[str, Array]) -> Array:

@@ -121,7 +121,7 @@ def run_all(
     about = {title: sorted(options.set)}
     place = nullcontext(options.out) if options.out else tempfile.TemporaryDirectory()
     with place as folder, StudyStore(Path(folder), about=about) as store:
-        execute(
+        rows = execute(
             runs,
             store,
             robot="walker",
@@ -129,7 +129,6 @@ def run_all(
             jobs=options.jobs,
             title=title,
         )
-        rows = [store.rows[run.key] for run in runs]
     for run, row in zip(runs, rows, strict=True):
         if not is_up(row):
             print(f"{run.key}: {row['outcome']} at {row['fell_at_s']} s")

@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import json
 import os
-import subprocess
-import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.shortened import shortened
+from benchmarks.started import run_json
+from surefoot.studies.tables import markdown
 
 FELL = 5
 
@@ -64,18 +63,11 @@ def run_once(
         + f'\n[[fault]]\nsensor = "{side}_ankle_ft"\n{FAULTS[fault]}\n'
         + f"start_s = {case.start_s}\nduration_s = 3600.0\n"
     )
-    words = ["run", str(path), "--inline", "--json", "--seed", str(seed)]
-    words += ["--set", f'safety.ft_lost="{policy}"']
-    done = subprocess.run(
-        [sys.executable, "-m", "surefoot.cli", *words],
-        capture_output=True,
-        text=True,
-        check=False,
+    return run_json(
+        path,
+        *("--inline", "--seed", seed, "--set", f'safety.ft_lost="{policy}"'),
+        ended=(0, FELL),
     )
-    if done.returncode not in (0, FELL):
-        raise RuntimeError(f"{name}: exit {done.returncode}\n{done.stderr[-800:]}")
-    result: dict[str, Any] = json.loads(done.stdout)
-    return result
 
 
 def cell(results: list[dict[str, Any]]) -> str:
@@ -93,16 +85,14 @@ def table(cells: dict[tuple[str, str, str, str], str]) -> str:
     """Return a Markdown table: a row per fault and side, two columns per scenario."""
     names = [case.scenario for case in CASES]
     heads = [f"{name}, {policy}" for name in names for policy in POLICIES]
-    lines = [
-        f"| sensor | {' | '.join(heads)} |",
-        "|" + "---|" * (len(heads) + 1),
+    rows = [
+        (
+            f"{side} {fault}",
+            *(cells[name, fault, side, how] for name in names for how in POLICIES),
+        )
+        for fault, side in itertools.product(FAULTS, SIDES)
     ]
-    for fault, side in itertools.product(FAULTS, SIDES):
-        row = [
-            cells[name, fault, side, policy] for name in names for policy in POLICIES
-        ]
-        lines.append(f"| {side} {fault} | {' | '.join(row)} |")
-    return "\n".join(lines)
+    return markdown(["sensor", *heads], rows)
 
 
 def main() -> int:
@@ -124,18 +114,11 @@ def main() -> int:
             ]
             for case, fault, side, policy in grid
         }
-        try:
-            cells = {
-                key: cell([run.result() for run in of]) for key, of in runs.items()
-            }
-        except RuntimeError as error:
-            print(error, file=sys.stderr)
-            pool.shutdown(cancel_futures=True)
-            return 1
+        cells = {key: cell([run.result() for run in of]) for key, of in runs.items()}
     text = table(cells)
-    print(text)
+    print(text, end="")
     if arguments.out is not None:
-        arguments.out.write_text(text + "\n", encoding="utf-8")
+        arguments.out.write_text(text, encoding="utf-8")
     return 0
 
 

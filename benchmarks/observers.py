@@ -1,13 +1,15 @@
 """Whether those who look on disturb the loop: round trips with and without them.
 
-    python -m benchmarks.observers [--observers 3] [--rounds 5] [--seconds 10]
+    python -m benchmarks.observers [--observers 3 | --page] [--rounds 5] [--seconds 10]
                                    [--lockstep] [--controller whole-body]
                                    [--realtime-priority P]
 
 Rounds alternate, so that what else the machine does meets both alike: robot and
 stabilizer as two processes in real time, alone, and then with observers in processes
-of their own that take every message of every channel. Run it on a quiet machine with a
-processor to spare for them: what it measures is the bus, not who gets to compute.
+of their own that take every message of every channel, or with the live page, which no
+browser shows: its drawing would be measured, not the page's part on the bus. Run it on
+a quiet machine with a processor to spare for them: what it measures is the bus, not who
+gets to compute.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import argparse
 import multiprocessing
 import sys
 import tempfile
+from contextlib import ExitStack
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -83,7 +86,7 @@ class Watcher:
 
 
 def one_run(
-    scenario: Path, how: list[str], controller: str, observers: int
+    scenario: Path, how: list[str], controller: str, *, observers: int, page: bool
 ) -> tuple[PlantResult, list[int]]:
     """Run once, and return how many ticks each observer got."""
     endpoints = loopback_endpoints()
@@ -92,8 +95,12 @@ def one_run(
     result = folder / "plant.json"
     words = ("robot", scenario, "--listen", locator, "--result-file", result, *how)
     dial = ("stabilizer", "--connect", locator, "--controller", controller, *how)
-    with Started(folder / "robot.log", *words) as plant:
+    view = ("view", "--port", 0, "--connect", locator)
+    with Started(folder / "robot.log", *words) as plant, ExitStack() as stack:
         plant.wait_for("waits for a stabilizer")
+        if page:
+            shown = stack.enter_context(Started(folder / "view.log", *view))
+            shown.wait_for("Ctrl-C ends the page")
         watchers = [Watcher(endpoints) for _ in range(observers)]
         with Started(folder / "stabilizer.log", *dial) as stabilizer:
             plant.exit_code()
@@ -122,6 +129,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--observers", type=int, default=3)
+    parser.add_argument("--page", action="store_true", help="the live page instead")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--lockstep", action="store_true")
@@ -132,22 +140,30 @@ def main() -> int:
     how = [pace]
     if arguments.realtime_priority is not None:
         how += ["--realtime-priority", arguments.realtime_priority]
-    found: dict[int, list[PlantResult]] = {0: [], arguments.observers: []}
+    onlookers = "live page" if arguments.page else f"{arguments.observers} observers"
+    found: dict[str, list[PlantResult]] = {"alone": [], onlookers: []}
     with tempfile.TemporaryDirectory() as name:
         scenario = Path(name) / "observed.toml"
         scenario.write_text(SCENARIO.format(seconds=arguments.seconds))
         for _ in range(arguments.rounds):
-            for count, results in found.items():
-                result, heard = one_run(scenario, how, arguments.controller, count)
+            for who, results in found.items():
+                looks_on = who == onlookers
+                result, heard = one_run(
+                    scenario,
+                    how,
+                    arguments.controller,
+                    observers=arguments.observers * (looks_on and not arguments.page),
+                    page=looks_on and arguments.page,
+                )
                 results.append(result)
-                print(line(f"{count} observers", result, heard), flush=True)
+                print(line(who, result, heard), flush=True)
     print(f"\nmedian over {arguments.rounds} rounds, {pace[2:]}")
-    for count, results in found.items():
+    for who, results in found.items():
         medians = np.median([r.round_trip_ms.median for r in results])
         tails = np.median([r.round_trip_ms.p99 for r in results])
         applied = np.median([r.end_to_end_ms.p99 for r in results])
         print(
-            f"{count} observers: round trip median {medians:.3f}, p99 {tails:.3f} ms; "
+            f"{who}: round trip median {medians:.3f}, p99 {tails:.3f} ms; "
             f"sensors to servos p99 {applied:.3f} ms"
         )
     return 0

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
-from types import TracebackType
-from typing import Self, TypeVar
+from typing import Any, Self, TypeVar
 
 T = TypeVar("T")
 DEADLINE_S = 120.0
@@ -29,6 +29,31 @@ def wait_until(condition: Callable[[], T], *, what: str) -> T:
     return answer
 
 
+def run_json(*words: object, ended: Collection[int] = (0,)) -> dict[str, Any]:
+    """Return the result object of ``surefoot run``.
+
+    Args:
+        words: after ``run``.
+        ended: exit codes of runs that tell how they ended.
+
+    Raises:
+        RuntimeError: the run told no result; holds its last words.
+    """
+    told = ["run", *map(str, words), "--json"]
+    done = subprocess.run(
+        [sys.executable, "-m", "surefoot.cli", *told],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if done.returncode not in ended or not done.stdout:
+        raise RuntimeError(
+            f"surefoot {' '.join(told)}: exit {done.returncode}\n{done.stderr[-800:]}"
+        )
+    result: dict[str, Any] = json.loads(done.stdout)
+    return result
+
+
 class Started:
     """A ``surefoot`` command; a context manager that leaves no process behind."""
 
@@ -46,12 +71,7 @@ class Started:
         """Return itself; the process already runs."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Kill what still runs."""
         self.process.kill()
         self.process.wait()

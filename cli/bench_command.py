@@ -43,15 +43,20 @@ ServosOption = Annotated[
         help="Comma-separated, of the robot file; all it has when not given.",
     ),
 ]
-OUT_HELP = "Folder of runs, page and YAML files; a former one goes on."
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--out",
+        metavar="DIR",
+        help="Folder of runs, page and YAML files; a former one goes on.",
+    ),
+]
 
 
 @bench.command(cls=options.Command)
 def comtest(
     quick: QuickOption = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help=OUT_HELP)] = Path(
-        "out/comtest"
-    ),
+    out: OutOption = Path("out/comtest"),
     controllers: ControllersOption = None,
     servo_profiles: ServosOption = None,
     protocols: Annotated[
@@ -117,9 +122,7 @@ def comtest(
 @bench.command(cls=options.Command)
 def dysturbance(
     quick: QuickOption = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help=OUT_HELP)] = Path(
-        "out/dysturbance"
-    ),
+    out: OutOption = Path("out/dysturbance"),
     controllers: ControllersOption = None,
     servo_profiles: ServosOption = None,
     kinds: Annotated[

@@ -56,7 +56,7 @@ def topics(
     from surefoot.schemas.endpoints import choose_endpoints
 
     model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     with Listener(
         model, endpoints=meeting, patterns=["**"], elsewhere=True
     ) as listener:
@@ -143,7 +143,7 @@ def echo(
     model = load_robot(robot, servo_profile=servo_profile)
     entry = find_channel(channel, model)
     check_fields(fields or [], entry.message)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     shown = Echo(
         entry,
         joint_count=model.n_a,
@@ -228,22 +228,18 @@ def hz(
     was lost meanwhile, with 130 after Ctrl-C, which leaves the last table.
     """
     from surefoot.cli.bus_messages import TimingMeter, hz_table
-    from surefoot.cli.bus_topics import (
-        PUBLISHED,
-        find_channel,
-        same_clock,
-        tell_absences,
-    )
+    from surefoot.cli.bus_topics import find_channel, same_clock, tell_absences
     from surefoot.cli.console import live_table, print_json, print_note, print_table
     from surefoot.robot_io.bus.session import dialed
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
+    from surefoot.schemas.topics import PUBLISHED
 
     model = load_robot(robot, servo_profile=servo_profile)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     has_delay = same_clock(dialed(meeting))
     meters = {
         f"{model.file.namespace}/{model.keys[entry.name]}": TimingMeter(

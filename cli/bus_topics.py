@@ -17,17 +17,12 @@ from surefoot.robot_io.client_side.listener import BusGraph, RawMessage, process
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
-from surefoot.schemas.topics import TOPICS, Direction, Topic
+from surefoot.schemas.topics import ALL_CHANNELS, PUBLISHED, SERVICES, TOPICS, Topic
 
 if TYPE_CHECKING:
     from surefoot.robot_io.client_side.robot_watch import Absences
 
-_SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
-
 NONE = "-"
-
-PUBLISHED = tuple(entry for entry in TOPICS if entry.direction not in _SERVICES)
-"""Channels that carry messages; services are asked instead."""
 
 
 class TopicRow(msgspec.Struct, kw_only=True):
@@ -131,7 +126,7 @@ def _row(
     robot: Robot,
     listened_s: float,
 ) -> TopicRow:
-    is_service = entry.direction in _SERVICES
+    is_service = entry.direction in SERVICES
     key = f"{robot.file.namespace}/{robot.keys[entry.name]}"
     malformed, reason = _malformed(entry, payloads, joint_count=robot.n_a)
     return TopicRow(
@@ -246,20 +241,20 @@ def find_channel(text: str, robot: Robot) -> Topic:
     Raises:
         UsageError: no such channel, with the nearest name; or it is a service.
     """
+    there = f"channels are {', '.join(ALL_CHANNELS)}"
     wanted = text.strip("/").removeprefix(f"{robot.file.namespace}/")
     for entry in TOPICS:
         if wanted in (entry.name, robot.keys[entry.name]):
-            if entry.direction in _SERVICES:
+            if entry.direction in SERVICES:
                 raise UsageError(
                     f"{entry.name} is a {entry.direction}: it is asked and answers, "
-                    f"there is nothing to listen to; channels are {_channel_names()}"
+                    f"there is nothing to listen to; {there}"
                 )
             return entry
-    known = [entry.name for entry in PUBLISHED]
     keys = {robot.keys[entry.name]: entry.name for entry in PUBLISHED}
-    near = difflib.get_close_matches(wanted, [*known, *keys], n=1)
+    near = difflib.get_close_matches(wanted, [*ALL_CHANNELS, *keys], n=1)
     hint = f"did you mean {keys.get(near[0], near[0])!r}? " if near else ""
-    raise UsageError(f"no channel {text!r}; {hint}channels are {_channel_names()}")
+    raise UsageError(f"no channel {text!r}; {hint}{there}")
 
 
 def same_clock(locators: list[str]) -> bool:
@@ -267,10 +262,6 @@ def same_clock(locators: list[str]) -> bool:
     from surefoot.robot_io.security.locators import is_local
 
     return all(is_local(locator) for locator in locators)
-
-
-def _channel_names() -> str:
-    return ", ".join(entry.name for entry in PUBLISHED)
 
 
 def tell_absences(absences: Absences) -> None:

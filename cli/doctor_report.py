@@ -7,12 +7,12 @@ import re
 import sys
 from collections.abc import Callable, Iterator
 from enum import StrEnum
-from importlib.metadata import PackageNotFoundError, requires, version
+from importlib.metadata import requires
 from pathlib import Path
 
 import msgspec
 
-from surefoot.installation import install_command
+from surefoot.installation import install_command, installed_version
 
 LEAST_PYTHON = (3, 11)
 _EXTRAS = {
@@ -150,7 +150,7 @@ def check_packages() -> list[Diagnosis]:
     pins = read_pins(PINS)
     found, others = [], []
     for name in names:
-        got = _installed(name)
+        got = installed_version(name)
         pin = pins.get(_normal(name))
         if got is None:
             others.append(
@@ -176,7 +176,7 @@ def check_packages() -> list[Diagnosis]:
     ok = Diagnosis(
         name="packages",
         verdict=Severity.OK,
-        got=f"surefoot {_installed('surefoot')}, {', '.join(found)}; {against}",
+        got=f"surefoot {installed_version('surefoot')}, {', '.join(found)}; {against}",
     )
     return [ok, *others]
 
@@ -185,8 +185,8 @@ def check_extras() -> list[Diagnosis]:
     """Check the optional parts; each missing one comes with how to get it."""
     findings = []
     for extra, packages in _EXTRAS.items():
-        missing = [name for name in packages if _installed(name) is None]
-        there = [f"{name} {_installed(name)}" for name in packages]
+        missing = [name for name in packages if installed_version(name) is None]
+        there = [f"{name} {installed_version(name)}" for name in packages]
         findings.append(
             finding(
                 f"extra {extra}",
@@ -216,10 +216,3 @@ def read_pins(path: Path) -> dict[str, str]:
 
 def _normal(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
-
-
-def _installed(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None

@@ -22,12 +22,7 @@ def check_robot(
     servo_profile: options.ServoOption = None,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait", min=0.1, metavar="SECONDS", help="How long to look for the robot."
-        ),
-    ] = 10.0,
+    wait_s: options.WaitOption = 10.0,
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -54,7 +49,7 @@ def check_robot(
     if unknown:
         raise UsageError(f"--only {unknown[0]}: expected {', '.join(SECTIONS)}")
     model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     report = check_conformance(
         model, endpoints=meeting, sections=only or SECTIONS, timeout_s=wait_s
     )
@@ -85,12 +80,7 @@ def tare(
     robot: options.RobotOption = "walker",
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait", min=0.1, metavar="SECONDS", help="How long to look for the robot."
-        ),
-    ] = 10.0,
+    wait_s: options.WaitOption = 10.0,
     foot: Annotated[
         str,
         typer.Option("--foot", metavar="left|right|both", help="What hangs free."),
@@ -116,7 +106,7 @@ def tare(
         raise UsageError(f"--foot {foot}: expected left, right or both")
     found = measure_tare(
         load_robot(robot),
-        endpoints=choose_endpoints(endpoints, listen=[], connect=connect or []),
+        endpoints=choose_endpoints(endpoints, connect=connect),
         foot=foot,  # type: ignore[arg-type]  # checked above
         duration_s=duration_s,
         timeout_s=wait_s,
@@ -173,12 +163,7 @@ def identify(
     ] = None,
     overwrite: options.OverwriteOption = False,
     lockstep: options.LockstepOption = False,
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait", min=0.1, metavar="SECONDS", help="How long to look for the robot."
-        ),
-    ] = 10.0,
+    wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
     as_json: options.JsonOption = False,
@@ -208,7 +193,7 @@ def identify(
     check_out(target, overwrite=overwrite)
     meeting = None
     if not inline:
-        meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+        meeting = choose_endpoints(endpoints, connect=connect)
     drives = identify_drives(
         model,
         joints=joints or (),

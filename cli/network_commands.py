@@ -27,19 +27,15 @@ def router(
 
     With TLS it checks who may say what, as the robot does without a router.
     """
-    from surefoot.processes.child import begin_as_child, log_note, set_up_logging
+    from surefoot.processes.child import begin_process, log_note
     from surefoot.robot_io.bus.session import run_router
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
 
-    set_up_logging("router")
-    if child:
-        begin_as_child()
+    begin_process("router", child=child)
     model = load_robot(robot)
-    meeting = choose_endpoints(
-        endpoints, listen=listen or [], connect=[], insecure=insecure
-    )
+    meeting = choose_endpoints(endpoints, listen=listen, insecure=insecure)
     log_note(f"router for {model.file.name} listens on {', '.join(meeting.listen)}")
     run_router(model, endpoints=meeting, stop=StopRequest())
     raise typer.Exit(ExitCode.INTERRUPTED)
@@ -54,12 +50,7 @@ def relay(
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of what is left to chance.")
     ] = 0,
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
-        ),
-    ] = 10.0,
+    wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     listen: Annotated[
         list[str] | None,
@@ -95,28 +86,21 @@ def relay(
     """
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import relay_table
-    from surefoot.processes.child import (
-        begin_as_child,
-        log_note,
-        report_ready,
-        set_up_logging,
-    )
+    from surefoot.out_folder import write_json
+    from surefoot.processes.child import begin_process, log_note, report_ready
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.relay.relay import Relay, find_plan
     from surefoot.robot_io.robot import load_robot
-    from surefoot.run_folder import write_struct
     from surefoot.schemas.relay_plan import load_relay_plan
 
-    set_up_logging("relay")
-    if child:
-        begin_as_child()
+    begin_process("relay", child=child)
     faults = load_relay_plan(find_plan(plan))
     model = load_robot(robot, servo_profile=servo_profile)
     dialing, listening = _both_sides(
         endpoints,
         listen_endpoints,
-        listen=listen or [],
-        connect=connect or [],
+        listen=listen,
+        connect=connect,
         insecure=insecure,
     )
     ours, robots = ", ".join(listening.listen), ", ".join(dialing.connect)
@@ -135,7 +119,7 @@ def relay(
         on_ready=on_ready,
     )
     if result_file is not None:
-        write_struct(result_file, result)
+        write_json(result_file, result)
     if not child:
         if as_json:
             print_json(result)
@@ -148,8 +132,8 @@ def _both_sides(
     file: Path | None,
     listen_file: Path | None,
     *,
-    listen: list[str],
-    connect: list[str],
+    listen: list[str] | None,
+    connect: list[str] | None,
     insecure: bool,
 ) -> tuple[Endpoints, Endpoints]:
     """Return where it dials the robot and where it listens; they must differ."""
@@ -158,14 +142,14 @@ def _both_sides(
 
     if file is None and listen_file is None and not listen:
         listen = [LISTEN]
-    dialing = choose_endpoints(file, listen=[], connect=connect, insecure=insecure)
+    dialing = choose_endpoints(file, connect=connect, insecure=insecure)
     if dialing.tls is not None and listen_file is None:
         raise UsageError(
             f"{file}: with [tls] a relay has two identities; name the file it listens "
             "with, as the robot, with --listen-endpoints"
         )
     place = listen_file or file
-    listening = choose_endpoints(place, listen=listen, connect=[], insecure=insecure)
+    listening = choose_endpoints(place, listen=listen, insecure=insecure)
     same = set(listening.listen) & set(dialing.router or dialing.connect)
     if same:
         raise UsageError(

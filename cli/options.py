@@ -33,7 +33,7 @@ def complete_scenario(incomplete: str) -> list[str]:
 
 def complete_channel(incomplete: str) -> list[tuple[str, str]]:
     """Return the channels that can be listened to, with what they carry."""
-    from surefoot.cli.bus_topics import PUBLISHED
+    from surefoot.schemas.topics import PUBLISHED
 
     return [
         (entry.name, entry.description)

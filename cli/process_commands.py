@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -42,34 +42,23 @@ def robot(
     from msgspec.structs import replace
 
     from surefoot.cli.options import check_priority, claim_processor
+    from surefoot.out_folder import write_json
     from surefoot.outcome import judge
-    from surefoot.processes.child import (
-        begin_as_child,
-        log_note,
-        progress_reporter,
-        set_up_logging,
-    )
+    from surefoot.processes.child import begin_process, log_note, progress_reporter
     from surefoot.robot_io.realtime import Pace
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
-    from surefoot.run_folder import write_struct
     from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.schemas.scenario import load_scenario
     from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 
-    set_up_logging("robot")
-    if child:
-        begin_as_child()
+    begin_process("robot", child=child)
     check_priority(realtime_priority, lockstep=lockstep)
     model = load_robot(robot, servo_profile=servo_profile)
     path = find_scenario(scenario)
     world = load_scenario(path)
     meeting = choose_endpoints(
-        endpoints,
-        listen=listen or [],
-        connect=[],
-        router=router,
-        insecure=insecure,
+        endpoints, listen=listen, router=router, insecure=insecure
     )
     log_note(
         f"{model.file.name} in {scenario!r} waits for a stabilizer at "
@@ -100,7 +89,7 @@ def robot(
     if ticks is not None:
         result = replace(result, unrecorded_ticks=ticks.lost_ticks)
     if result_file is not None:
-        write_struct(result_file, result)
+        write_json(result_file, result)
     judgement = judge(result, is_realtime=not lockstep, period_s=model.period_s)
     code = exit_code_for(judgement.outcome)
     if child and code is ExitCode.FAILED:
@@ -114,49 +103,27 @@ def _show(
     result: PlantResult, scenario: str, judgement: Judgement, *, as_json: bool
 ) -> None:
     from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.summary import histogram_table, plant_table
+    from surefoot.cli.summary import plant_table, with_histograms
 
     if as_json:
         print_json(result)
     else:
-        print_table(plant_table(result, judgement, title=scenario))
-        for name, histogram in result.histograms.items():
-            print_table(histogram_table(name, histogram))
+        table = plant_table(result, judgement, title=scenario)
+        print_table(with_histograms(table, result.histograms))
+
+
+def _speed(flag: str, most: float, unit: str, help: str) -> Any:
+    """An option for a speed that may be negative."""
+    return typer.Option(
+        flag, min=-most, max=most, metavar=unit, help=help, callback=options.finite
+    )
 
 
 def walk(
-    velocity: Annotated[
-        float,
-        typer.Option(
-            "--velocity",
-            min=-10.0,
-            max=10.0,
-            metavar="M_S",
-            help="Ahead.",
-            callback=options.finite,
-        ),
-    ] = 0.0,
-    lateral: Annotated[
-        float,
-        typer.Option(
-            "--lateral",
-            min=-10.0,
-            max=10.0,
-            metavar="M_S",
-            help="To the left.",
-            callback=options.finite,
-        ),
-    ] = 0.0,
+    velocity: Annotated[float, _speed("--velocity", 10.0, "M_S", "Ahead.")] = 0.0,
+    lateral: Annotated[float, _speed("--lateral", 10.0, "M_S", "To the left.")] = 0.0,
     yaw_rate: Annotated[
-        float,
-        typer.Option(
-            "--yaw-rate",
-            min=-360.0,
-            max=360.0,
-            metavar="DEG_S",
-            help="Turning to the left.",
-            callback=options.finite,
-        ),
+        float, _speed("--yaw-rate", 360.0, "DEG_S", "Turning to the left.")
     ] = 0.0,
     steps: Annotated[
         int | None,
@@ -195,16 +162,16 @@ def walk(
     """
     from surefoot.cli.console import print_json
     from surefoot.planner import VelocityPlanner, walk_on_bus
-    from surefoot.processes.child import log_note, log_warning, set_up_logging
+    from surefoot.processes.child import begin_process, log_note, log_warning
     from surefoot.robot_io.client_side.requests import PlannerClient
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 
-    set_up_logging("walk")
+    begin_process("walk")
     model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     pace = Pace(
         ahead=velocity,
         lateral=lateral,
@@ -260,19 +227,17 @@ def view(
     from surefoot.cli.console import print_note
     from surefoot.errors import EnvironmentFailedError
     from surefoot.installation import install_command
-    from surefoot.processes.child import begin_as_child, set_up_logging
+    from surefoot.processes.child import begin_process
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.security.locators import check_locators
     from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.view.page import free_port
 
-    set_up_logging("view")
+    begin_process("view", child=child)
     logging.getLogger("websockets").setLevel(logging.WARNING)
-    if child:
-        begin_as_child()
     model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     check_locators(meeting.connect, verb="dial")
     if find_spec("viser") is None or find_spec("yourdfpy") is None:
         raise EnvironmentFailedError(

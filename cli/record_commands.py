@@ -53,12 +53,7 @@ def record(
             "tick times period, for a robot in lockstep.",
         ),
     ] = LogTime.STAMPS,
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
-        ),
-    ] = 10.0,
+    wait_s: options.WaitOption = 10.0,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
     cpu: options.CpuOption = None,
@@ -75,27 +70,21 @@ def record(
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.summary import counts_table
     from surefoot.errors import UsageError
-    from surefoot.processes.child import (
-        begin_as_child,
-        log_note,
-        report_ready,
-        set_up_logging,
-    )
+    from surefoot.processes.child import begin_process, log_note, report_ready
     from surefoot.recording.contents import RING_DEPTH, attachments, record_bus
     from surefoot.recording.write import LogTimes, McapFile
-    from surefoot.robot_io.client_side.observer import ALL_CHANNELS, Observer
+    from surefoot.robot_io.client_side.observer import Observer
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.endpoints import choose_endpoints
+    from surefoot.schemas.topics import ALL_CHANNELS
 
-    set_up_logging("recorder")
-    if child:
-        begin_as_child()
+    begin_process("recorder", child=child)
     if out.suffix != ".mcap" or not out.absolute().parent.is_dir():
         raise UsageError(f"--out {out}: expected a name .mcap in a folder that exists")
     options.claim_processor(cpu=cpu, priority=realtime_priority)
     model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     kept = attachments(model, attach or [])
     # Status last: whoever receives it has subscribed to all others.
     channels = (*(name for name in ALL_CHANNELS if name != "status"), "status")
@@ -239,25 +228,17 @@ def export(
 ) -> None:
     """Write a record, or the signals of a run, in a format of other tools."""
     from surefoot.cli.console import print_note
-    from surefoot.recording import export
+    from surefoot.recording.export import export_record, export_signals
     from surefoot.recording.read import read_record
     from surefoot.signals import holds_signals, read_signals
 
     if holds_signals(file):
         signals = read_signals(file)
-        written = {
-            ExportFormat.CSV: export.export_signals_csv,
-            ExportFormat.NPZ: export.export_signals_npz,
-            ExportFormat.PARQUET: export.export_signals_parquet,
-        }[to](signals, out, overwrite=overwrite)
+        written = export_signals(signals, to.value, out, overwrite=overwrite)
         left_out = [_CUT_OFF.format(file)] if signals.is_cut_off else []
     else:
         record = read_record(file)
-        written = {
-            ExportFormat.CSV: export.export_csv,
-            ExportFormat.NPZ: export.export_npz,
-            ExportFormat.PARQUET: export.export_parquet,
-        }[to](record, out, overwrite=overwrite)
+        written = export_record(record, to.value, out, overwrite=overwrite)
         left_out = _left_out(record)
     for path in written:
         print_note(f"wrote {path}")

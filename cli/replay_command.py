@@ -149,7 +149,7 @@ def replay(
         from surefoot.schemas.endpoints import choose_endpoints
 
         meeting = choose_endpoints(
-            endpoints, listen=listen or [], connect=[], router=router, insecure=insecure
+            endpoints, listen=listen, router=router, insecure=insecure
         )
         _play(
             timeline,
@@ -227,12 +227,11 @@ def _play(
 ) -> None:
     from surefoot.cli.console import progress_bar
     from surefoot.playback.replay import between, play
-    from surefoot.playback.timeline import PLAYABLE
-    from surefoot.processes.child import log_note, set_up_logging
+    from surefoot.processes.child import begin_process, log_note
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot_side.replay_server import ReplayServer
 
-    set_up_logging("replay")
+    begin_process("replay")
     period_s = robot.period_s
     entries = between(timeline, period_s=period_s, from_s=span[0], until_s=span[1])
     if not entries:
@@ -242,7 +241,7 @@ def _play(
     stop = StopRequest()
     with (
         stop.on_signals(),
-        ReplayServer(robot, endpoints=meeting, channels=PLAYABLE, stop=stop) as server,
+        ReplayServer(robot, endpoints=meeting, stop=stop) as server,
     ):
         if not now:
             log_note(f"waits at {where} for somebody to subscribe (surefoot view)")

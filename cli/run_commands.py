@@ -93,7 +93,7 @@ def run(
         show_notes,
     )
     from surefoot.cli.options import check_priority
-    from surefoot.cli.summary import histogram_table, run_table
+    from surefoot.cli.summary import run_table, with_histograms
     from surefoot.controllers import loop_notice
     from surefoot.run_plan import make_plan
     from surefoot.runs import execute
@@ -113,7 +113,7 @@ def run(
     )
     if notice := loop_notice(plan):
         print_note(notice)
-    meeting = _meeting(endpoints, listen=listen or [], connect=connect or [])
+    meeting = _meeting(endpoints, listen=listen, connect=connect)
     if inline and meeting is not None:
         raise UsageError(
             "--inline uses no bus; leave out --endpoints, --listen and --connect"
@@ -142,9 +142,8 @@ def run(
         if as_json:
             print_json(done.result)
         else:
-            print_table(run_table(done.result))
-            for name, times in done.result.histograms.items():
-                print_table(histogram_table(name, times))
+            table = run_table(done.result)
+            print_table(with_histograms(table, done.result.histograms))
     if error is not None:
         raise error
     raise typer.Exit(exit_code_for(done.result.outcome))
@@ -159,7 +158,7 @@ def _mode(*, lockstep: bool, inline: bool) -> Mode:
 
 
 def _meeting(
-    file: Path | None, *, listen: list[str], connect: list[str]
+    file: Path | None, *, listen: list[str] | None, connect: list[str] | None
 ) -> Endpoints | None:
     """Return where the two processes should meet; None if the user does not say."""
     from surefoot.schemas.endpoints import choose_endpoints
@@ -211,12 +210,7 @@ def stabilizer(
     robot: options.RobotOption = "walker",
     servo_profile: options.ServoOption = None,
     lockstep: options.LockstepOption = True,
-    wait_s: Annotated[
-        float,
-        typer.Option(
-            "--wait", min=0.0, metavar="SECONDS", help="How long to look for the robot."
-        ),
-    ] = 10.0,
+    wait_s: options.WaitOption = 10.0,
     reconnect: Annotated[
         bool,
         typer.Option(
@@ -256,27 +250,21 @@ def stabilizer(
 
     from surefoot.cli.console import print_json, print_table
     from surefoot.cli.options import check_priority, claim_processor
-    from surefoot.cli.summary import controller_table, histogram_table
-    from surefoot.processes.child import (
-        begin_as_child,
-        log_note,
-        log_warning,
-        set_up_logging,
-    )
+    from surefoot.cli.summary import controller_table, with_histograms
+    from surefoot.out_folder import write_json
+    from surefoot.processes.child import begin_process, log_note, log_warning
     from surefoot.robot_io.realtime import Pace, StopRequest
     from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
-    from surefoot.run_folder import QP_FAILURE, write_struct
+    from surefoot.run_folder import QP_FAILURE
     from surefoot.run_plan import resolve_settings, steps_of
     from surefoot.schemas.endpoints import choose_endpoints
 
-    set_up_logging("stabilizer")
-    if child:
-        begin_as_child()
+    begin_process("stabilizer", child=child)
     check_priority(realtime_priority, lockstep=lockstep)
     model = load_robot(robot, servo_profile=servo_profile)
     resolved = resolve_settings(settings, overrides=overrides or [])
-    meeting = choose_endpoints(endpoints, listen=[], connect=connect or [])
+    meeting = choose_endpoints(endpoints, connect=connect)
     log_note(
         f"{controller} for {model.file.name} dials "
         f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
@@ -319,15 +307,13 @@ def stabilizer(
     if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
         log_warning(in_words(result.end, result.end_detail))
     if result_file is not None:
-        write_struct(result_file, result)
+        write_json(result_file, result)
     if not child:
         if as_json:
             print_json(result)
         else:
             table = controller_table(result, controller, is_realtime=not lockstep)
-            print_table(table)
-            for name, times in result.histograms.items():
-                print_table(histogram_table(name, times))
+            print_table(with_histograms(table, result.histograms))
     if child and result.end in _IN_ORDER:
         raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
     raise typer.Exit(code)

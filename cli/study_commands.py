@@ -18,6 +18,12 @@ if TYPE_CHECKING:
 
 MOST_SEED = 2**62
 REPORT_NEEDS = ("viser", "yourdfpy", "plotly")
+OutOption = Annotated[
+    Path,
+    typer.Option(
+        "--out", metavar="DIR", help="Folder of the study; a former one goes on."
+    ),
+]
 
 
 def sweep(
@@ -28,12 +34,7 @@ def sweep(
             autocompletion=complete_scenario,
         ),
     ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder of the study; a former one goes on."
-        ),
-    ],
+    out: OutOption,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -181,12 +182,7 @@ def all_cells(
 
 
 def reproduce(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out", metavar="DIR", help="Folder of the study; a former one goes on."
-        ),
-    ] = Path("out/reproduce"),
+    out: OutOption = Path("out/reproduce"),
     quick: Annotated[
         bool,
         typer.Option("--quick", help="1 seed, fewer rates, two controllers: minutes."),
@@ -207,7 +203,7 @@ def reproduce(
     less than five minutes. Ended early, it goes on where it was.
     """
     from surefoot.cli.console import count_bar, print_note
-    from surefoot.out_folder import atomic_file
+    from surefoot.out_folder import write_whole
     from surefoot.studies.execute import execute
     from surefoot.studies.paper import cells_of, extent
     from surefoot.studies.paper_page import (
@@ -239,8 +235,7 @@ def reproduce(
             with count_bar("figures", total=len(undrawn), done=0) as tell:
                 for name in undrawn:
                     svg = draw(SHOWN[name], {v: record(name, v) for v in COMPARED})
-                    with atomic_file(folder / f"{name}.svg") as file:
-                        file.write(svg)
+                    write_whole(folder / f"{name}.svg", svg)
                     tell()
         rows = [store.rows[cell.key] for cell in cells if cell.key in store.rows]
         if not rows:

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from surefoot.outcome import Judgement
 from surefoot.schemas.motions import ROTATIONS
-from surefoot.schemas.reasons import EndReason, in_words, plain
+from surefoot.schemas.reasons import EndReason, counted, in_words, plain
 from surefoot.schemas.result import (
     ControllerResult,
     Distribution,
@@ -217,8 +217,8 @@ def _add_gate(table: Table, result: RunResult | PlantResult) -> None:
         table.add_row(
             "ticks not recorded", f"[bold red]{result.unrecorded_ticks}[/], slow disk"
         )
-    table.add_row("commands refused", _counts(result.refused))
-    table.add_row("commands clipped", _counts(result.clipped))
+    table.add_row("commands refused", counted(result.refused))
+    table.add_row("commands clipped", counted(result.clipped))
 
 
 def _row(values: Sequence[float] | None, unit: str, *, since_s: float = 1.0) -> str:
@@ -235,10 +235,6 @@ def _late(result: RunResult | ControllerResult) -> str:
     return f"{result.skipped_ticks}, {result.slow_ticks}"
 
 
-def _counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
-
-
 def _fault_counts(result: RelayResult) -> Counter[str]:
     """Count the messages that each kind of fault changed, over all channels."""
     total: Counter[str] = Counter()
@@ -251,7 +247,7 @@ def _faults(result: RelayResult) -> str:
     total = _fault_counts(result)
     passed = total["arrived"]
     found = {kind: n for kind, n in total.items() if kind not in _PASSAGE}
-    return f"{_counts(found)} of {passed} messages"
+    return f"{counted(found)} of {passed} messages"
 
 
 def histogram_table(name: str, histogram: Histogram) -> Table:
@@ -284,6 +280,13 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
             f"{100.0 * count / total:.2f} %",
         )
     return table
+
+
+def with_histograms(table: Table, histograms: dict[str, Histogram]) -> RenderableGroup:
+    """Return a table of figures with those of its times below it, if there are any."""
+    return RenderableGroup(
+        table, *map(histogram_table, histograms, histograms.values())
+    )
 
 
 def _range(edges: list[float], index: int) -> str:

@@ -27,9 +27,8 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat, Vec6
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, RobotFile, ServoProfile, Side
-from surefoot.schemas.toml_file import FileStruct, convert, read_toml
+from surefoot.schemas.toml_file import FileStruct, convert, find_toml, read_toml
 from surefoot.schemas.topics import resolve_keys
-from surefoot.schemas.validation import nearest
 
 Offsets = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
 EXTENDS = "extends"
@@ -270,21 +269,8 @@ def find_robot(name_or_path: str | Path) -> Path:
     Raises:
         RobotFileError: there is no such robot; the message lists the shipped ones.
     """
-    path = Path(name_or_path)
-    if path.suffix == ".toml":
-        if path.is_file():
-            return path
-        what = "is a folder, no" if path.is_dir() else "no such"
-        raise RobotFileError(f"{path}: {what} robot file")
-    name = str(name_or_path)
-    shipped = ROBOTS_DIR / name / f"{name}.toml"
-    if shipped.is_file():
-        return shipped
-    known = list_robots()
-    raise RobotFileError(
-        f"no robot named {name!r}{nearest(name, known)}; shipped are "
-        f"{', '.join(known)}, or give the path of a robot file (.toml)"
-    )
+    shipped = {name: ROBOTS_DIR / name / f"{name}.toml" for name in list_robots()}
+    return find_toml(name_or_path, shipped, what="robot", error=RobotFileError)
 
 
 def load_robot(name_or_path: str | Path, *, servo_profile: str | None = None) -> Robot:

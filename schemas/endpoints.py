@@ -120,8 +120,8 @@ def load_endpoints(path: Path) -> Endpoints:
 def choose_endpoints(
     file: Path | None,
     *,
-    listen: list[str],
-    connect: list[str],
+    listen: list[str] | None = None,
+    connect: list[str] | None = None,
     router: list[str] | None = None,
     insecure: bool = False,
 ) -> Endpoints:
@@ -129,9 +129,9 @@ def choose_endpoints(
 
     Args:
         file: endpoint file, or None for the defaults.
-        listen: replaces the file's ``listen`` unless empty.
-        connect: replaces the file's ``connect`` and ``router`` unless empty.
-        router: replaces the file's ``router`` unless empty.
+        listen: replaces the file's ``listen`` unless there are none.
+        connect: replaces the file's ``connect`` and ``router`` unless there are none.
+        router: replaces the file's ``router`` unless there are none.
         insecure: listen on other addresses than loopback without TLS.
 
     Raises:

@@ -6,6 +6,7 @@ people; nothing decides by it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
 
 
@@ -175,6 +176,11 @@ class Outcome(StrEnum):
     def is_up(self) -> bool:
         """Whether the run counts as a success."""
         return self in (Outcome.STOOD, Outcome.WALKED)
+
+
+def counted(counts: Mapping[str, int]) -> str:
+    """How often each of some reasons was given; ``none`` for none at all."""
+    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
 
 
 def plain(reason: StrEnum) -> str:

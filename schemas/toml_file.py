@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,7 +12,7 @@ import msgspec
 import tomli_w
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.validation import explain, find_non_finite, suggest_key
+from surefoot.schemas.validation import explain, find_non_finite, nearest, suggest_key
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 LARGEST_NUMBER = 1e12
@@ -42,6 +43,35 @@ def read_toml(path: Path) -> dict[str, Any]:
         ) from error
     except tomllib.TOMLDecodeError as error:
         raise FileFormatError(f"{path}: not valid TOML: {error}") from error
+
+
+def find_toml(
+    name_or_path: str | Path,
+    shipped: Mapping[str, Path],
+    *,
+    what: str,
+    error: type[Exception],
+) -> Path:
+    """Return the path of a file, given a shipped name or a path.
+
+    Args:
+        name_or_path: a path ends in .toml.
+        shipped: path of each shipped file, by name.
+        what: such a file describes.
+        error: raised when there is none; its message lists the shipped names.
+    """
+    path, name = Path(name_or_path), str(name_or_path)
+    if path.suffix == ".toml":
+        if path.is_file():
+            return path
+        problem = "is a folder, no" if path.is_dir() else "no such"
+        raise error(f"{path}: {problem} {what} file")
+    if name in shipped:
+        return shipped[name]
+    raise error(
+        f"no {what} named {name!r}{nearest(name, shipped)}; shipped are "
+        f"{', '.join(shipped)}, or give the path of a {what} file (.toml)"
+    )
 
 
 def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:

@@ -76,6 +76,12 @@ ALIVE_OBSERVER = "alive/observer"
 """Liveliness tokens. Stabilizer and observers append their name, the robot the instance
 of its process and the digest of its description: ``alive/robot/INSTANCE/DIGEST``."""
 
+SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
+"""Of channels that are asked, and carry no messages."""
+PUBLISHED = tuple(entry for entry in TOPICS if entry.direction not in SERVICES)
+"""Channels that carry messages."""
+ALL_CHANNELS = tuple(entry.name for entry in PUBLISHED)
+"""Their names."""
 TICK_SENSORS = tuple(entry.name for entry in SENSORS)
 """Channels that make up one snapshot, in the order they are sent."""
 

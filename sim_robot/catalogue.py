@@ -8,7 +8,7 @@ from pathlib import Path
 
 from surefoot.schemas import scenario as scenario_file
 from surefoot.schemas.scenario import Scenario
-from surefoot.schemas.validation import nearest
+from surefoot.schemas.toml_file import find_toml
 from surefoot.sim_robot.errors import ScenarioError
 
 SCENARIOS_DIR = Path(__file__).parent / "scenarios"
@@ -25,19 +25,8 @@ def find_scenario(name_or_path: str) -> Path:
     Raises:
         ScenarioError: there is no such scenario; the message lists the shipped ones.
     """
-    path = Path(name_or_path)
-    if path.suffix == ".toml":
-        if path.is_file():
-            return path
-        what = "is a folder, no" if path.is_dir() else "no such"
-        raise ScenarioError(f"{path}: {what} scenario file")
-    if name_or_path in list_scenarios():
-        return SCENARIOS_DIR / f"{name_or_path}.toml"
-    shipped = list_scenarios()
-    raise ScenarioError(
-        f"no scenario named {name_or_path!r}{nearest(name_or_path, shipped)}; shipped "
-        f"are {', '.join(shipped)}, or give the path of a scenario file (.toml)"
-    )
+    shipped = {name: SCENARIOS_DIR / f"{name}.toml" for name in list_scenarios()}
+    return find_toml(name_or_path, shipped, what="scenario", error=ScenarioError)
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:

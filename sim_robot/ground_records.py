@@ -1,30 +1,22 @@
-"""Recorded ground from others' files: MCAP, CSV, .AT2 and K-NET."""
+"""Recorded ground from others' files: texts of CSV, .AT2 and K-NET, and MCAP."""
 
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
-from typing import Any
 
-import msgpack
 import numpy as np
-from mcap.reader import make_reader
-from mcap.records import Channel, Schema
 
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.mcap_channel import bad_key, read_mcap, short
 
-_NANOSECOND = 1e-9
-_LATEST_NS = 2**63
-_Decoder = Callable[[bytes], Any]
 _PEER: dict[str, tuple[Quantity, str]] = {
     ".at2": ("acceleration", "g"),
     ".vt2": ("velocity", "cm/s"),
@@ -32,158 +24,6 @@ _PEER: dict[str, tuple[Quantity, str]] = {
 }
 _PEER_MOST_HEAD_LINES = 10
 _SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3}
-
-
-def read_mcap(
-    content: bytes, *, file: str, channel: str, field: str
-) -> tuple[Array, Array]:
-    """Read times [s] and values of a channel, each (n,).
-
-    Messages in JSON and MessagePack are read, and those of ROS 2 where the package
-    ``mcap-ros2-support`` is installed. Times are those of measuring where messages
-    carry one (``stamp_ns`` or ``header.stamp``), otherwise of logging.
-
-    Args:
-        content: of the file.
-        file: its name, for errors.
-        channel: topic.
-        field: path of a number in the messages, such as ``linear_acceleration.0``.
-
-    Raises:
-        ScenarioError: no such file, channel or field; ``field`` is the key to look at.
-    """
-    times, values = [], []
-    decoders: dict[int, _Decoder] = {}
-    try:
-        reader = make_reader(BytesIO(content), validate_crcs=True)
-        for schema, about, message in reader.iter_messages(topics=[channel]):
-            if about.id not in decoders:
-                decoders[about.id] = _decoder(schema, about, file)
-            decoded = decoders[about.id](message.data)
-            values.append(_value(decoded, field, channel))
-            times.append(_stamp_ns(decoded, message.log_time, channel))
-        topics = [] if values else sorted({c.topic for c in _channels(content)})
-    except ScenarioError:
-        raise
-    except Exception as error:  # each library has errors of its own for damage
-        raise _error(
-            "file",
-            f"{file}: cannot be read as MCAP "
-            f"({type(error).__name__}: {_short(str(error))}); it is damaged or was cut "
-            "off, fetch it again or mend it with `mcap recover`",
-        ) from error
-    if not values:
-        raise _error(
-            "channel",
-            f"{file} has no messages of {channel!r}; it has "
-            f"{', '.join(topics) or 'none at all'}",
-        )
-    stamps = np.array(times, dtype=np.int64)
-    return _NANOSECOND * (stamps - stamps[0]), np.array(values)
-
-
-def _channels(content: bytes) -> list[Channel]:
-    summary = make_reader(BytesIO(content)).get_summary()
-    return [] if summary is None else list(summary.channels.values())
-
-
-def _decoder(schema: Schema | None, channel: Channel, file: str) -> _Decoder:
-    if channel.message_encoding == "json":
-        return json.loads
-    if channel.message_encoding == "msgpack":
-        return _unpack
-    if channel.message_encoding == "cdr":
-        try:
-            from mcap_ros2.decoder import DecoderFactory
-        except ImportError as error:
-            raise _error(
-                "channel",
-                f"{file}: {channel.topic!r} holds messages of ROS 2; `pip install "
-                "mcap-ros2-support` reads them",
-            ) from error
-        decode: _Decoder | None = DecoderFactory().decoder_for("cdr", schema)
-        if decode is not None:
-            return decode
-    raise _error(
-        "channel",
-        f"{file}: messages of {channel.topic!r} are {channel.message_encoding!r}, "
-        "expected json, msgpack or cdr; export them as .csv",
-    )
-
-
-def _unpack(data: bytes) -> Any:
-    return msgpack.unpackb(data)
-
-
-def _value(message: Any, path: str, channel: str) -> float:
-    place = message
-    for step in path.split("."):
-        try:
-            place = _inside(place, step)
-        except (KeyError, IndexError, AttributeError, ValueError, TypeError):
-            raise _error(
-                "field", f"messages of {channel!r} have no {path!r}: no {step!r}"
-            ) from None
-    if isinstance(place, bool) or not isinstance(place, (int, float)):
-        raise _error(
-            "field",
-            f"{path!r} of {channel!r} is no number; name one in it, such as {path}.0",
-        )
-    try:
-        value = float(place)
-    except OverflowError:
-        value = math.inf
-    if not math.isfinite(value):
-        raise _error(
-            "field",
-            f"{path!r} of {channel!r} is {value:g} in a message, expected a finite "
-            "number; cut a piece without it out of the file",
-        )
-    return value
-
-
-def _inside(place: Any, step: str) -> Any:
-    if isinstance(place, dict):
-        return place[step]
-    if step.isdigit():
-        return place[int(step)]
-    return getattr(place, step)
-
-
-def _stamp_ns(message: Any, logged_ns: int, channel: str) -> int:
-    """When a message was measured, as far as it says so [ns]."""
-    stamp_ns = _whole(_first(message, "stamp_ns"))
-    stamp = _first(_first(message, "header"), "stamp")
-    if not stamp_ns and stamp is not None:
-        seconds = _whole(_first(stamp, "sec", "secs"))
-        rest_ns = _whole(_first(stamp, "nanosec", "nsec", "nsecs"))
-        stamp_ns = seconds * 1_000_000_000 + rest_ns
-    stamp_ns = stamp_ns if stamp_ns > 0 else logged_ns
-    if stamp_ns >= _LATEST_NS:
-        raise _error(
-            "channel",
-            f"a message of {channel!r} has the stamp {_short(str(stamp_ns))} ns, "
-            f"expected less than {_LATEST_NS}; what wrote it has no sound clock",
-        )
-    return stamp_ns
-
-
-def _first(place: Any, *names: str) -> Any:
-    """Return the first of these that a message has; None when it has none."""
-    if isinstance(place, dict):
-        return next((place[name] for name in names if name in place), None)
-    return next((getattr(place, name) for name in names if hasattr(place, name)), None)
-
-
-def _whole(stamp: Any) -> int:
-    """Return a stamp as a whole number; 0 for what is none. JSON has text for some."""
-    if isinstance(stamp, str) and re.fullmatch(r"[0-9]{1,25}", stamp):
-        return int(stamp)
-    if isinstance(stamp, float):
-        return int(stamp) if math.isfinite(stamp) else 0
-    return stamp if isinstance(stamp, int) else 0
-
-
 _PEER_COUNT = re.compile(r"NPTS\s*=\s*([^\s,;]*)", re.IGNORECASE)
 _PEER_STEP = re.compile(
     r"\bDT\s*=\s*([^\s,;A-Z]*(?:[ED][-+]?\d+)?)\s*(?!NPTS)([A-Z]*)", re.IGNORECASE
@@ -229,30 +69,30 @@ def read_record(motion: RecordedMotion) -> GroundRecord:
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:
-        raise _error(
+        raise bad_key(
             "file",
             f"{path}: cannot be read ({getattr(error, 'strerror', None) or error}); "
             "the name is relative to the scenario file",
         ) from error
     if not content.strip():
-        raise _error("file", f"{path}: is empty, expected a record; fetch it again")
+        raise bad_key("file", f"{path}: is empty, expected a record; fetch it again")
     record = _reader(path, content)(motion, content)
     if len(record.times) != len(record.values) or len(record.times) < 4:
-        raise _error(
+        raise bad_key(
             "file", f"{path}: holds {len(record.values)} samples, expected 4 or more"
         )
     if not (np.isfinite(record.values).all() and np.isfinite(record.times).all()):
-        raise _error("file", f"{path}: holds values that are no finite numbers")
+        raise bad_key("file", f"{path}: holds values that are no finite numbers")
     falls = np.diff(record.times) <= 0.0
     if falls.any():
         at = int(np.argmax(falls))
-        raise _error(
+        raise bad_key(
             "file",
             f"{path}: time goes from {record.times[at]:g} s to "
             f"{record.times[at + 1]:g} s, expected rising times",
         )
     if motion.quantity not in (None, record.quantity):
-        raise _error(
+        raise bad_key(
             "quantity",
             f"got {motion.quantity!r}, but {path.name} says it holds "
             f"{record.quantity!r}; leave `quantity` out",
@@ -275,7 +115,7 @@ def _reader(
 def _decoded(file: str | Path, content: bytes) -> str:
     """Return a file as text: UTF-8, or Latin-1 where it is not."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content:
-        raise _error(
+        raise bad_key(
             "file",
             f"{file}: is UTF-16 or no text at all, expected text in UTF-8; save it "
             "anew as such",
@@ -301,7 +141,7 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
     if told and (old := _PEER_OLD.match(lines[told[-1]])):
         words = [old[1], old[2], ""]
     if words[0] is None or words[1] is None:
-        raise _error(
+        raise bad_key(
             "file",
             f"{motion.file}: the first {_PEER_MOST_HEAD_LINES} lines do not say NPTS "
             "and DT, expected a record of PEER",
@@ -342,7 +182,7 @@ def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
     head = text if end is None else text[: end.end()]
     rate, scale = _KNET_RATE.search(head), _KNET_SCALE.search(head)
     if end is None or rate is None or scale is None:
-        raise _error(
+        raise bad_key(
             "file",
             f"{motion.file}: its heading has no `Sampling Freq(Hz)`, `Scale Factor` or "
             "`Memo.`, expected a record of K-NET",
@@ -389,7 +229,7 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
     width = max(len(heading) or len(first), column + 1)
     for at, cells in rows:
         if len(cells) > width:
-            raise _error(
+            raise bad_key(
                 "file",
                 f"{motion.file}, line {at}: has {len(cells)} cells, expected {width}; "
                 "decimal commas need semicolons between cells",
@@ -448,7 +288,7 @@ def _rows(
             rows.append((lines[reader.line_num - 1][0], cells))
     except csv.Error as error:
         at = lines[min(reader.line_num, len(lines)) - 1][0]
-        raise _error(
+        raise bad_key(
             "file",
             f"{file}, line {at}: cannot be read as columns ({error}); is a quotation "
             "mark left open?",
@@ -464,7 +304,7 @@ def _column(motion: RecordedMotion, heading: list[str]) -> int:
         return found.index(motion.column)
     named = ", ".join(heading) or "no columns"
     what = f"{found.count(motion.column)} such columns: " if found else ""
-    raise _error(
+    raise bad_key(
         "column",
         f"got {motion.column!r}, but the heading of {motion.file} names {what}{named}",
     )
@@ -475,7 +315,7 @@ def _mcap(motion: RecordedMotion, content: bytes) -> GroundRecord:
     quantity = _stated_quantity(motion)
     for key in ("channel", "field"):
         if not getattr(motion, key):
-            raise _error(key, f"missing, and {motion.file} is an MCAP file; name it")
+            raise bad_key(key, f"missing, and {motion.file} is an MCAP file; name it")
     times, values = read_mcap(
         content, file=motion.file, channel=motion.channel, field=motion.field
     )
@@ -484,7 +324,7 @@ def _mcap(motion: RecordedMotion, content: bytes) -> GroundRecord:
 
 def _stated_quantity(motion: RecordedMotion) -> Quantity:
     if motion.quantity is None:
-        raise _error(
+        raise bad_key(
             "quantity",
             f"missing, and {Path(motion.file).name} does not say what it holds; "
             "expected one of 'position', 'velocity', 'acceleration'",
@@ -529,8 +369,8 @@ class _Numbers:
     ) -> ScenarioError:
         """Return the error for what is no number."""
         place = f", line {line}" if line else ""
-        got = repr(_short(got)) if got.strip() else "nothing"
-        return _error(
+        got = repr(short(got)) if got.strip() else "nothing"
+        return bad_key(
             "file",
             f"{self.file}{place}: {what} is {got}, expected {expected}; mend or remove "
             "it",
@@ -551,7 +391,7 @@ class _Numbers:
     def enough(self, found: int, told: float) -> None:
         """Check that there are as many values as the heading tells."""
         if found < math.floor(told + 1e-6):
-            raise _error(
+            raise bad_key(
                 "file",
                 f"{self.file}: holds {found} values and its heading says {told:g}; "
                 "it was cut off, fetch it again",
@@ -569,11 +409,3 @@ def _is_number(cell: str, delimiter: str) -> bool:
     if delimiter in ";\t":
         plain = plain.replace(",", ".")
     return _NUMBER.fullmatch(plain) is not None
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:60]}..."
-
-
-def _error(key: str, what: str) -> ScenarioError:
-    return ScenarioError(f"{key}: {what}", field=key)

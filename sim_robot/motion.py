@@ -26,7 +26,8 @@ from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.recorded import recorded_law
 
 MotionLaw = Callable[[float], tuple[float, float]]
-"""Time [s] to (position, velocity) in SI; at rest in zero until the motion starts."""
+"""Time [s] to (position, velocity) in SI; at rest in zero until the motion starts.
+Those below are of the time since then."""
 GRAVITY_M_S2 = 9.81
 STATES = 80
 """In a cycle: 3 ** 4 - 1."""
@@ -49,31 +50,35 @@ def motion_law(motion: Motion) -> MotionLaw:
     check_blend(motion)
     match motion:
         case SineMotion():
-            return _sine(motion)
+            law = _sine(motion)
         case RampMotion():
-            return _ramp(motion, motion.amplitude, rate=motion.rate)
+            law = _ramp(motion, motion.amplitude, rate=motion.rate)
         case DropMotion():
-            return _drop(motion)
+            law = _drop(motion)
         case PrtsMotion():
-            return prts_law(motion)
+            law = _prts(motion)
         case SpectrumMotion():
-            return spectrum_law(motion)
-    return recorded_law(motion)
+            law = _spectrum(motion)
+        case _:
+            return recorded_law(motion)
+    start_s = motion.start_s
+
+    def started(time_s: float) -> tuple[float, float]:
+        since = time_s - start_s
+        return law(since) if since > 0.0 else (0.0, 0.0)
+
+    return started
 
 
 def _sine(motion: SineMotion) -> MotionLaw:
     """Make A(u) sin(w s + phase), faded in over one period or the blend, C2 smooth."""
-    amplitude, start_s = motion.amplitude, motion.start_s
-    frequency_hz = motion.frequency_hz
+    amplitude, frequency_hz = motion.amplitude, motion.frequency_hz
     check_frequency(frequency_hz, "frequency_hz")
     per_fade = frequency_hz if motion.blend_s is None else 1.0 / motion.blend_s
     omega = math.tau * frequency_hz
     phase = math.radians(motion.phase_deg)
 
-    def law(time_s: float) -> tuple[float, float]:
-        since = time_s - start_s
-        if since <= 0.0:
-            return 0.0, 0.0
+    def law(since: float) -> tuple[float, float]:
         angle = omega * since + phase
         position = amplitude * math.sin(angle)
         velocity = amplitude * omega * math.cos(angle)
@@ -93,16 +98,13 @@ def _ramp(
 
     A ramp too short to reach its rate has no cruise and a lower peak.
     """
-    start_s, blend = motion.start_s, _blend_s(motion)
+    blend = _blend_s(motion)
     size = abs(amplitude)
     peak = min(rate, size / blend) if size else 0.0
     cruise_end = size / peak if peak else 0.0
     peak = math.copysign(peak, amplitude)
 
-    def law(time_s: float) -> tuple[float, float]:
-        since = time_s - start_s
-        if since <= 0.0:
-            return 0.0, 0.0
+    def law(since: float) -> tuple[float, float]:
         if since < blend:
             travelled, speed = _speed_up(since, blend)
             return peak * travelled, peak * speed
@@ -121,7 +123,7 @@ def _drop(motion: DropMotion) -> MotionLaw:
     """Make a free fall that brakes over a blend and rests at the amplitude."""
     if motion.rate is not None:
         return _ramp(motion, motion.amplitude, rate=motion.rate)
-    amplitude, start_s, blend = motion.amplitude, motion.start_s, _blend_s(motion)
+    amplitude, blend = motion.amplitude, _blend_s(motion)
     if amplitude > 0.0:
         raise ScenarioError(
             f"amplitude_m: got {amplitude}, expected a negative one: nothing "
@@ -132,10 +134,7 @@ def _drop(motion: DropMotion) -> MotionLaw:
     fall_s = 0.5 * (math.sqrt(blend * blend - 8.0 * amplitude / GRAVITY_M_S2) - blend)
     impact = GRAVITY_M_S2 * fall_s
 
-    def law(time_s: float) -> tuple[float, float]:
-        since = time_s - start_s
-        if since <= 0.0:
-            return 0.0, 0.0
+    def law(since: float) -> tuple[float, float]:
         if since <= fall_s:
             return -0.5 * GRAVITY_M_S2 * since * since, -GRAVITY_M_S2 * since
         left = fall_s + blend - since
@@ -213,7 +212,7 @@ def prts_states() -> list[int]:
     return states
 
 
-def prts_law(motion: PrtsMotion) -> MotionLaw:
+def _prts(motion: PrtsMotion) -> MotionLaw:
     """Make the integral of the states, its velocity blended where the state changes.
 
     A change begins with its state and takes a blend, as a smooth step: the position is
@@ -223,9 +222,7 @@ def prts_law(motion: PrtsMotion) -> MotionLaw:
     Raises:
         ScenarioError: faster than half the simulation's rate.
     """
-    state_s, blend, rate, start_s = (
-        *(motion.state_s, motion.blend, motion.rate, motion.start_s),
-    )
+    state_s, blend, rate = motion.state_s, motion.blend, motion.rate
     check_frequency(0.5 / state_s, "speed", what=f"states of {1e3 * state_s:g} ms, so")
     states: Array = np.array(prts_states() * motion.cycles, dtype=np.float64)
     velocity = (rate * np.append(states, 0.0)).tolist()
@@ -236,10 +233,7 @@ def prts_law(motion: PrtsMotion) -> MotionLaw:
     position = [0.0, *travelled.tolist()]
     last = len(velocity) - 1
 
-    def law(time_s: float) -> tuple[float, float]:
-        since = time_s - start_s
-        if since <= 0.0:
-            return 0.0, 0.0
+    def law(since: float) -> tuple[float, float]:
         index = min(int(since / state_s), last)
         since -= index * state_s
         begin, change = before[index], velocity[index] - before[index]
@@ -288,7 +282,7 @@ def components(motion: SpectrumMotion) -> tuple[Array, Array, Array]:
     return frequency_hz, np.sqrt(2.0 * variance), math.tau * random.random(COMPONENTS)
 
 
-def spectrum_law(motion: SpectrumMotion) -> MotionLaw:
+def _spectrum(motion: SpectrumMotion) -> MotionLaw:
     """Make the sum of the components times the gain, faded in, C2 smooth.
 
     Raises:
@@ -305,13 +299,9 @@ def spectrum_law(motion: SpectrumMotion) -> MotionLaw:
     amplitude = motion.gain_si * height
     amplitude_rate = -amplitude * omega
     phase = phase + math.radians(motion.phase_deg)
-    start_s = motion.start_s
     per_fade = 1.0 / (motion.period_s if motion.blend_s is None else motion.blend_s)
 
-    def law(time_s: float) -> tuple[float, float]:
-        since = time_s - start_s
-        if since <= 0.0:
-            return 0.0, 0.0
+    def law(since: float) -> tuple[float, float]:
         angle = omega * since
         angle += phase
         position = float(amplitude @ np.cos(angle))

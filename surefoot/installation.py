@@ -7,7 +7,12 @@ import os
 import re
 import shlex
 import sys
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import (
+    Distribution,
+    PackageNotFoundError,
+    distribution,
+    version,
+)
 from pathlib import Path
 from urllib.parse import unquote, urlparse
 
@@ -35,6 +40,14 @@ def install_command(extra: str = "") -> str:
         return _pip(_with(source, extra))
     needed = [] if package is None else _needed(package, extra)
     return _pip(*needed) if needed else _pip(_with(_NAME, extra))
+
+
+def installed_version(package: str) -> str | None:
+    """The version of a package; None where it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
 
 
 def _source(package: Distribution) -> str | None:

@@ -1,4 +1,7 @@
-"""Folders and files that commands write: claimed at the start, others' left alone."""
+"""What long work is given: a place for its files, and a bar for its progress.
+
+Folders and files are claimed at the start, and others' left alone.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,11 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
-from types import TracebackType
-from typing import IO, BinaryIO, Self
+from typing import IO, Any, BinaryIO, Protocol, Self
+
+import msgspec
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 
@@ -134,6 +138,17 @@ def atomic_file(path: Path, *, overwrite: bool = True) -> Iterator[IO[bytes]]:
         raise
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file, whole or not at all; see :func:`atomic_file`."""
+    with atomic_file(path) as file:
+        file.write(data)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a struct, or built-in types, as indented JSON, whole or not at all."""
+    write_whole(path, msgspec.json.format(msgspec.json.encode(value)) + b"\n")
 
 
 @contextmanager
@@ -293,12 +308,7 @@ class OutFolder:
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         """Release the folder; without anything worth keeping it is as before."""
         if self.out is None:
             shutil.rmtree(self.path, ignore_errors=True)
@@ -334,3 +344,28 @@ class OutFolder:
             for file in self.path.glob(pattern):
                 if file.is_file() or file.is_symlink():
                     file.unlink()
+
+
+class CountBar(Protocol):
+    """Opens a bar that counts; entering it gives a function to call after each."""
+
+    def __call__(
+        self, title: str, *, total: int, done: int, of: str = "runs"
+    ) -> AbstractContextManager[Callable[[], None]]:
+        """Open the bar.
+
+        Args:
+            title: what is under way.
+            total: of all things.
+            done: already, before now.
+            of: what the things are called.
+        """
+
+
+@contextmanager
+def no_bar(
+    title: str, *, total: int, done: int, of: str = "runs"
+) -> Iterator[Callable[[], None]]:
+    """Provide a bar that shows nothing: the default throughout the library."""
+    del title, total, done, of
+    yield lambda: None

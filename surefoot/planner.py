@@ -152,7 +152,7 @@ def walk_on_bus(
         if missing:
             many = "" if last_word is None else f", after {taken} steps"
             raise RobotUnreachableError(f"{missing}{many}")
-        if client.has_stabilizer:
+        if client.stabilizers:
             plan = planner.plan(status, count=left)
             client.send(plan)
             sent.add(plan.stamp_ns)
@@ -187,7 +187,7 @@ def _missing(
         return "the robot is gone"
     if silence_s <= SILENCE_S:
         return ""
-    if client.has_stabilizer:
+    if client.stabilizers:
         if last_word is None:
             return (
                 "no word of a walk from the stabilizer: start one with --controller "

@@ -18,11 +18,11 @@ from surefoot.robot_io.client_side.assembler import SnapshotReading
 from surefoot.robot_io.client_side.client import PATIENCE_S
 from surefoot.robot_io.relay.forwarder import COMMAND, Schedule
 from surefoot.robot_io.relay.lane import Lane, Parcel, PlanClock
-from surefoot.robot_io.robot_side.mode_machine import Refusal
+from surefoot.robot_io.robot_side.server import read_command
 from surefoot.robot_io.snapshot import SnapshotLayout, ages_of, sensor_messages
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.codec import decode, encode
-from surefoot.schemas.errors import MessageError, SchemaVersionError
+from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     JointCommand,
@@ -159,7 +159,7 @@ class RelayedSimulation(Simulation):
         """The robot judges what has come, and follows the last that it accepts."""
         accepted = None
         while (data := self._on_the_way.take_due(now_s + INSTANT_S)) is not None:
-            command = self._read(data)
+            command = read_command(data, self.gate, joint_count=self.robot.n_a)
             if command is None:
                 continue
             result = self.gate.accept(command, tick=tick, now_s=now_s)
@@ -171,15 +171,6 @@ class RelayedSimulation(Simulation):
             self.simulated.apply(accepted.posture, tick=acts_as)
         elif self._is_answered and self.gate.mode is RobotMode.ACTIVE:
             self._misses += 1
-
-    def _read(self, data: bytes) -> JointCommand | None:
-        try:
-            return decode(data, JointCommand, joint_count=self.robot.n_a)
-        except SchemaVersionError as error:
-            self.gate.refuse(Refusal.SCHEMA, str(error))
-        except MessageError as error:
-            self.gate.refuse(Refusal.MALFORMED, str(error))
-        return None
 
     def _note_mode(self, now_s: float) -> None:
         modes = self.gate.modes

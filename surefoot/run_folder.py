@@ -10,14 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import OutFolder, atomic_file
+from surefoot.installation import installed_version
+from surefoot.out_folder import OutFolder, write_json
 from surefoot.run_plan import RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
 
@@ -82,9 +82,9 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "packages": {name: _version(name) for name in _PACKAGES},
+        "packages": {name: installed_version(name) for name in _PACKAGES},
     }
-    (folder / MARKER).write_bytes(msgspec.json.format(msgspec.json.encode(about)))
+    write_json(folder / MARKER, about)
 
 
 def write_result(folder: OutFolder, result: RunResult) -> RunResult:
@@ -95,7 +95,7 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     """
     name = None if folder.out is None else _printable(str(folder.out))
     result = msgspec.structs.replace(result, out=name)
-    write_struct(folder.path / RESULT, result)
+    write_json(folder.path / RESULT, result)
     return result
 
 
@@ -162,24 +162,11 @@ def _naming_damage(folder: Path) -> Iterator[None]:
         ) from error
 
 
-def write_struct(path: Path, value: msgspec.Struct) -> None:
-    """Write a struct as JSON, whole or not at all."""
-    with atomic_file(path) as file:
-        file.write(msgspec.json.format(msgspec.json.encode(value)) + b"\n")
-
-
 def read_struct(path: Path, kind: type[_T]) -> _T:
-    """Read what :func:`write_struct` wrote."""
+    """Read the struct that a file of JSON holds."""
     return msgspec.json.decode(path.read_bytes(), type=kind)
 
 
 def _printable(name: str) -> str:
     """A name of the file system as text that JSON can hold."""
     return os.fsencode(name).decode("utf-8", "replace")
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None

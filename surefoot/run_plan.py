@@ -141,15 +141,19 @@ def make_plan(
             each other, the robot or the scenario.
     """
     relay_path = None if relay is None else _find_relay_plan(relay, mode)
-    path = None if isinstance(scenario, Scenario) else find_scenario(str(scenario))
-    loaded = _checked(scenario) if isinstance(scenario, Scenario) else None
-    world = loaded or load_scenario(_not_none(path))
+    path: Path | None = None
+    if isinstance(scenario, Scenario):  # checked like one from a file
+        table = struct_table(scenario)
+        world = scenario_from_table(table, source=repr(scenario.name))
+        name = world.name
+    else:
+        path = find_scenario(str(scenario))
+        world, name = load_scenario(path), path.stem
     with naming_scenario(path or Path(world.name)):
         recorded_ground(world)
     model = _robot(robot, servo_profile)
     for warning in warnings_of(model):
         _log.warning("%s", warning)
-    name = loaded.name if loaded else _not_none(path).stem
     if scale_to_robot:
         world, told = fitted(world, model)
         if told:
@@ -219,16 +223,6 @@ def _steps(scenario: Scenario, robot: Robot, settings: ControllerSettings) -> Wa
 
     assert scenario.walk is not None
     return plan_of(scenario.walk, robot, settings.walk, duration_s=scenario.duration_s)
-
-
-def _not_none(path: Path | None) -> Path:
-    assert path is not None
-    return path
-
-
-def _checked(scenario: Scenario) -> Scenario:
-    """Check a scenario built in Python like one from a file."""
-    return scenario_from_table(struct_table(scenario), source=repr(scenario.name))
 
 
 def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:

@@ -8,7 +8,6 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from types import TracebackType
 from typing import Self
 
 import zenoh
@@ -22,7 +21,7 @@ from surefoot.robot_io.bus.session import (
     unreachable,
 )
 from surefoot.robot_io.errors import RobotUnreachableError
-from surefoot.robot_io.realtime import Pace
+from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.schemas.endpoints import Endpoints
 
 GRANULARITY_S = {Pace.REALTIME: 0.005, Pace.LOCKSTEP: 0.02}
@@ -116,12 +115,7 @@ class Bus:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Close the session."""
         self._stack.close()
 
@@ -208,19 +202,46 @@ def dialed_bus(
         EndpointError: a locator is malformed.
         RobotUnreachableError: nobody answered in time.
     """
-    end = time.monotonic() + timeout_s
-    attempt_s = min(DIAL_S, timeout_s)
     with ExitStack() as stack:
-        while True:
-            bus = Bus(endpoints, Role.CLIENT, namespace=namespace, timeout_s=attempt_s)
-            try:
-                stack.enter_context(bus)
-                break
-            except RobotUnreachableError:
-                if time.monotonic() >= end:
-                    words = unreachable(endpoints, "nobody answers", timeout_s)
-                    raise RobotUnreachableError(words) from None
+        bus = dial(stack, endpoints, namespace=namespace, timeout_s=timeout_s)
+        assert bus is not None
         yield bus
+
+
+def dial(
+    stack: ExitStack,
+    endpoints: Endpoints,
+    *,
+    namespace: str,
+    timeout_s: float,
+    pace: Pace = Pace.REALTIME,
+    stop: StopRequest | None = None,
+) -> Bus | None:
+    """Open the bus as :func:`dialed_bus` does, unless asked to stop meanwhile.
+
+    Args:
+        stack: closes it.
+        endpoints: where to dial.
+        namespace: put before every key.
+        timeout_s: how long in all [s].
+        pace: see :class:`Bus`.
+        stop: ends the dialing, after half a second at most.
+
+    Returns:
+        The bus; None when it was stopped.
+    """
+    end, attempt_s = time.monotonic() + timeout_s, min(DIAL_S, timeout_s)
+    while stop is None or not stop.is_set:
+        bus = Bus(
+            endpoints, Role.CLIENT, namespace=namespace, timeout_s=attempt_s, pace=pace
+        )
+        try:
+            return stack.enter_context(bus)
+        except RobotUnreachableError:
+            if time.monotonic() >= end:
+                words = unreachable(endpoints, "nobody answers", timeout_s)
+                raise RobotUnreachableError(words) from None
+    return None
 
 
 @contextmanager

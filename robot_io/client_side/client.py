@@ -6,14 +6,13 @@ import contextlib
 import os
 import time
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
 
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import Bus, dial
 from surefoot.robot_io.bus.channel import Inbox, Latest
-from surefoot.robot_io.bus.session import Role, unreachable
+from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.assembler import (
     SensorReader,
     SnapshotAssembler,
@@ -35,7 +34,6 @@ from surefoot.schemas.messages import (
     SCHEMA_VERSION,
     EstopRequest,
     JointCommand,
-    LeaseRequest,
     ModeRequest,
     Reference,
     RobotStatus,
@@ -51,8 +49,6 @@ SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
 RELEASE_TIMEOUT_S = 1.0
 """Short: if the robot is gone, its lease expires by itself [s]."""
-DIAL_S = 0.5
-"""Longest delay of a stop request, since Zenoh's dialing cannot be interrupted [s]."""
 STOP_POLL_S = 0.05
 PATIENCE_S = 0.005
 """How long the sensors of a tick wait for a missing one [s]."""
@@ -81,6 +77,8 @@ class RobotClient:
 
     Leaving the context gives the lease back.
     """
+
+    _bus: Bus
 
     def __init__(
         self,
@@ -114,12 +112,7 @@ class RobotClient:
         """Do nothing yet; see :meth:`connect`."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Give the lease back and close the bus."""
         try:
             if self._commands_still():
@@ -144,15 +137,22 @@ class RobotClient:
                 two.
         """
         end = time.monotonic() + timeout_s
-        while not self._stop.is_set:
-            try:
-                self._open(min(DIAL_S, timeout_s))
-            except RobotUnreachableError:
-                if time.monotonic() < end:
-                    continue
-                raise self._unreachable("nobody answers", timeout_s) from None
-            return self._wait_for_robot(end, timeout_s)
-        return False
+        with ExitStack() as stack:
+            bus = dial(
+                stack,
+                self._endpoints,
+                namespace=self._robot.file.namespace,
+                timeout_s=timeout_s,
+                pace=Pace.LOCKSTEP if self._in_order else Pace.REALTIME,
+                stop=self._stop,
+            )
+            if bus is None:
+                return False
+            self._bus = bus
+            self._declare()
+            self._stack = stack.pop_all()
+        self._stop.waking(bus.waker.interrupt)
+        return self._wait_for_robot(end, timeout_s)
 
     @property
     def robot_is_here(self) -> bool:
@@ -297,23 +297,8 @@ class RobotClient:
         status = self._status.poll()
         return status is None or status.commander == self.identity
 
-    def _open(self, timeout_s: float) -> None:
-        """Open the bus and declare everything; the token last but the watch."""
-        with ExitStack() as stack:
-            self._bus = stack.enter_context(
-                Bus(
-                    self._endpoints,
-                    Role.CLIENT,
-                    namespace=self._robot.file.namespace,
-                    timeout_s=timeout_s,
-                    pace=Pace.LOCKSTEP if self._in_order else Pace.REALTIME,
-                )
-            )
-            self._declare()
-            self._stack = stack.pop_all()
-        self._stop.waking(self._bus.waker.interrupt)
-
     def _declare(self) -> None:
+        """Declare everything; the token last but the watch."""
         bus, keys, n_a = self._bus, self._robot.keys, self._robot.n_a
         self._assembler = SnapshotAssembler(
             [self._reader(entry) for entry in SENSORS],
@@ -347,22 +332,14 @@ class RobotClient:
             if self._stop.is_set:
                 return False
             if time.monotonic() >= end:
-                name = self._robot.file.namespace
-                raise self._unreachable(f"no robot {name!r} is ready", timeout_s)
+                what = f"no robot {self._robot.file.namespace!r} is ready"
+                raise RobotUnreachableError(
+                    unreachable(self._endpoints, what, timeout_s)
+                )
         return True
 
-    def _unreachable(self, what: str, timeout_s: float) -> RobotUnreachableError:
-        return RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
-
     def _ask_lease(self, action: str, timeout_s: float | None = None) -> ServiceReply:
-        robot = self._watch.found
-        request = LeaseRequest(
-            schema=SCHEMA_VERSION,
-            action=action,
-            commander=self.identity,
-            robot="" if robot is None else robot.instance,
-            description=self._watch.description,
-        )
+        request = self._watch.lease_request(action, self.identity)
         return self._services.ask(
             self._robot.keys["lease"], request, timeout_s=timeout_s
         )

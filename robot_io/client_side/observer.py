@@ -25,20 +25,9 @@ from surefoot.schemas.messages import (
     StabilizerStatus,
     Truth,
 )
-from surefoot.schemas.topics import (
-    ALIVE_STABILIZER,
-    TOPICS,
-    Direction,
-    topic,
-)
+from surefoot.schemas.topics import ALL_CHANNELS, topic
 from surefoot.schemas.walk_plan import WalkStatus
 
-ALL_CHANNELS = tuple(
-    entry.name
-    for entry in TOPICS
-    if entry.direction not in (Direction.SERVICE, Direction.STABILIZER_SERVICE)
-)
-"""Every channel that can be subscribed to."""
 REQUEST_TIMEOUT_S = 2.0
 POLL_S = 0.002
 """Polling period of a wait [s]: fine enough for viewers, cheap when idle."""
@@ -128,12 +117,6 @@ class Observer(ReadOnlyClient):
         self._rings: dict[str, Channel] = {}
         self._unread: list[Sample] = []
         self._seen: dict[str, msgspec.Struct] = {}
-        self._stabilizers: set[str] = set()
-
-    @property
-    def stabilizers(self) -> tuple[str, ...]:
-        """Identities of the stabilizers on the bus."""
-        return tuple(sorted(self._stabilizers))
 
     def take(self, *, timeout_s: float = 0.0) -> list[Sample]:
         """Return all messages that have come, channel by channel, each in its order.
@@ -220,11 +203,4 @@ class Observer(ReadOnlyClient):
         self.requests = Requests(caller, self._robot, source=self._identity)
         bus.announce(self._token())
         self._follow_robot(bus, keys["status"])
-        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
-
-    def _on_stabilizer(self, key: str, is_there: bool) -> None:
-        identity = key.rsplit("/", 1)[-1]
-        if is_there:
-            self._stabilizers.add(identity)
-        else:
-            self._stabilizers.discard(identity)
+        self._watch_stabilizers(bus)

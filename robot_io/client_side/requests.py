@@ -31,7 +31,6 @@ from surefoot.schemas.messages import (
     StabilizerReply,
 )
 from surefoot.schemas.reasons import RequestRefusal
-from surefoot.schemas.topics import ALIVE_STABILIZER
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 
 RETRY_PAUSE_S = 0.01
@@ -317,12 +316,6 @@ class PlannerClient(ReadOnlyClient):
         self._keys = robot.keys
         self._status: Latest[WalkStatus] | None = None
         self._plan: zenoh.Publisher | None = None
-        self._stabilizers: set[str] = set()
-
-    @property
-    def has_stabilizer(self) -> bool:
-        """Whether there is anybody to take plans."""
-        return bool(self._stabilizers)
 
     def status(self) -> WalkStatus | None:
         """Return the newest word of the walk; None before the first.
@@ -353,10 +346,4 @@ class PlannerClient(ReadOnlyClient):
         self._plan = bus.publisher(self._keys["walk"], urgent=False)
         bus.announce(self._token())
         self._follow_robot(bus, self._keys["status"])
-        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
-
-    def _on_stabilizer(self, key: str, is_there: bool) -> None:
-        if is_there:
-            self._stabilizers.add(key)
-        else:
-            self._stabilizers.discard(key)
+        self._watch_stabilizers(bus)

@@ -12,7 +12,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
-from types import TracebackType
 from typing import NamedTuple, Self
 
 from surefoot.robot_io.bus.bus import DIAL_S, Bus
@@ -27,9 +26,15 @@ from surefoot.robot_io.identity import (
 )
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
-from surefoot.schemas.messages import RobotMode, RobotStatus, ServiceReply
+from surefoot.schemas.messages import (
+    SCHEMA_VERSION,
+    LeaseRequest,
+    RobotMode,
+    RobotStatus,
+    ServiceReply,
+)
 from surefoot.schemas.reasons import ModeCause
-from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT
+from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER
 
 RETURN_S = 10.0
 """A robot that is away without having said that it ends is waited for so long [s]."""
@@ -146,6 +151,24 @@ class RobotWatch:
         if reply.instance != found.instance:
             raise self._crowded((found.instance, reply.instance))
 
+    def lease_request(
+        self, action: str, commander: str, *, description: str = ""
+    ) -> LeaseRequest:
+        """Make a request for the lease of the robot that was found.
+
+        Args:
+            action: ``take`` or ``release``.
+            commander: who asks.
+            description: by what description of the robot; ours when empty.
+        """
+        return LeaseRequest(
+            schema=SCHEMA_VERSION,
+            action=action,
+            commander=commander,
+            robot="" if self.found is None else self.found.instance,
+            description=description or self.description,
+        )
+
     def _hold_against_ours(self, there: Iterable[RobotIdentity]) -> None:
         who = tuple(there)
         if len(who) > 1:
@@ -229,18 +252,14 @@ class ReadOnlyClient(ABC):
         self._is_over = self._is_cut_off = False
         self._lost_s: float | None = None
         self._absences: list[float] = []
+        self._stabilizers: set[str] = set()
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
         """Do nothing yet; see :meth:`connect`."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Close the bus; what the robot said last stays known."""
         self._hear_farewell()
         self._stack.close()
@@ -266,6 +285,11 @@ class ReadOnlyClient(ABC):
                 return
         what = f"no robot {self._namespace!r} is ready"
         raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
+
+    @property
+    def stabilizers(self) -> tuple[str, ...]:
+        """Identities of the stabilizers on the bus; of those that watch for them."""
+        return tuple(sorted(self._stabilizers))
 
     @property
     def robot_instance(self) -> str:
@@ -356,6 +380,17 @@ class ReadOnlyClient(ABC):
         status = bus.channel(status_key, depth=1)
         self._farewell = Latest(status, RobotStatus, joint_count=self._joint_count)
         self._watch.follow(bus, prefix=prefix)
+
+    def _watch_stabilizers(self, bus: Bus) -> None:
+        """Know from now on which stabilizers there are."""
+        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
+
+    def _on_stabilizer(self, key: str, is_there: bool) -> None:
+        identity = key.rsplit("/", 1)[-1]
+        if is_there:
+            self._stabilizers.add(identity)
+        else:
+            self._stabilizers.discard(identity)
 
     @abstractmethod
     def _open(self, stack: ExitStack, timeout_s: float) -> None:

@@ -31,11 +31,9 @@ from surefoot.schemas.messages import (
     EstopRequest,
     JointCommand,
     JointState,
-    LeaseRequest,
     ModeRequest,
     RobotMode,
     RobotStatus,
-    ServiceReply,
 )
 from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.topics import ALIVE_STABILIZER, TICK_SENSORS
@@ -131,16 +129,14 @@ class Probe:
             description: by what description of the robot; our own when None.
         """
         name = self.identity if who is None else who
-        request = self._request(
-            service, action, name, description or self._watch.description
-        )
+        request = self._request(service, action, name, description or "")
         try:
             reply = self._services.ask(self.robot.keys[service], request)
         except RequestRefusedError as error:
             return Answer(error.refusal, error.detail)
         except (RobotMismatchError, RobotUnreachableError, MessageError) as error:
             return Answer(RequestRefusal.NO_ANSWER, f"no valid answer: {error}")
-        self._note(reply)
+        self.q_held = np.array(reply.q_command)
         return DONE
 
     def _request(
@@ -150,14 +146,7 @@ class Probe:
             return EstopRequest(schema=SCHEMA_VERSION, source=name)
         if service == "mode":
             return ModeRequest(schema=SCHEMA_VERSION, action=action, commander=name)
-        robot = self._watch.found
-        return LeaseRequest(
-            schema=SCHEMA_VERSION,
-            action=action,
-            commander=name,
-            robot="" if robot is None else robot.instance,
-            description=description,
-        )
+        return self._watch.lease_request(action, name, description=description)
 
     def start(self) -> Answer:
         """Have the robot follow; from then on it must be streamed to."""
@@ -333,9 +322,6 @@ class Probe:
             self.status_error = str(error)
             return False
         return True
-
-    def _note(self, reply: ServiceReply) -> None:
-        self.q_held = np.array(reply.q_command)
 
 
 @contextmanager

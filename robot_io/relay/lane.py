@@ -173,11 +173,6 @@ class Lane:
         ]
         self._newest_s = -math.inf
 
-    @property
-    def is_clear(self) -> bool:
-        """Whether no fault of the plan acts on this channel."""
-        return not self._faults
-
     def pass_on(
         self, data: bytes, *, now_s: float, elapsed_s: float | None
     ) -> list[Parcel]:

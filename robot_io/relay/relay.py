@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import threading
-import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.session import Role, expect_to_listen, unreachable
+from surefoot.robot_io.bus.bus import Bus, dial
+from surefoot.robot_io.bus.session import Role, expect_to_listen
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
-from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
+from surefoot.robot_io.errors import RobotIoError
 from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 from surefoot.robot_io.relay.forwarder import (
     Dispatcher,
@@ -26,10 +24,12 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan
 from surefoot.schemas.result import RelayResult
+from surefoot.schemas.toml_file import find_toml
 from surefoot.schemas.topics import (
     ALIVE_OBSERVER,
     ALIVE_ROBOT,
     ALIVE_STABILIZER,
+    SERVICES,
     TOPICS,
     Direction,
 )
@@ -48,25 +48,11 @@ def find_plan(name_or_path: str) -> Path:
     Raises:
         FileFormatError: there is no such plan; the message names the nearest.
     """
-    path = Path(name_or_path)
-    if path.suffix == ".toml":
-        if path.is_file():
-            return path
-        raise FileFormatError(f"{path}: no such relay plan")
-    names = list_plans()
-    if name_or_path in names:
-        return PLANS_DIR / f"{name_or_path}.toml"
-    near = difflib.get_close_matches(name_or_path, names, n=1)
-    hint = f"did you mean {near[0]!r}? " if near else ""
-    raise FileFormatError(
-        f"no relay plan named {name_or_path!r}; {hint}shipped are "
-        f"{', '.join(names)}, or give the path of a plan (.toml)"
-    )
+    shipped = {name: PLANS_DIR / f"{name}.toml" for name in list_plans()}
+    return find_toml(name_or_path, shipped, what="relay plan", error=FileFormatError)
 
 
 POLL_S = 0.1
-DIAL_S = 0.5
-"""Longest delay of a stop request, since Zenoh's dialing cannot be interrupted [s]."""
 
 
 FROM_THE_ROBOTS_SIDE = (
@@ -75,7 +61,6 @@ FROM_THE_ROBOTS_SIDE = (
     Direction.STABILIZER_SERVICE,
 )
 """What is said, or asked, on the side of the robot, where planners and tools are."""
-SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
 
 
 class Relay:
@@ -138,11 +123,16 @@ class Relay:
         pause = threading.Event()  # never set: a signal may come in the midst of a wait
         dispatcher = Dispatcher()
         with stop.on_signals(), ExitStack() as stack:
-            robots_side = self._dial(endpoints, stop, wait_s, stack)
+            namespace = self._robot.file.namespace
+            robots_side = dial(
+                stack, endpoints, namespace=namespace, timeout_s=wait_s, stop=stop
+            )
             if robots_side is not None:
                 self._watch.follow(robots_side)
                 self._watch.find()
-                other_side = stack.enter_context(self._bus(place, Role.ROBOT))
+                other_side = stack.enter_context(
+                    Bus(place, Role.ROBOT, namespace=namespace, keys=self._robot.keys)
+                )
                 stack.enter_context(dispatcher.running())
                 stack.enter_context(quiet_interpreter())
                 stack.callback(self._disconnect)
@@ -157,39 +147,6 @@ class Relay:
                             f"the relay cannot send any more: {dispatcher.error}"
                         ) from dispatcher.error
         return self._result()
-
-    def _dial(
-        self,
-        endpoints: Endpoints,
-        stop: StopRequest,
-        wait_s: float,
-        stack: ExitStack,
-    ) -> Bus | None:
-        """Open the robot's side; None when asked to stop meanwhile."""
-        end_s = time.monotonic() + wait_s
-        while not stop.is_set:
-            timeout_s = min(DIAL_S, wait_s)
-            try:
-                return stack.enter_context(
-                    self._bus(endpoints, Role.CLIENT, timeout_s=timeout_s)
-                )
-            except RobotUnreachableError:
-                if time.monotonic() >= end_s:
-                    raise RobotUnreachableError(
-                        unreachable(endpoints, "nobody answers", wait_s)
-                    ) from None
-        return None
-
-    def _bus(
-        self, endpoints: Endpoints, role: Role, *, timeout_s: float = DIAL_S
-    ) -> Bus:
-        return Bus(
-            endpoints,
-            role,
-            namespace=self._robot.file.namespace,
-            timeout_s=timeout_s,
-            keys=self._robot.keys,
-        )
 
     def _connect(
         self, robots_side: Bus, other_side: Bus, dispatcher: Dispatcher

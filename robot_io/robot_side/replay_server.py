@@ -3,19 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
-from contextlib import ExitStack
-from types import TracebackType
-from typing import Self
+from collections.abc import Callable
 
 import zenoh
 
-from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.identity import new_identity
 from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.robot_side.services import take_place
+from surefoot.robot_io.robot_side.services import RobotsSide
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError
@@ -29,6 +23,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import (
     ALIVE_STABILIZER,
+    ALL_CHANNELS,
     TICK_SENSORS,
     TOPICS,
     Direction,
@@ -41,7 +36,7 @@ SETTLED_S = 0.2
 POLL_S = 0.01
 
 
-class ReplayServer:
+class ReplayServer(RobotsSide):
     """Publishes recorded messages where the robot would, and refuses every request.
 
     A context manager, used by one thread. To everyone else it looks like the robot:
@@ -50,57 +45,19 @@ class ReplayServer:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        *,
-        endpoints: Endpoints,
-        channels: Iterable[str],
-        stop: StopRequest,
+        self, robot: Robot, *, endpoints: Endpoints, stop: StopRequest
     ) -> None:
         """Prepare; entering the context opens the bus.
 
         Args:
             robot: names keys and joints.
             endpoints: where to listen.
-            channels: names of those that will be published.
             stop: ends waits.
         """
-        self._robot, self._stop = robot, stop
-        self._identity = new_identity(robot)
-        self._lease_ms = endpoints.lease_ms
-        self._channels = tuple(channels)
-        self._bus = Bus(
-            endpoints,
-            Role.ROBOT,
-            namespace=robot.file.namespace,
-            keys=robot.keys,
-        )
-        self._stack = ExitStack()
+        super().__init__(robot, endpoints=endpoints, stop=stop)
         self._status: RobotStatus | None = None
         self._commander = ""
         self._stabilizer: zenoh.LivelinessToken | None = None
-
-    def __enter__(self) -> Self:
-        """Open the bus; the robot's liveliness token comes last.
-
-        Raises:
-            EndpointError: cannot listen there.
-            SecondRobotError: a robot of its namespace is on the bus.
-        """
-        with ExitStack() as stack:
-            stack.enter_context(self._bus)
-            self._declare()
-            self._stack = stack.pop_all()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close the bus."""
-        self._stack.close()
 
     def wait_for_audience(self) -> bool:
         """Wait until somebody has subscribed, to all it wants.
@@ -128,7 +85,7 @@ class ReplayServer:
         """Publish a recorded message.
 
         Args:
-            channel: one of those named at the start.
+            channel: its name.
             data: MessagePack bytes.
         """
         if channel == "status":
@@ -139,7 +96,7 @@ class ReplayServer:
         keys = self._robot.keys
         self._publishers = {
             name: self._bus.publisher(keys[name], urgent=name in URGENT)
-            for name in self._channels
+            for name in ALL_CHANNELS
         }
         replies: dict[Direction, Callable[[], ServiceReply | StabilizerReply]] = {
             Direction.SERVICE: self._robots_refusal,
@@ -148,13 +105,6 @@ class ReplayServer:
         for entry in TOPICS:
             if entry.direction in replies:
                 self._refuse(keys[entry.name], replies[entry.direction])
-        take_place(
-            self._bus,
-            self._robot,
-            self._identity,
-            lease_ms=self._lease_ms,
-            stop=self._stop,
-        )
 
     def _refuse(
         self, key: str, reply: Callable[[], ServiceReply | StabilizerReply]
@@ -177,8 +127,8 @@ class ReplayServer:
             q_command=(
                 self._robot.nominal.tolist() if status is None else status.q_command
             ),
-            instance=self._identity.instance,
-            description=self._identity.description,
+            instance=self.identity.instance,
+            description=self.identity.description,
             pace=Pace.REALTIME,
         )
 

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
 from enum import Enum
-from types import TracebackType
-from typing import Self
 
-from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import NEVER, Channel
-from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.identity import RobotIdentity, new_identity
 from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult, Refusal
-from surefoot.robot_io.robot_side.services import RobotServices, take_place
+from surefoot.robot_io.robot_side.services import RobotServices, RobotsSide
 from surefoot.robot_io.snapshot import Snapshot, sensor_messages
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
@@ -44,6 +38,25 @@ class NoAnswer(Enum):
     """Its time is up, or it was broken off: something else wants to be looked at."""
     OVERTAKEN = "overtaken"
     """It is lost: the answer to a later tick has come."""
+
+
+def read_command(
+    data: bytes, gate: CommandGate, *, joint_count: int
+) -> JointCommand | None:
+    """Read a command; the gate counts one that cannot be read as refused.
+
+    Args:
+        data: as it came.
+        gate: of the robot.
+        joint_count: n_a.
+    """
+    try:
+        return decode(data, JointCommand, joint_count=joint_count)
+    except SchemaVersionError as error:
+        gate.refuse(Refusal.SCHEMA, str(error))
+    except MessageError as error:
+        gate.refuse(Refusal.MALFORMED, str(error))
+    return None
 
 
 class CommandInbox:
@@ -125,19 +138,13 @@ class CommandInbox:
         return None
 
     def _read(self, data: bytes) -> JointCommand | None:
-        try:
-            command = decode(data, JointCommand, joint_count=self._joint_count)
-        except SchemaVersionError as error:
-            self._gate.refuse(Refusal.SCHEMA, str(error))
-        except MessageError as error:
-            self._gate.refuse(Refusal.MALFORMED, str(error))
-        else:
+        command = read_command(data, self._gate, joint_count=self._joint_count)
+        if command is not None:
             self.newest_tick = command.tick
-            return command
-        return None
+        return command
 
 
-class RobotServer:
+class RobotServer(RobotsSide):
     """Publishes what a robot senses and takes commands through its gate.
 
     A context manager, used by one thread, the robot's loop. The simulator and any
@@ -150,11 +157,8 @@ class RobotServer:
                 result = server.answer(...)     # or take_newest(...)
 
     Attributes:
-        identity: told with the liveliness token and every answer.
         deadline_misses: ticks without their command, counted by who runs the loop.
     """
-
-    identity: RobotIdentity
 
     def __init__(
         self,
@@ -176,48 +180,13 @@ class RobotServer:
             push: answers pushes; None on a robot that is not simulated.
             pace: sent with each answer to a lease request; real time on hardware.
         """
+        super().__init__(robot, endpoints=endpoints, stop=stop, pace=pace)
         self._push = push
-        self._robot = robot
-        self._pace = pace
         self._gate = gate
-        self._stop = stop
-        self.identity = new_identity(robot)
-        self._lease_ms = endpoints.lease_ms
-        self._bus = Bus(
-            endpoints,
-            Role.ROBOT,
-            namespace=robot.file.namespace,
-            keys=robot.keys,
-            pace=pace,
-        )
-        self._stack = ExitStack()
         self._tick = 0
         self._status_due_s = 0.0
         self._told: tuple[RobotMode, ModeCause, str] | None = None
         self.deadline_misses = 0
-
-    def __enter__(self) -> Self:
-        """Open the bus, ready once the robot's liveliness token is visible.
-
-        Raises:
-            EndpointError: cannot listen there.
-            SecondRobotError: another robot of its namespace is on the bus.
-        """
-        with ExitStack() as stack:
-            stack.enter_context(self._bus)
-            self._declare()
-            self._stack = stack.pop_all()
-        self._stop.waking(self._bus.waker.interrupt)
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        """Close the bus."""
-        self._stack.close()
 
     def wait_until_active(self, *, now_s: float, timeout_s: float | None) -> bool:
         """Serve requests until a commander has enabled the robot.
@@ -344,7 +313,6 @@ class RobotServer:
         self._truth.put(encode(truth))
 
     def _declare(self) -> None:
-        """Declare everything; the liveliness token last."""
         keys = self._robot.keys
         self._gathering = tuple(
             self._bus.publisher(keys[name], urgent=True) for name in TICK_SENSORS
@@ -365,11 +333,4 @@ class RobotServer:
             identity=self.identity,
             push=self._push,
             pace=self._pace,
-        )
-        take_place(
-            self._bus,
-            self._robot,
-            self.identity,
-            lease_ms=self._lease_ms,
-            stop=self._stop,
         )

@@ -5,20 +5,30 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
+from contextlib import ExitStack
+from typing import NamedTuple, Self
 
 import zenoh
 
 from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.errors import SecondRobotError
-from surefoot.robot_io.identity import SAME_FILE, RobotIdentity, differing, parse_token
+from surefoot.robot_io.identity import (
+    SAME_FILE,
+    RobotIdentity,
+    differing,
+    new_identity,
+    parse_token,
+)
 from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer
 from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
@@ -44,6 +54,73 @@ Instance = str
 Instances = list[Instance]
 MODE_ACTIONS = ("enable", "hold", "disable", "reset")
 LEASE_ACTIONS = ("take", "release")
+
+
+class RobotsSide(ABC):
+    """The robot's side of the bus: listens, and has the robot's place.
+
+    A context manager, used by one thread.
+
+    Attributes:
+        identity: told with the liveliness token and every answer.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        *,
+        endpoints: Endpoints,
+        stop: StopRequest,
+        pace: Pace = Pace.REALTIME,
+    ) -> None:
+        """Prepare; entering the context opens the bus.
+
+        Args:
+            robot: names keys and joints.
+            endpoints: where to listen.
+            stop: ends waits.
+            pace: of the robot.
+        """
+        self._robot, self._stop, self._pace = robot, stop, pace
+        self.identity = new_identity(robot)
+        self._lease_ms = endpoints.lease_ms
+        self._bus = Bus(
+            endpoints,
+            Role.ROBOT,
+            namespace=robot.file.namespace,
+            keys=robot.keys,
+            pace=pace,
+        )
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        """Open the bus, ready once the robot's liveliness token is visible.
+
+        Raises:
+            EndpointError: cannot listen there.
+            SecondRobotError: another robot of its namespace is on the bus.
+        """
+        with ExitStack() as stack:
+            stack.enter_context(self._bus)
+            self._declare()
+            take_place(
+                self._bus,
+                self._robot,
+                self.identity,
+                lease_ms=self._lease_ms,
+                stop=self._stop,
+            )
+            self._stack = stack.pop_all()
+        self._stop.waking(self._bus.waker.interrupt)
+        return self
+
+    def __exit__(self, *why: object) -> None:
+        """Close the bus."""
+        self._stack.close()
+
+    @abstractmethod
+    def _declare(self) -> None:
+        """Declare everything but the liveliness token."""
 
 
 def take_place(

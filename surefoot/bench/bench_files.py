@@ -9,18 +9,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from io import BytesIO
 from pathlib import Path
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
 
-import msgspec
-
 from surefoot.bench.bench_runs import Subject, Under
-from surefoot.out_folder import atomic_file
+from surefoot.out_folder import write_json, write_whole
 from surefoot.studies.paper_page import inline_svg, render
+from surefoot.studies.tables import markdown
 
 Number = float | int | None
-NONE = "-"
 _LINES = ("-", "--", ":", "-.")
 
 
@@ -60,8 +57,7 @@ def _number(value: Number) -> str:
 
 def _write(path: Path, kind: str, label: str, value: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    with atomic_file(path) as file:
-        file.write(f"type: {kind}\nlabel: {label}\nvalue: {value}\n".encode())
+    write_whole(path, f"type: {kind}\nlabel: {label}\nvalue: {value}\n".encode())
 
 
 class TextTable(NamedTuple):
@@ -79,12 +75,7 @@ class TextTable(NamedTuple):
 
     def markdown(self) -> str:
         """Return it as a Markdown table under its title."""
-        lines = [
-            "| " + " | ".join(self.columns) + " |",
-            "|" + "---|" * len(self.columns),
-            *("| " + " | ".join(row) + " |" for row in self.rows),
-        ]
-        return f"### {self.title}\n\n" + "\n".join(lines) + "\n"
+        return f"### {self.title}\n\n{markdown(self.columns, self.rows)}"
 
 
 class BenchResult(Protocol):
@@ -146,19 +137,11 @@ class Findings(ABC, Generic[R]):
         folder = self.folder
         if folder is None:
             return
-        data = msgspec.json.format(msgspec.json.encode(self.as_dict()))
-        tables = self.table().encode()
-        for name, content in ((f"{self.NAME}.json", data), ("results.md", tables)):
-            with atomic_file(folder / name) as file:
-                file.write(content)
+        write_json(folder / f"{self.NAME}.json", self.as_dict())
+        write_whole(folder / "results.md", self.table().encode())
         self._write_yaml(folder / "eurobench")
         if can_draw():
             self._write_page(folder)
-
-
-def text(value: float | None, form: str) -> str:
-    """Return a number as text; a dash for none."""
-    return NONE if value is None else format(value, form)
 
 
 _LOG = logging.getLogger("surefoot")
@@ -237,8 +220,7 @@ def write_page(
         sections=sections,
         sources=sources,
     )
-    with atomic_file(folder / "index.html") as file:
-        file.write(text.encode())
+    write_whole(folder / "index.html", text.encode())
 
 
 def styles(everyone: Sequence[Under]) -> dict[Under, dict[str, Any]]:
@@ -252,13 +234,3 @@ def styles(everyone: Sequence[Under]) -> dict[Under, dict[str, Any]]:
         }
         for under in everyone
     }
-
-
-def svg_of(figure: Any) -> bytes:
-    """Return a matplotlib figure as SVG, the same bytes for the same drawing."""
-    import matplotlib as mpl
-
-    buffer = BytesIO()
-    with mpl.rc_context({"svg.hashsalt": "surefoot"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()

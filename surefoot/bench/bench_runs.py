@@ -7,14 +7,15 @@ import math
 import re
 import tempfile
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar
+from surefoot.out_folder import CountBar
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Sensors
@@ -272,46 +273,6 @@ class BenchCell(ABC):
 QUICK_CONTROLLERS = CONTROLLERS[:2]
 
 
-@dataclass(frozen=True)
-class BenchRuns:
-    """Does the runs that a folder does not hold yet.
-
-    Attributes:
-        store: of finished runs, open for writing.
-        robot: shipped name or path of a robot file.
-        overrides: settings for all runs, texts ``section.name=value``.
-        jobs: processes; 0 for one per processor.
-        scheduler: address of a Dask scheduler, whose workers do the runs instead.
-        bar: shows how many runs are done.
-    """
-
-    store: StudyStore
-    robot: str
-    overrides: tuple[str, ...]
-    jobs: int
-    scheduler: str | None
-    bar: CountBar
-
-    def rows(self, cells: Sequence[BenchCell], *, title: str) -> list[Row]:
-        """Return the row of each cell, in their order.
-
-        Args:
-            cells: to be run, or found among those that were.
-            title: for the progress bar.
-        """
-        execute(
-            cells,
-            self.store,
-            robot=self.robot,
-            overrides=self.overrides,
-            jobs=self.jobs,
-            scheduler=self.scheduler,
-            title=title,
-            bar=self.bar,
-        )
-        return [self.store.rows[cell.key] for cell in cells]
-
-
 @contextmanager
 def bench_runs(
     name: str,
@@ -323,8 +284,8 @@ def bench_runs(
     scheduler: str | None,
     out: str | Path | None,
     bar: CountBar,
-) -> Iterator[BenchRuns]:
-    """Open the folder of a benchmark.
+) -> Iterator[Callable[..., list[Row]]]:
+    """Open the folder of a benchmark; gives what does its runs, with cells and title.
 
     Args:
         name: of the benchmark.
@@ -350,7 +311,15 @@ def bench_runs(
     with tempfile.TemporaryDirectory(prefix="surefoot-") as spare:
         folder = Path(spare) / "runs" if out is None else Path(out)
         with StudyStore(folder, about=about) as store:
-            yield BenchRuns(store, robot, overrides, jobs, scheduler, bar)
+            yield partial(
+                execute,
+                store=store,
+                robot=robot,
+                overrides=overrides,
+                jobs=jobs,
+                scheduler=scheduler,
+                bar=bar,
+            )
 
 
 def everyone(

@@ -41,7 +41,7 @@ from surefoot.bench.sway_results import (
     write_sway_page,
 )
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar, no_bar
+from surefoot.out_folder import CountBar, no_bar
 
 _STEP = {
     "sway_peak": "largest sway over the step of the ground [deg/deg]",
@@ -184,8 +184,8 @@ def comtest(
         scheduler=scheduler,
         out=out,
         bar=bar,
-    ) as runs:
-        rows = runs.rows(cells, title="comtest")
+    ) as run:
+        rows = run(cells, title="comtest")
     results = [sway_result(cell, row) for cell, row in zip(cells, rows, strict=True)]
     found = Comtest(robot, subject, results, None if out is None else Path(out))
     found.write()

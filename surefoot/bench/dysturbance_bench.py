@@ -7,7 +7,7 @@ ways and slow forces.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,6 @@ from surefoot.bench.bench_files import (
     write_vector,
 )
 from surefoot.bench.bench_runs import (
-    BenchRuns,
     bench_runs,
     check_positive,
     everyone,
@@ -44,7 +43,7 @@ from surefoot.bench.push_results import (
     write_push_page,
 )
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar, no_bar
+from surefoot.out_folder import CountBar, no_bar
 from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import Row
 
@@ -183,9 +182,8 @@ def dysturbance(
         scheduler=scheduler,
         out=out,
         bar=bar,
-    ) as runs:
-        _search(runs, searches, cell_of)
-        rows: dict[str, Row] = runs.store.rows
+    ) as run:
+        rows = _search(run, searches, cell_of)
     results = [
         push_result(
             search,
@@ -201,13 +199,16 @@ def dysturbance(
 
 
 def _search(
-    runs: BenchRuns, searches: Mapping[Any, MarginSearch], cell_of: Any
-) -> None:
-    """Halve all at once, a round of runs after the other."""
+    run: Callable[..., list[Row]], searches: Mapping[Any, MarginSearch], cell_of: Any
+) -> dict[str, Row]:
+    """Halve all at once, a round of runs after the other; the row of each, by key."""
+    found: dict[str, Row] = {}
     count = 0
     while open_ones := {k: s for k, s in searches.items() if not s.is_done}:
         count += 1
         cells = [cell_of(key, search.size) for key, search in open_ones.items()]
-        rows = runs.rows(cells, title=f"round {count}")
+        rows = run(cells, title=f"round {count}")
+        found.update(zip((cell.key for cell in cells), rows, strict=True))
         for search, row in zip(open_ones.values(), rows, strict=True):
             search.tell(stood=Outcome(row["outcome"]).is_up)
+    return found

@@ -12,8 +12,6 @@ from surefoot.bench.bench_files import (
     Section,
     TextTable,
     styles,
-    svg_of,
-    text,
     write_page,
 )
 from surefoot.bench.bench_runs import Subject, Under, proportion
@@ -28,6 +26,7 @@ from surefoot.bench.push_cells import (
     fit_impedance,
 )
 from surefoot.studies.cell import Row
+from surefoot.studies.tables import svg_of, text_of
 
 _INTRO = (
     "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
@@ -227,9 +226,9 @@ def push_tables(results: Sequence[PushResult]) -> list[TextTable]:
                 *result.under,
                 _margin(result, result.margin),
                 _margin(result, result.normalised),
-                text(result.energy_j, ".2f"),
-                text(result.normalised_energy_j, ".2f"),
-                text(result.absorbed, ".2f"),
+                text_of(result.energy_j, ".2f"),
+                text_of(result.normalised_energy_j, ".2f"),
+                text_of(result.absorbed, ".2f"),
             )
             for result in results
         ],

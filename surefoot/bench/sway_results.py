@@ -10,13 +10,10 @@ from typing import Any
 import numpy as np
 
 from surefoot.bench.bench_files import (
-    NONE,
     Figure,
     Section,
     TextTable,
     styles,
-    svg_of,
-    text,
     write_page,
 )
 from surefoot.bench.bench_runs import Subject, Under
@@ -28,6 +25,7 @@ from surefoot.bench.sway_response import (
 )
 from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import Row
+from surefoot.studies.tables import NONE, svg_of, text_of
 
 LEAST_PERCENTILE = 5
 _WHO = ("ground", "controller", "servo", "outcome")
@@ -186,7 +184,7 @@ def _prts_cells(result: SwayResult) -> tuple[str, ...]:
         f"{response.frequencies_hz[at]:g}",
         f"{response.coherence.min():.2f}",
         NONE if below is None else f"{below} of {len(gain)}",
-        text(result.score, ".2f"),
+        text_of(result.score, ".2f"),
     )
 
 
@@ -208,10 +206,10 @@ def _transient_cells(result: SwayResult) -> tuple[str, ...]:
     return (
         f"{seen['sway_peak']:.3f}",
         f"{seen['sway_peak_s']:.2f}",
-        text(seen["settling_s"], ".2f"),
-        text(seen["delay_s"], ".2f"),
-        text(seen["rise_s"], ".2f"),
-        text(seen["overshoot"] and 100.0 * seen["overshoot"], ".1f"),
+        text_of(seen["settling_s"], ".2f"),
+        text_of(seen["delay_s"], ".2f"),
+        text_of(seen["rise_s"], ".2f"),
+        text_of(seen["overshoot"] and 100.0 * seen["overshoot"], ".1f"),
     )
 
 

@@ -22,23 +22,23 @@ from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import Message
 from surefoot.schemas.robot_file import RobotFile
-from surefoot.schemas.topics import TICK_SENSORS, TOPICS, Direction, topic
+from surefoot.schemas.topics import (
+    ALL_CHANNELS,
+    TICK_SENSORS,
+    TOPICS,
+    Direction,
+    topic,
+)
 
 PLANNERS = tuple(
     entry.name for entry in TOPICS if entry.direction is Direction.TO_STABILIZER
 )
 """Channels of planners, which need not count the robot's ticks."""
-PLAYABLE = tuple(
-    entry.name
-    for entry in TOPICS
-    if entry.direction not in (Direction.SERVICE, Direction.STABILIZER_SERVICE)
-)
-"""Channels that carry messages; services are asked and leave none."""
 _NULL = b"null"
 _RANKS = {
     name: rank
     for rank, name in enumerate(
-        (*TICK_SENSORS, *(name for name in PLAYABLE if name not in TICK_SENSORS))
+        (*TICK_SENSORS, *(name for name in ALL_CHANNELS if name not in TICK_SENSORS))
     )
 }
 
@@ -116,8 +116,8 @@ class _Collector:
 
     def __init__(self) -> None:
         self.entries: list[Entry] = []
-        self._rounds = dict.fromkeys(PLAYABLE, 0)
-        self._ticks = dict.fromkeys(PLAYABLE, 0)
+        self._rounds = dict.fromkeys(ALL_CHANNELS, 0)
+        self._ticks = dict.fromkeys(ALL_CHANNELS, 0)
         self._place = 0
 
     def take(self, channel: str, message: RecordedMessage) -> None:

@@ -29,11 +29,12 @@ _CAUSE_S = 2.0
 """Time after the stabilizer's failure in which the robot's own still counts [s]."""
 
 
-def set_up_logging(name: str) -> None:
+def begin_process(name: str, *, child: bool = False) -> None:
     """Send our own notes, warnings and errors to stderr.
 
     Args:
         name: of the process, said first together with its number.
+        child: end in order once the parent has gone; see :func:`begin_as_child`.
     """
     logging.basicConfig(
         level=logging.INFO,
@@ -41,6 +42,8 @@ def set_up_logging(name: str) -> None:
         datefmt="%H:%M:%S",
     )
     log_note(f"{name}, process {os.getpid()}")
+    if child:
+        begin_as_child()
 
 
 def log_note(text: str) -> None:

@@ -12,7 +12,6 @@ import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
-from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -20,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 
 from surefoot.errors import UsageError
+from surefoot.installation import installed_version
 from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 from surefoot.robot_io.robot import EXTENDS, Robot
 from surefoot.schemas.toml_file import read_toml
@@ -193,17 +193,10 @@ def versions() -> Versions:
     return Versions(
         python=platform.python_version(),
         platform=platform.platform(),
-        packages={name: _version(name) for name in _PACKAGES},
+        packages={name: installed_version(name) for name in _PACKAGES},
         git_commit=_git("rev-parse", "HEAD"),
         git_changed_files=(_git("status", "--porcelain") or "").splitlines(),
     )
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def _git(*words: str) -> str | None:

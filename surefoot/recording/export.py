@@ -7,9 +7,10 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal
 from zipfile import ZIP_DEFLATED, BadZipFile, ZipFile
 
 import numpy as np
@@ -23,6 +24,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.signals import Signals
 
 Columns = dict[str, list[Any]]
+Format = Literal["csv", "npz", "parquet"]
 _UNSAFE = re.compile(r"[^A-Za-z0-9._#-]")
 _LONGEST_NAME = 200
 SIGNALS_STEM = "ticks"
@@ -30,15 +32,37 @@ PART_TICKS = 16384
 """Ticks in memory at a time, whatever the length of the run."""
 
 
-def export_npz(record: Record, path: Path, *, overwrite: bool = False) -> list[Path]:
-    """Write one file with an array per field, named ``channel.field``.
+def export_record(
+    record: Record, to: Format, out: Path, *, overwrite: bool = False
+) -> list[Path]:
+    """Write the channels of a record.
 
-    Fields of varying shape are kept as JSON texts; a channel of another program
-    is named with ``_`` for what no file name may hold.
+    npz is one file with an array per field, named ``channel.field``; fields of varying
+    shape are kept as JSON texts, and a channel of another program is named with ``_``
+    for what no file name may hold. csv and parquet are a file per channel, with a
+    column per number: ``q.0``, ``q.1``, ...
+
+    Args:
+        record: as it was read.
+        to: the format.
+        out: the file (npz), or a folder.
+        overwrite: whether files of a former export may be replaced.
 
     Raises:
         UsageError: there is a file, and it may not be replaced.
+        EnvironmentFailedError: the package for parquet is not installed.
     """
+    if to == "npz":
+        arrays = _arrays(record)
+        _check_place(out, arrays, overwrite=overwrite)
+        with new_file(out, overwrite=overwrite) as file:
+            np.savez_compressed(file, allow_pickle=False, **arrays)
+        return [out]
+    write = _write_csv if to == "csv" else _parquet_writer()
+    return _export_tables(record, out, suffix=to, write=write, overwrite=overwrite)
+
+
+def _arrays(record: Record) -> dict[str, Array]:
     arrays: dict[str, Array] = {}
     safe = safe_names(record.channels)
     for channel in record.channels:
@@ -47,43 +71,28 @@ def export_npz(record: Record, path: Path, *, overwrite: bool = False) -> list[P
         for field, name in safe_names(fields).items():
             column = [message.get(field) for message in messages]
             arrays[f"{safe[channel]}.{name}"] = _array(column)
-    _check_place(path, arrays, overwrite=overwrite)
-    with new_file(path, overwrite=overwrite) as file:
-        np.savez_compressed(file, allow_pickle=False, **arrays)
-    return [path]
+    return arrays
 
 
-def export_csv(record: Record, folder: Path, *, overwrite: bool = False) -> list[Path]:
-    """Write a file per channel, with a column per number: ``q.0``, ``q.1``, ...
+@contextmanager
+def _text(file: IO[bytes]) -> Iterator[io.TextIOWrapper]:
+    """The file for texts, as the csv module wants it."""
+    text = io.TextIOWrapper(
+        file, encoding="utf-8", errors="backslashreplace", newline=""
+    )
+    yield text
+    text.flush()
+    text.detach()
 
-    Raises:
-        UsageError: there is a file, and it may not be replaced.
-    """
 
-    def write(file: IO[bytes], columns: Columns) -> None:
-        text = io.TextIOWrapper(
-            file, encoding="utf-8", errors="backslashreplace", newline=""
-        )
+def _write_csv(file: IO[bytes], columns: Columns) -> None:
+    with _text(file) as text:
         writer = csv.writer(text)
         writer.writerow(columns)
         writer.writerows(zip(*columns.values(), strict=True))
-        text.flush()
-        text.detach()
-
-    return _export_tables(
-        record, folder, suffix="csv", write=write, overwrite=overwrite
-    )
 
 
-def export_parquet(
-    record: Record, folder: Path, *, overwrite: bool = False
-) -> list[Path]:
-    """Write a file per channel, with the columns of :func:`export_csv`.
-
-    Raises:
-        UsageError: there is a file, and it may not be replaced.
-        EnvironmentFailedError: the package for it is not installed.
-    """
+def _parquet_writer() -> Callable[[IO[bytes], Columns], None]:
     pyarrow = _pyarrow()
 
     def column_of(values: list[Any]) -> Any:
@@ -96,70 +105,62 @@ def export_parquet(
         arrays = {name: column_of(values) for name, values in columns.items()}
         pyarrow.parquet.write_table(pyarrow.table(arrays), file)
 
-    return _export_tables(
-        record, folder, suffix="parquet", write=write, overwrite=overwrite
-    )
+    return write
 
 
-def export_signals_npz(
-    signals: Signals, path: Path, *, overwrite: bool = False
+def export_signals(
+    signals: Signals, to: Format, out: Path, *, overwrite: bool = False
 ) -> list[Path]:
-    """Write one file with an array per signal, the ticks along its first axis.
+    """Write the signals of a run, however long: some ticks are in memory at a time.
+
+    npz is one file with an array per signal, the ticks along its first axis. csv and
+    parquet are ``ticks.csv`` and ``ticks.parquet``: a row per tick, a column per
+    number: ``F_id.f_z_left``. In csv what nobody told is an empty field; in parquet
+    each column says its unit, frame and meaning in its metadata.
+
+    Args:
+        signals: of the run.
+        to: the format.
+        out: the file (npz), or a folder.
+        overwrite: whether a file of a former export may be replaced.
 
     Raises:
         UsageError: there is a file, and it may not be replaced.
+        EnvironmentFailedError: the package for parquet is not installed.
     """
-    _check_place(path, signals, overwrite=overwrite)
-    with (
-        new_file(path, overwrite=overwrite) as file,
-        ZipFile(file, "w", ZIP_DEFLATED) as archive,
-    ):
-        for name in signals:  # one in memory at a time
-            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
-                write_array(entry, signals.read(name, 0, signals.count))
+    write = {"npz": _signals_npz, "csv": _signals_csv, "parquet": _signals_parquet}[to]
+    if to == "parquet":
+        _pyarrow()  # before a folder is made
+    if to == "npz":
+        path, names = out, list(signals)
+    else:
+        _make_folder(out)
+        path = out / f"{SIGNALS_STEM}.{to}"
+        names = [n for layout in map(signals.layout, signals) for n in layout.columns]
+    _check_place(path, names, overwrite=overwrite)
+    with new_file(path, overwrite=overwrite) as file:
+        write(file, signals)
     return [path]
 
 
-def export_signals_csv(
-    signals: Signals, folder: Path, *, overwrite: bool = False
-) -> list[Path]:
-    """Write ``ticks.csv``: a row per tick, a column per number: ``F_id.f_z_left``.
+def _signals_npz(file: IO[bytes], signals: Signals) -> None:
+    with ZipFile(file, "w", ZIP_DEFLATED) as archive:
+        for name in signals:  # one in memory at a time
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as entry:
+                write_array(entry, signals.read(name, 0, signals.count))
 
-    What nobody told is an empty field.
 
-    Raises:
-        UsageError: there is a file, and it may not be replaced.
-    """
-    _make_folder(folder)
-    path = folder / f"{SIGNALS_STEM}.csv"
-    _check_place(path, _all_columns(signals), overwrite=overwrite)
-    with new_file(path, overwrite=overwrite) as file:
-        text = io.TextIOWrapper(file, encoding="utf-8", newline="")
+def _signals_csv(file: IO[bytes], signals: Signals) -> None:
+    with _text(file) as text:
         writer = csv.writer(text)
         for index, columns in enumerate(_parts(signals)):
             if index == 0:
                 writer.writerow(columns)
             writer.writerows(zip(*map(_fields, columns.values()), strict=True))
-        text.flush()
-        text.detach()
-    return [path]
 
 
-def export_signals_parquet(
-    signals: Signals, folder: Path, *, overwrite: bool = False
-) -> list[Path]:
-    """Write ``ticks.parquet``, with the columns of :func:`export_signals_csv`.
-
-    Each column says its unit, frame and meaning in its metadata.
-
-    Raises:
-        UsageError: there is a file, and it may not be replaced.
-        EnvironmentFailedError: the package for it is not installed.
-    """
+def _signals_parquet(file: IO[bytes], signals: Signals) -> None:
     pyarrow = _pyarrow()
-    _make_folder(folder)
-    path = folder / f"{SIGNALS_STEM}.parquet"
-    _check_place(path, _all_columns(signals), overwrite=overwrite)
     schema = pyarrow.schema(
         [
             pyarrow.field(
@@ -176,18 +177,10 @@ def export_signals_parquet(
             for column, unit in zip(layout.columns, layout.units, strict=True)
         ]
     )
-    with (
-        new_file(path, overwrite=overwrite) as file,
-        pyarrow.parquet.ParquetWriter(file, schema) as writer,
-    ):
+    with pyarrow.parquet.ParquetWriter(file, schema) as writer:
         for columns in _parts(signals):
             whole = {name: np.ascontiguousarray(x) for name, x in columns.items()}
             writer.write_table(pyarrow.table(whole, schema=schema))
-    return [path]
-
-
-def _all_columns(signals: Signals) -> list[str]:
-    return [name for layout in map(signals.layout, signals) for name in layout.columns]
 
 
 def _parts(signals: Signals) -> Iterator[dict[str, Array]]:

@@ -11,8 +11,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from surefoot.controllers import compute_margins
-from surefoot.out_folder import OutFolder
-from surefoot.progress import CountBar, no_bar
+from surefoot.out_folder import CountBar, OutFolder, no_bar, write_json
 from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of
 from surefoot.report.panels import (
     RUN_COLOURS,
@@ -97,8 +96,7 @@ def write_page(folder: Path, runs: list[RunData], media: list[Media]) -> None:
         "results": [msgspec.to_builtins(run.result) for run in runs],
         "surefoot": version("surefoot"),
     }
-    marker = msgspec.json.format(msgspec.json.encode(about))
-    (folder / REPORT_MARKER).write_bytes(marker + b"\n")
+    write_json(folder / REPORT_MARKER, about)
 
 
 def _render(

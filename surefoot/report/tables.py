@@ -9,7 +9,7 @@ import msgspec
 
 from surefoot.outcome import Judgement
 from surefoot.report.run_data import RunData
-from surefoot.schemas.reasons import in_words
+from surefoot.schemas.reasons import counted, in_words
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.settings import build_settings
 
@@ -120,8 +120,8 @@ _FIGURES = [
 _WORDS: list[tuple[str, Callable[[RunResult], str]]] = [
     ("outcome", lambda result: sentence(result)),
     ("stabilizer", lambda result: in_words(result.end, result.end_detail)),
-    ("commands refused", lambda result: _counts(result.refused)),
-    ("commands clipped", lambda result: _counts(result.clipped)),
+    ("commands refused", lambda result: counted(result.refused)),
+    ("commands clipped", lambda result: counted(result.clipped)),
     ("log_sha256", lambda result: result.log_sha256[:16]),
 ]
 
@@ -181,10 +181,6 @@ def _cells(figure: _Figure, results: list[RunResult]) -> list[Cell]:
         is_same = float(change) == 0.0
         cells.append(Cell(f"{value:.{figure.decimals}f}", "" if is_same else change))
     return cells
-
-
-def _counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
 
 
 def _text(value: Any) -> str:

@@ -160,18 +160,16 @@ def reach_findings(robot: Robot, reach: Reach) -> list[Finding]:
     roll = math.degrees(reach.roll_rad)
     least = min(up, down, roll)
     return [
-        Finding(
-            name="reach",
-            verdict="warning" if advice else "ok",
-            got=f"the CoM can rise by {found_rise:.0f} and sink by {found_sink:.0f} mm "
+        _finding(
+            "reach",
+            f"the CoM can rise by {found_rise:.0f} and sink by {found_sink:.0f} mm "
             f"over the feet; com_travel_m says {_MM * rise:.0f} and {-_MM * sink:.0f}",
             advice=advice,
             values={"rise_mm": found_rise, "sink_mm": found_sink},
         ),
-        Finding(
-            name="ankle ranges",
-            verdict="warning" if least < ANKLE_DEG else "ok",
-            got=f"ground may tilt by {up:.0f} deg toes up, {down:.0f} deg toes down, "
+        _finding(
+            "ankle ranges",
+            f"ground may tilt by {up:.0f} deg toes up, {down:.0f} deg toes down, "
             f"{roll:.0f} deg to either side",
             advice="joint ranges end near the nominal posture; bend the knees less, or "
             "keep to gentle ground"
@@ -183,8 +181,9 @@ def reach_findings(robot: Robot, reach: Reach) -> list[Finding]:
 
 
 def _finding(
-    name: str, got: str, *, advice: str, values: dict[str, float] | None = None
+    name: str, got: str, *, advice: str = "", values: dict[str, float] | None = None
 ) -> Finding:
+    """A warning where there is advice."""
     return Finding(
         name=name,
         verdict="warning" if advice else "ok",
@@ -199,7 +198,6 @@ def _mass(standing: Standing, robot: Robot) -> Finding:
         "mass",
         f"{standing.mass:.1f} kg, {robot.n_a} joints, CoM {standing.com[2]:.3f} m "
         "above the soles; every inertia is one that a body can have",
-        advice="",
         values={"mass_kg": standing.mass, "com_height_m": float(standing.com[2])},
     )
 
@@ -236,7 +234,6 @@ def _sensors(standing: Standing) -> Finding:
         "force-torque axes",
         f"z of the sensors points {direction(left)} and {direction(right)}; the "
         "inertial unit is fixed to the base",
-        advice="",
         values={"left_up": left, "right_up": right},
     )
 
@@ -352,7 +349,6 @@ def capture_finding(capture: Array) -> Finding:
         "capture limit of a push",
         f"{ahead:.1f} N s ahead, {back:.1f} back, {left:.1f} left, {right:.1f} right; "
         "impulse_share = 1 in a scenario",
-        advice="",
         values={"ahead_ns": ahead, "left_ns": left, "back_ns": back, "right_ns": right},
     )
 
@@ -418,10 +414,9 @@ def judge(robot: Robot, margins: LoopMargins) -> RobotFileReport:
 
 
 def _margins(found: LoopMargins) -> Finding:
-    return Finding(
-        name=f"margins, {found.servo_profile} servos",
-        verdict="ok" if found.is_enough else "warning",
-        got="; ".join(found.in_words()),
+    return _finding(
+        f"margins, {found.servo_profile} servos",
+        "; ".join(found.in_words()),
         advice=""
         if found.is_enough
         else "see surefoot margins; softer servos or a quicker loop have more",

@@ -33,6 +33,7 @@ from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.urdf_check import Urdf, bare_text
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.robot_file import Side
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.drives import borne_delay
 from surefoot.stabilizer.stance.legs import Body, Directions, find_directions, read_body
@@ -255,24 +256,18 @@ def _directions(draft: Draft, body: Body, options: NewRobotOptions) -> Direction
 def _feet(
     draft: Draft, body: Body, options: NewRobotOptions, directions: Directions
 ) -> tuple[FoundFoot, FoundFoot]:
-    return (
-        find_foot(
-            draft,
-            body,
-            side="left",
-            link=options.left_sole,
-            sensor=options.left_ft,
-            directions=directions,
-        ),
-        find_foot(
-            draft,
-            body,
-            side="right",
-            link=options.right_sole,
-            sensor=options.right_ft,
-            directions=directions,
-        ),
+    o = options
+    sides: tuple[tuple[Side, str, str | None], ...] = (
+        ("left", o.left_sole, o.left_ft),
+        ("right", o.right_sole, o.right_ft),
     )
+    left, right = (
+        find_foot(
+            draft, body, side=side, link=link, sensor=sensor, directions=directions
+        )
+        for side, link, sensor in sides
+    )
+    return left, right
 
 
 def _posture(

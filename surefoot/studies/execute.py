@@ -16,7 +16,7 @@ from typing import Any
 
 from surefoot.errors import EnvironmentFailedError, SurefootError, UsageError
 from surefoot.installation import install_command
-from surefoot.progress import CountBar, no_bar
+from surefoot.out_folder import CountBar, no_bar
 from surefoot.studies.cell import Row, Task, Work
 from surefoot.studies.store import (
     StudyStore,
@@ -203,7 +203,7 @@ def execute(
     scheduler: str | None = None,
     title: str,
     bar: CountBar = no_bar,
-) -> None:
+) -> list[Row]:
     """Do every run that the store does not have yet, and keep each when done.
 
     Args:
@@ -215,6 +215,9 @@ def execute(
         scheduler: address of a Dask scheduler, whose workers run them instead.
         title: for the progress bar.
         bar: shows how many runs are done.
+
+    Returns:
+        The row of each cell, in their order.
 
     Raises:
         FileFormatError: a value does not fit its scenario; nothing has been run.
@@ -233,6 +236,7 @@ def execute(
         for row in run_tasks(missing, jobs=jobs, scheduler=scheduler):
             store.add(row)
             tell()
+    return [store.rows[cell.key] for cell in cells]
 
 
 def _check_once(cells: Sequence[Work]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
-from surefoot.studies import paper as d
 from surefoot.studies.cell import Cell, Group
 from surefoot.studies.study import GroupSummary, Summaries
 from surefoot.studies.tables import curves_over
@@ -125,7 +124,7 @@ class Evidence:
         self.summaries = summaries
 
     def of(
-        self, scenario: str, variant: str, profile: str = d.IDEAL, **values: float
+        self, scenario: str, variant: str, profile: str = IDEAL, **values: float
     ) -> GroupSummary | None:
         """Return a group's summary; None when it was not run."""
         return self.summaries.get(
@@ -150,16 +149,16 @@ def claims(evidence: Evidence) -> list[Claim]:
         _only_whole_body(evidence, "falling-platform-80", "Ground falls by 80 mm"),
         _limit_of(
             evidence,
-            d.PAPER,
+            PAPER,
             "Its own law balances up to about 60 deg/s",
-            at=d.PAPER_LIMIT_DEG_S,
+            at=PAPER_LIMIT_DEG_S,
         ),
     ]
 
 
 def goals(evidence: Evidence) -> list[Claim]:
     """Return what this project set itself, default settings."""
-    one = evidence.of("moving-platform-slow", d.WHOLE_BODY)
+    one = evidence.of("moving-platform-slow", WHOLE_BODY)
     height = None if one is None or one.com_rms_mm is None else one.com_rms_mm[2]
     worst = (
         None if one is None or one.com_rms_worst_mm is None else one.com_rms_worst_mm[2]
@@ -168,11 +167,11 @@ def goals(evidence: Evidence) -> list[Claim]:
         _lower_everywhere(evidence),
         *(
             _share(evidence, name, 1.0, f"{name} at 60 deg/s: all stay up")
-            for name in d.RAMPS
+            for name in RAMPS
         ),
         _limit_of(
             evidence,
-            d.WHOLE_BODY,
+            WHOLE_BODY,
             f"Half stay up at {RATE_GOAL_DEG_S:g} deg/s or more",
             at=RATE_GOAL_DEG_S,
         ),
@@ -182,18 +181,16 @@ def goals(evidence: Evidence) -> list[Claim]:
         _drop(evidence),
         _share(evidence, "falling-platform-80", DROP_80_SHARE, "80 mm drop: 90 % up"),
         _many(
-            evidence.where(
-                lambda g: g.scenario in d.PUSHED and g.variant == d.WHOLE_BODY
-            ),
+            evidence.where(lambda g: g.scenario in PUSHED and g.variant == WHOLE_BODY),
             1.0,
             "20 N s from eight directions, still and slowly moving ground: all up",
         ),
         _many(
             evidence.where(
                 lambda g: (
-                    g.scenario == d.ROBUSTNESS_ON
-                    and g.values in d.ROBUSTNESS
-                    and g.variant == d.WHOLE_BODY
+                    g.scenario == ROBUSTNESS_ON
+                    and g.values in ROBUSTNESS
+                    and g.variant == WHOLE_BODY
                 )
             ),
             ROBUST_SHARE,
@@ -226,9 +223,9 @@ def _better(ours: GroupSummary, theirs: GroupSummary) -> str:
 
 
 def _both_and_better(evidence: Evidence, scenario: str, title: str) -> Claim:
-    ours, theirs = (evidence.of(scenario, v) for v in (d.WHOLE_BODY, d.TUNED))
+    ours, theirs = (evidence.of(scenario, v) for v in (WHOLE_BODY, TUNED))
     statement = f"{title}: both stay up, whole-body with less CoM motion and force"
-    words = "; ".join((_ups(d.WHOLE_BODY, ours), _ups(d.TUNED, theirs)))
+    words = "; ".join((_ups(WHOLE_BODY, ours), _ups(TUNED, theirs)))
     if ours is None or theirs is None:
         return Claim(statement, words, OPEN)
     if not ours.up or not theirs.up:
@@ -243,13 +240,13 @@ def _both_and_better(evidence: Evidence, scenario: str, title: str) -> Claim:
 
 
 def _only_whole_body(evidence: Evidence, scenario: str, title: str) -> Claim:
-    ours = evidence.of(scenario, d.WHOLE_BODY)
-    theirs = evidence.of(scenario, d.TUNED)
-    stock = evidence.of(scenario, d.STOCK)
+    ours = evidence.of(scenario, WHOLE_BODY)
+    theirs = evidence.of(scenario, TUNED)
+    stock = evidence.of(scenario, STOCK)
     statement = f"{title}: whole-body stays up, ZMP falls"
-    parts = [_ups(d.WHOLE_BODY, ours), _ups(d.TUNED, theirs)]
+    parts = [_ups(WHOLE_BODY, ours), _ups(TUNED, theirs)]
     if stock is not None:
-        parts.append(_ups(d.STOCK, stock))
+        parts.append(_ups(STOCK, stock))
     if ours is None or theirs is None:
         return Claim(statement, "; ".join(parts), OPEN)
     if ours.up and theirs.up:
@@ -260,12 +257,12 @@ def _only_whole_body(evidence: Evidence, scenario: str, title: str) -> Claim:
 
 def _limit_of(evidence: Evidence, variant: str, statement: str, *, at: float) -> Claim:
     """Judge the smallest 50 % limit with the ideal servo; report the slow one."""
-    found = [_limits(evidence, variant, profile) for profile in d.PROFILES]
-    ideal = found[d.PROFILES.index(d.IDEAL)]
+    found = [_limits(evidence, variant, profile) for profile in PROFILES]
+    ideal = found[PROFILES.index(IDEAL)]
     if not ideal:
         return Claim(statement, f"{variant}: not run", OPEN)
     told = []
-    for profile, limits in zip(d.PROFILES, found, strict=True):
+    for profile, limits in zip(PROFILES, found, strict=True):
         each = ", ".join(f"{axis} {words}" for axis, (_, words) in limits.items())
         told.append(f"{profile} {each} deg/s" if each else f"{profile} not run")
     true = min(rate for rate, _ in ideal.values()) >= at
@@ -277,8 +274,8 @@ def _limits(
 ) -> dict[str, tuple[float, str]]:
     """Return where half the runs fall [deg/s], by axis, as numbers and texts."""
     limits = {}
-    for name in d.RAMPS:
-        for curve in curves_over(evidence.summaries, scenario=name, name=d.TILT_RATE):
+    for name in RAMPS:
+        for curve in curves_over(evidence.summaries, scenario=name, name=TILT_RATE):
             if curve.label != f"{variant}, {profile}":
                 continue
             axis = name.rsplit("-", 1)[1]
@@ -293,7 +290,7 @@ def _limits(
 
 
 def _share(evidence: Evidence, scenario: str, share: float, statement: str) -> Claim:
-    found = evidence.of(scenario, d.WHOLE_BODY)
+    found = evidence.of(scenario, WHOLE_BODY)
     return _many([] if found is None else [found], share, statement)
 
 
@@ -306,7 +303,7 @@ def _many(found: Iterable[GroupSummary], share: float, statement: str) -> Claim:
 
 
 def _drop(evidence: Evidence) -> Claim:
-    found = evidence.of("falling-platform-50", d.WHOLE_BODY)
+    found = evidence.of("falling-platform-50", WHOLE_BODY)
     statement = f"50 mm drop: all up, contact regained in under {REGAIN_S:g} s"
     if found is None or found.contact_gap_s is None:
         return Claim(statement, "-", _verdict(None if found is None else False))
@@ -318,12 +315,12 @@ def _drop(evidence: Evidence) -> Claim:
 def _lower_everywhere(evidence: Evidence) -> Claim:
     statement = (
         f"Where both survive: horizontal CoM rms and force deviation {LOWER_BY:.0%} "
-        f"lower than {d.TUNED} (both servo profiles)"
+        f"lower than {TUNED} (both servo profiles)"
     )
     compared, short = 0, []
     for group, ours in evidence.summaries.items():
-        theirs = evidence.summaries.get(group._replace(variant=d.TUNED))
-        if group.variant != d.WHOLE_BODY or theirs is None:
+        theirs = evidence.summaries.get(group._replace(variant=TUNED))
+        if group.variant != WHOLE_BODY or theirs is None:
             continue
         if ours.up < ours.runs or theirs.up < theirs.runs:
             continue

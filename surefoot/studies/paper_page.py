@@ -6,14 +6,13 @@ import base64
 import platform
 from datetime import UTC, datetime
 from importlib.metadata import version
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from surefoot.out_folder import atomic_file
+from surefoot.out_folder import write_whole
 from surefoot.run_plan import settings_text
 from surefoot.schemas.arrays import Array
 from surefoot.studies import paper as d
@@ -25,7 +24,9 @@ from surefoot.studies.tables import (
     cells_of,
     curves_over,
     draw_curves,
+    markdown,
     markdown_table,
+    svg_of,
     write_csv,
 )
 
@@ -75,13 +76,15 @@ def inline_svg(svg: bytes) -> str:
 COMPARED = (d.WHOLE_BODY, d.TUNED)
 
 
-def record(scenario: str, variant: str) -> dict[str, Array]:
+def record(
+    scenario: str, variant: str, values: tuple[tuple[str, Any], ...] = ()
+) -> dict[str, Array]:
     """Signals of every tick of one run with seed 0 and the ideal servo."""
     from surefoot.signals import memory_sinks
     from surefoot.simulation import Simulation
     from surefoot.stabilizer.factory import make_controller
 
-    cell = Cell(Group(scenario, (), variant, d.IDEAL), seed=0)
+    cell = Cell(Group(scenario, values, variant, d.IDEAL), seed=0)
     plan = cell.plan(robot="walker", overrides=())
     sim = Simulation.of_plan(plan, sinks=memory_sinks())
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
@@ -128,9 +131,7 @@ def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
     labels = ("base position [mm]", "base rotation [deg]", "force [N]", "moment [N m]")
     for row, label in enumerate(labels):
         grid[row, 0].set_ylabel(label)
-    buffer = BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()
+    return svg_of(figure)
 
 
 def _roll_pitch_yaw(quat_xyzw: Array) -> Array:
@@ -179,9 +180,9 @@ def write_report(
     )
     write_csv(folder / "summary.csv", summaries)
     findings = {"claims": paper, "goals": own}
-    _write(folder / "findings.json", msgspec.json.encode(findings))
-    _write(folder / "results.md", _markdown(paper, own, summaries).encode())
-    _write(folder / "index.html", page.encode())
+    write_whole(folder / "findings.json", msgspec.json.encode(findings))
+    write_whole(folder / "results.md", _markdown(paper, own, summaries).encode())
+    write_whole(folder / "index.html", page.encode())
     return folder / "index.html"
 
 
@@ -219,18 +220,8 @@ def _figures(folder: Path) -> list[str]:
 def _markdown(paper: list[Claim], own: list[Claim], summaries: Summaries) -> str:
     parts = []
     for title, findings in (("The paper's claims", paper), ("Our goals", own)):
-        lines = [
-            f"### {title}",
-            "",
-            "| statement | measured | verdict |",
-            "|---|---|---|",
-        ]
-        lines += [f"| {f.statement} | {f.measured} | {f.verdict} |" for f in findings]
-        parts.append("\n".join(lines) + "\n")
+        rows = [(f.statement, f.measured, f.verdict) for f in findings]
+        told = markdown(("statement", "measured", "verdict"), rows)
+        parts.append(f"### {title}\n\n{told}")
     parts.append("### All cases\n\n" + markdown_table(summaries))
     return "\n".join(parts)
-
-
-def _write(path: Path, data: bytes) -> None:
-    with atomic_file(path) as file:
-        file.write(data)

@@ -16,13 +16,12 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import FolderLock, atomic_file, make_out_folder
+from surefoot.out_folder import FolderLock, atomic_file, make_out_folder, write_json
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import with_recordings
 from surefoot.sim_robot.catalogue import naming_scenario
@@ -199,19 +198,13 @@ class StudyStore:
         self._lock = FolderLock(self._folder)
         # Another command may have done some of them since this one looked.
         self.rows = {row["key"]: row for row in read_rows(self._folder)}
-        with atomic_file(self._folder / STUDY) as file:
-            file.write(msgspec.json.format(msgspec.json.encode(self.about)) + b"\n")
+        write_json(self._folder / STUDY, self.about)
         with atomic_file(self._path) as file:
             for row in self.rows.values():
                 file.write(msgspec.json.encode(row) + b"\n")
         self._file = self._path.open("ab")
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *why: object) -> None:
         """Close the file, and let others write there."""
         if self._file is not None:
             self._file.close()

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from surefoot.errors import UsageError
-from surefoot.progress import CountBar, no_bar
+from surefoot.out_folder import CountBar, no_bar
 from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import (
     Cell,
@@ -299,7 +299,7 @@ def run_study(
         bar: shows how many runs are done.
     """
     with StudyStore(folder, about={"robot": robot, "set": list(overrides)}) as store:
-        execute(
+        rows = execute(
             cells,
             store,
             robot=robot,
@@ -309,7 +309,6 @@ def run_study(
             title="runs",
             bar=bar,
         )
-        rows = [store.rows[cell.key] for cell in cells]
     made = Study(rows, summarise(rows))
     write_summary(folder, made.summaries)
     return made

@@ -5,16 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import msgspec
-
-from surefoot.out_folder import atomic_file
+from surefoot.out_folder import write_json, write_whole
 from surefoot.studies.cell import Group, in_words
 
 if TYPE_CHECKING:
@@ -178,8 +176,16 @@ def draw_curves(
     axes.grid(alpha=0.3)
     # Beside the plot: inside it would cover curves that lie at 0 or 1.
     figure.legend(loc="outside right upper", fontsize="small")
+    return svg_of(figure)
+
+
+def svg_of(figure: Any) -> bytes:
+    """Return a matplotlib figure as SVG, the same bytes for the same drawing."""
+    import matplotlib as mpl
+
     buffer = BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    with mpl.rc_context({"svg.hashsalt": "surefoot"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
 
 
@@ -193,35 +199,31 @@ def cells_of(group: Group, summary: GroupSummary) -> list[str]:
         f"{summary.up} of {summary.runs}",
         f"{summary.up_from:.2f} to {summary.up_to:.2f}",
         NONE if com is None else ", ".join(f"{value:.1f}" for value in com),
-        _text(summary.force_deviation_n, ".0f"),
-        _text(summary.force_peak_n, ".0f"),
-        _text(summary.contact_gap_s, ".3f"),
+        text_of(summary.force_deviation_n, ".0f"),
+        text_of(summary.force_peak_n, ".0f"),
+        text_of(summary.contact_gap_s, ".3f"),
     ]
 
 
 def markdown_table(summaries: Summaries) -> str:
     """Return the summaries as a Markdown table."""
-    lines = ["| " + " | ".join(COLUMNS) + " |", "|" + "---|" * len(COLUMNS)]
-    lines += [
-        "| " + " | ".join(cells_of(group, summary)) + " |"
-        for group, summary in summaries.items()
-    ]
-    return "\n".join(lines) + "\n"
+    return markdown(COLUMNS, [cells_of(*each) for each in summaries.items()])
+
+
+def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return texts as a Markdown table."""
+    head, *lines = (f"| {' | '.join(line)} |\n" for line in (columns, *rows))
+    return "".join((head, f"|{'---|' * len(columns)}\n", *lines))
 
 
 def write_csv(path: Path, summaries: Summaries) -> None:
     """Write one row per group and one number per column."""
-    with atomic_file(path) as raw:
-        text = io.TextIOWrapper(raw, encoding="utf-8", newline="", write_through=True)
-        writer = csv.writer(text)
-        header: list[str] | None = None
-        for group, summary in summaries.items():
-            flat = _flat(group, summary)
-            if header is None:
-                header = list(flat)
-                writer.writerow(header)
-            writer.writerow(flat.values())
-        text.detach()
+    rows = [_flat(*each) for each in summaries.items()]
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerows(rows[:1])
+    writer.writerows(row.values() for row in rows)
+    write_whole(path, text.getvalue().encode())
 
 
 def _flat(group: Group, summary: GroupSummary) -> dict[str, object]:
@@ -246,7 +248,8 @@ def _flat(group: Group, summary: GroupSummary) -> dict[str, object]:
     }
 
 
-def _text(value: float | None, form: str) -> str:
+def text_of(value: float | None, form: str) -> str:
+    """Return a number as text; a dash for none."""
     return NONE if value is None else format(value, form)
 
 
@@ -271,8 +274,7 @@ def write_summary(folder: Path, summaries: Summaries) -> None:
     message says that they are left out.
     """
     write_csv(folder / "summary.csv", summaries)
-    rows = msgspec.json.encode(summary_rows(summaries))
-    _write(folder / "summary.json", msgspec.json.format(rows))
+    write_json(folder / "summary.json", summary_rows(summaries))
     varied = {
         (group.scenario, name)
         for group in summaries
@@ -286,9 +288,4 @@ def write_summary(folder: Path, summaries: Summaries) -> None:
         curves = curves_over(summaries, scenario=scenario, name=name)
         stem = short_name(scenario)
         svg = draw_curves(curves, xlabel=value_in_words(name), title=stem, mark=None)
-        _write(folder / f"success-{stem}-{name.replace('*', 'all')}.svg", svg)
-
-
-def _write(path: Path, data: bytes) -> None:
-    with atomic_file(path) as file:
-        file.write(data)
+        write_whole(folder / f"success-{stem}-{name.replace('*', 'all')}.svg", svg)

@@ -6,7 +6,6 @@ import csv
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +14,16 @@ import optuna
 import tomli_w
 from optuna.importance import PedAnovaImportanceEvaluator, get_param_importances
 
-from surefoot.out_folder import atomic_file
+from surefoot.out_folder import write_json, write_whole
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.paper_page import inline_svg, render
+from surefoot.studies.tables import svg_of
 from surefoot.tuning.outcome import Candidate, Comparison, Tuned
 from surefoot.tuning.parameters import overrides_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 GREY, BLUE, ORANGE = "#9aa6b5", "#2a6fbb", "#d9730d"
 OUTCOME, SETTINGS, PAGE, TRIALS = (
@@ -66,7 +65,7 @@ def draw_front(tuned: Tuned) -> bytes:
         axes.plot(x, y, "o", color=colour, markersize=10, fillstyle="none", label=name)
     axes.grid(alpha=0.3)
     figure.legend(loc="outside right upper", fontsize="small")
-    return _svg(figure)
+    return svg_of(figure)
 
 
 def _label(objective: Any) -> str:
@@ -104,13 +103,7 @@ def draw_importance(weights: dict[str, dict[str, float]]) -> bytes:
     axes.set(xlabel="share in deciding whether a trial is among the best tenth")
     axes.grid(alpha=0.3, axis="x")
     figure.legend(loc="outside right upper", fontsize="small")
-    return _svg(figure)
-
-
-def _svg(figure: Figure) -> bytes:
-    buffer = BytesIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return buffer.getvalue()
+    return svg_of(figure)
 
 
 TEMPLATE = Path(__file__).parent / "tune.html.j2"
@@ -126,17 +119,16 @@ def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
         study: Optuna's view, for the importance of the parameters.
     """
     weights = importance(tuned, study)
-    outcome = msgspec.json.encode(as_dict(tuned, weights))  # the folder is ours by it
-    _write(folder / OUTCOME, msgspec.json.format(outcome) + b"\n")
-    _write(folder / SETTINGS, _settings(tuned, tuned.chosen))
+    write_json(folder / OUTCOME, as_dict(tuned, weights))  # the folder is ours by it
+    write_whole(folder / SETTINGS, _settings(tuned, tuned.chosen))
     (folder / FRONT).mkdir(exist_ok=True)
     for former in (folder / FRONT).glob("trial-[0-9][0-9][0-9][0-9].toml"):
         former.unlink()
     for candidate in tuned.front:
         name = f"trial-{candidate.place:04d}.toml"
-        _write(folder / FRONT / name, _settings(tuned, candidate))
-    _write(folder / TRIALS, _table(tuned))
-    _write(folder / PAGE, render(TEMPLATE, **_values(tuned, weights)).encode())
+        write_whole(folder / FRONT / name, _settings(tuned, candidate))
+    write_whole(folder / TRIALS, _table(tuned))
+    write_whole(folder / PAGE, render(TEMPLATE, **_values(tuned, weights)).encode())
 
 
 def importance(tuned: Tuned, study: optuna.Study) -> dict[str, dict[str, float]]:
@@ -292,8 +284,3 @@ def _cases(comparisons: Sequence[Comparison]) -> list[list[str]]:
 
 def _text(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-def _write(path: Path, data: bytes) -> None:
-    with atomic_file(path) as file:
-        file.write(data)

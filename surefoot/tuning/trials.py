@@ -144,7 +144,11 @@ class Trials:
             self._end_lost()
             trials = self._all()
             if all(t.state is not TrialState.WAITING for t in trials):
-                taken = {t.user_attrs[PLACE] for t in trials if not _is_lost(t)}
+                taken = {
+                    t.user_attrs[PLACE]
+                    for t in trials
+                    if t.state is not TrialState.FAIL
+                }
                 place = next((p for p in range(count) if p not in taken), None)
                 if place is None:
                     return None
@@ -186,10 +190,6 @@ class Trials:
         elif place == 0 and not lost:
             values = dict(self.spec.start)
         self.study.enqueue_trial(values, user_attrs={PLACE: place})
-
-
-def _is_lost(trial: FrozenTrial) -> bool:
-    return trial.state is TrialState.FAIL
 
 
 def _open(path: Path, spec: Spec | None) -> optuna.Study:

@@ -25,7 +25,7 @@ from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
-from surefoot.schemas.reasons import StabilizerState, plain
+from surefoot.schemas.reasons import StabilizerState, counted, plain
 from surefoot.schemas.walk_plan import WalkStatus
 from surefoot.view.controls import (
     PLOTS,
@@ -128,8 +128,8 @@ def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> s
         rows.append(("commander", status.commander or "nobody"))
         if status.notice:
             rows.append(("robot says", status.notice))
-        rows.append(("refused", _counts(status.refused)))
-        rows.append(("clipped", _counts(status.clipped)))
+        rows.append(("refused", counted(status.refused)))
+        rows.append(("clipped", counted(status.clipped)))
         rows.append(("missed ticks", str(status.deadline_misses)))
     if stabilizer is not None:
         rows.append(("QPs", stabilizer.qp_status))
@@ -165,10 +165,6 @@ def _feet_in_the_air(sight: LatestMessages) -> str:
         return ""
     sides = zip(("left foot", "right foot"), sight.stabilizer.in_contact, strict=True)
     return " and ".join(side for side, stands in sides if not stands)
-
-
-def _counts(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
 
 
 class LivePage:

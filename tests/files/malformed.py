@@ -7,8 +7,7 @@ from typing import Any
 
 import msgpack
 
-from surefoot.robot_io.client_side.observer import ALL_CHANNELS
-from surefoot.schemas.topics import topic
+from surefoot.schemas.topics import ALL_CHANNELS, topic
 from tests.schemas.simplest_message import simplest_message
 
 ODD: tuple[Any, ...] = (

@@ -362,9 +362,7 @@ def asked_in_vain(client: RobotClient) -> bool:
 
 @contextmanager
 def replaying(robot: Robot, endpoints: Endpoints) -> Iterator[ReplayServer]:
-    with ReplayServer(
-        robot, endpoints=endpoints, channels=("status",), stop=StopRequest()
-    ) as server:
+    with ReplayServer(robot, endpoints=endpoints, stop=StopRequest()) as server:
         yield server
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
-from benchmarks.ground_files import write_all
+from benchmarks.ground_files import passenger_pulse, strong_motion, write_all
 from surefoot.sim_robot.catalogue import SCENARIOS_DIR
-from surefoot.sim_robot.recorded import passenger_pulse, strong_motion
 
 
 def test_shipped_files_are_what_the_code_makes(tmp_path: Path) -> None:

@@ -156,7 +156,8 @@ class FakeClient:
     ) -> None:
         self._words = list(words)
         self._word: WalkStatus | None = None
-        self.has_stabilizer, self.robot_is_here = has_stabilizer, robot_is_here
+        self.stabilizers = ("one",) if has_stabilizer else ()
+        self.robot_is_here = robot_is_here
         self._robot = robot
         self.sent: list[WalkPlan] = []
 

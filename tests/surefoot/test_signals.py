@@ -17,11 +17,7 @@ import pytest
 
 import surefoot as sf
 from docs.site_build.signals_page import signals_page
-from surefoot.recording.export import (
-    export_signals_csv,
-    export_signals_npz,
-    export_signals_parquet,
-)
+from surefoot.recording.export import export_signals
 from surefoot.robot_io.ticks.recorder import MemoryTicks, TickRecorder
 from surefoot.run_folder import CONTROLLER_TICKS, TICKS
 from surefoot.run_plan import make_plan
@@ -124,11 +120,11 @@ def test_names_and_numbers_are_the_same_in_every_export(
     columns = [column for name in ALL for column in memory.layout(name).columns]
     expected = signals.columns(0, TICK_COUNT)
     assert list(expected) == columns
-    (path,) = export_signals_csv(signals, tmp_path)
+    (path,) = export_signals(signals, "csv", tmp_path)
     with path.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == columns
-    (path,) = export_signals_parquet(signals, tmp_path)
+    (path,) = export_signals(signals, "parquet", tmp_path)
     table = pyarrow.parquet.read_table(path)
     assert table.column_names == columns
     for column, values in expected.items():
@@ -136,7 +132,7 @@ def test_names_and_numbers_are_the_same_in_every_export(
         np.testing.assert_array_equal([float(text) for text in texts], values)
         np.testing.assert_array_equal(table[column].to_numpy(), values)
     assert table.schema.field("F_id.m_x_left").metadata[b"unit"] == b"N m"
-    (path,) = export_signals_npz(signals, tmp_path / "a.npz")
+    (path,) = export_signals(signals, "npz", tmp_path / "a.npz")
     with np.load(path) as arrays:
         assert arrays.files == ALL
         for name in ALL:

@@ -1,0 +1,179 @@
+"""A number of every message of a channel of an MCAP file, as recorded ground."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable
+from io import BytesIO
+from typing import Any
+
+import msgpack
+import numpy as np
+from mcap.reader import make_reader
+from mcap.records import Channel, Schema
+
+from surefoot.schemas.arrays import Array
+from surefoot.sim_robot.errors import ScenarioError
+
+_NANOSECOND = 1e-9
+_LATEST_NS = 2**63
+_Decoder = Callable[[bytes], Any]
+
+
+def read_mcap(
+    content: bytes, *, file: str, channel: str, field: str
+) -> tuple[Array, Array]:
+    """Read times [s] and values of a channel, each (n,).
+
+    Messages in JSON and MessagePack are read, and those of ROS 2 where the package
+    ``mcap-ros2-support`` is installed. Times are those of measuring where messages
+    carry one (``stamp_ns`` or ``header.stamp``), otherwise of logging.
+
+    Args:
+        content: of the file.
+        file: its name, for errors.
+        channel: topic.
+        field: path of a number in the messages, such as ``linear_acceleration.0``.
+
+    Raises:
+        ScenarioError: no such file, channel or field; ``field`` is the key to look at.
+    """
+    times, values = [], []
+    decoders: dict[int, _Decoder] = {}
+    try:
+        reader = make_reader(BytesIO(content), validate_crcs=True)
+        for schema, about, message in reader.iter_messages(topics=[channel]):
+            if about.id not in decoders:
+                decoders[about.id] = _decoder(schema, about, file)
+            decoded = decoders[about.id](message.data)
+            values.append(_value(decoded, field, channel))
+            times.append(_stamp_ns(decoded, message.log_time, channel))
+        topics = [] if values else sorted({c.topic for c in _channels(content)})
+    except ScenarioError:
+        raise
+    except Exception as error:  # each library has errors of its own for damage
+        raise bad_key(
+            "file",
+            f"{file}: cannot be read as MCAP "
+            f"({type(error).__name__}: {short(str(error))}); it is damaged or was cut "
+            "off, fetch it again or mend it with `mcap recover`",
+        ) from error
+    if not values:
+        raise bad_key(
+            "channel",
+            f"{file} has no messages of {channel!r}; it has "
+            f"{', '.join(topics) or 'none at all'}",
+        )
+    stamps = np.array(times, dtype=np.int64)
+    return _NANOSECOND * (stamps - stamps[0]), np.array(values)
+
+
+def _channels(content: bytes) -> list[Channel]:
+    summary = make_reader(BytesIO(content)).get_summary()
+    return [] if summary is None else list(summary.channels.values())
+
+
+def _decoder(schema: Schema | None, channel: Channel, file: str) -> _Decoder:
+    if channel.message_encoding == "json":
+        return json.loads
+    if channel.message_encoding == "msgpack":
+        unpack: _Decoder = msgpack.unpackb
+        return unpack
+    if channel.message_encoding == "cdr":
+        try:
+            from mcap_ros2.decoder import DecoderFactory
+        except ImportError as error:
+            raise bad_key(
+                "channel",
+                f"{file}: {channel.topic!r} holds messages of ROS 2; `pip install "
+                "mcap-ros2-support` reads them",
+            ) from error
+        decode: _Decoder | None = DecoderFactory().decoder_for("cdr", schema)
+        if decode is not None:
+            return decode
+    raise bad_key(
+        "channel",
+        f"{file}: messages of {channel.topic!r} are {channel.message_encoding!r}, "
+        "expected json, msgpack or cdr; export them as .csv",
+    )
+
+
+def _value(message: Any, path: str, channel: str) -> float:
+    place = message
+    for step in path.split("."):
+        try:
+            place = _inside(place, step)
+        except (KeyError, IndexError, AttributeError, ValueError, TypeError):
+            raise bad_key(
+                "field", f"messages of {channel!r} have no {path!r}: no {step!r}"
+            ) from None
+    if isinstance(place, bool) or not isinstance(place, (int, float)):
+        raise bad_key(
+            "field",
+            f"{path!r} of {channel!r} is no number; name one in it, such as {path}.0",
+        )
+    try:
+        value = float(place)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value):
+        raise bad_key(
+            "field",
+            f"{path!r} of {channel!r} is {value:g} in a message, expected a finite "
+            "number; cut a piece without it out of the file",
+        )
+    return value
+
+
+def _inside(place: Any, step: str) -> Any:
+    if isinstance(place, dict):
+        return place[step]
+    if step.isdigit():
+        return place[int(step)]
+    return getattr(place, step)
+
+
+def _stamp_ns(message: Any, logged_ns: int, channel: str) -> int:
+    """When a message was measured, as far as it says so [ns]."""
+    stamp_ns = _whole(_first(message, "stamp_ns"))
+    stamp = _first(_first(message, "header"), "stamp")
+    if not stamp_ns and stamp is not None:
+        seconds = _whole(_first(stamp, "sec", "secs"))
+        rest_ns = _whole(_first(stamp, "nanosec", "nsec", "nsecs"))
+        stamp_ns = seconds * 1_000_000_000 + rest_ns
+    stamp_ns = stamp_ns if stamp_ns > 0 else logged_ns
+    if stamp_ns >= _LATEST_NS:
+        raise bad_key(
+            "channel",
+            f"a message of {channel!r} has the stamp {short(str(stamp_ns))} ns, "
+            f"expected less than {_LATEST_NS}; what wrote it has no sound clock",
+        )
+    return stamp_ns
+
+
+def _first(place: Any, *names: str) -> Any:
+    """Return the first of these that a message has; None when it has none."""
+    if isinstance(place, dict):
+        return next((place[name] for name in names if name in place), None)
+    return next((getattr(place, name) for name in names if hasattr(place, name)), None)
+
+
+def _whole(stamp: Any) -> int:
+    """Return a stamp as a whole number; 0 for what is none. JSON has text for some."""
+    if isinstance(stamp, str) and re.fullmatch(r"[0-9]{1,25}", stamp):
+        return int(stamp)
+    if isinstance(stamp, float):
+        return int(stamp) if math.isfinite(stamp) else 0
+    return stamp if isinstance(stamp, int) else 0
+
+
+def short(text: str) -> str:
+    """Return what a file says, short enough for a message."""
+    return text if len(text) <= 60 else f"{text[:60]}..."
+
+
+def bad_key(key: str, what: str) -> ScenarioError:
+    """Return the error for a key of a recorded motion."""
+    return ScenarioError(f"{key}: {what}", field=key)
