@@ -15,9 +15,19 @@ import numpy as np
 from surefoot.out_folder import write_whole
 from surefoot.run_plan import settings_text
 from surefoot.schemas.arrays import Array
-from surefoot.studies import paper as d
 from surefoot.studies.cell import VARIANTS, Cell, Group
-from surefoot.studies.paper import Claim, Evidence, claims, goals
+from surefoot.studies.paper import (
+    IDEAL,
+    PAPER_LIMIT_DEG_S,
+    RAMPS,
+    TILT_RATE,
+    TUNED,
+    WHOLE_BODY,
+    Claim,
+    Evidence,
+    claims,
+    goals,
+)
 from surefoot.studies.study import Summaries
 from surefoot.studies.tables import (
     COLUMNS,
@@ -73,7 +83,7 @@ def inline_svg(svg: bytes) -> str:
     return "data:image/svg+xml;base64," + base64.b64encode(svg).decode()
 
 
-COMPARED = (d.WHOLE_BODY, d.TUNED)
+COMPARED = (WHOLE_BODY, TUNED)
 
 
 def record(
@@ -84,7 +94,7 @@ def record(
     from surefoot.simulation import Simulation
     from surefoot.stabilizer.factory import make_controller
 
-    cell = Cell(Group(scenario, values, variant, d.IDEAL), seed=0)
+    cell = Cell(Group(scenario, values, variant, IDEAL), seed=0)
     plan = cell.plan(robot="walker", overrides=())
     sim = Simulation.of_plan(plan, sinks=memory_sinks())
     sim.run(make_controller(plan.controller, plan.robot, plan.settings))
@@ -191,7 +201,7 @@ def _settings(names: list[str]) -> dict[str, str]:
     texts = {}
     for name in names:
         variant = VARIANTS[name]
-        texts[name] = settings_text(variant.resolve(d.IDEAL))
+        texts[name] = settings_text(variant.resolve(IDEAL))
         for profile in variant.settings_of:
             texts[f"{name}, {profile}"] = settings_text(variant.resolve(profile))
     return texts
@@ -199,14 +209,14 @@ def _settings(names: list[str]) -> dict[str, str]:
 
 def _curves(summaries: Summaries) -> list[str]:
     pages = []
-    for scenario in d.RAMPS:
-        curves = curves_over(summaries, scenario=scenario, name=d.TILT_RATE)
+    for scenario in RAMPS:
+        curves = curves_over(summaries, scenario=scenario, name=TILT_RATE)
         if curves:
             svg = draw_curves(
                 curves,
                 xlabel="tilt rate [deg/s]",
                 title=scenario,
-                mark=(d.PAPER_LIMIT_DEG_S, "paper"),
+                mark=(PAPER_LIMIT_DEG_S, "paper"),
             )
             pages.append(inline_svg(svg))
     return pages
