@@ -6,7 +6,7 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -46,15 +46,23 @@ RUN_FILES = (
 """Everything a run writes; nothing else in its folder is ever touched."""
 
 
-def run_folder(out: Path | None, *, overwrite: bool = False) -> OutFolder:
+def run_folder(
+    out: Path | None, *, reads: Collection[Path] = (), overwrite: bool = False
+) -> OutFolder:
     """The folder of a run that is about to begin.
 
     Args:
         out: where it goes; None for a run that keeps nothing.
+        reads: files that it has yet to read, such as those of its plan.
         overwrite: replace the files of a former run there.
     """
     return OutFolder(
-        out, marker=MARKER, content="a run", ours=RUN_FILES, overwrite=overwrite
+        out,
+        marker=MARKER,
+        content="a run",
+        ours=RUN_FILES,
+        reads=reads,
+        overwrite=overwrite,
     )
 
 

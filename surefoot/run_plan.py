@@ -94,6 +94,12 @@ class RunPlan:
         }
 
     @property
+    def files(self) -> list[Path]:
+        """Files that are read again as the run begins, and during it."""
+        paths = (self.scenario_path, self.relay_path, *map(Path, self.recordings))
+        return [path for path in paths if path is not None]
+
+    @property
     def scenario_text(self) -> str:
         """The scenario as TOML: its file as it stands, or written from the struct.
 

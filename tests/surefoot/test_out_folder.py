@@ -108,6 +108,47 @@ def test_an_error_before_anything_is_worth_keeping_leaves_no_trace(
     assert not out.exists()
 
 
+def test_a_command_that_is_refused_leaves_the_former_run(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    former_run(out)
+    before = names(out)
+    push = sf.Push(body="tail", force_n=(1.0, 0.0, 0.0), start_s=0, duration_s=1)
+    plan = make_plan(sf.Scenario(name="x", duration_s=1.0, push=[push]))
+    with pytest.raises(sf.ScenarioError, match="tail"):
+        execute(plan, out=out, overwrite=True)
+    assert names(out) == before
+    assert {path.read_text() for path in out.iterdir()} == {"former"}
+
+
+def test_a_run_is_not_replaced_by_one_that_reads_its_files(tmp_path: Path) -> None:
+    ground = tmp_path / "mine.csv"
+    ground.write_text("\n".join(f"{0.01 * i},0.0{i % 7}" for i in range(30)))
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(
+        'name = "mine"\nduration_s = 0.01\n[[platform]]\nfoot = "both"\n'
+        '[[platform.motion]]\naxis = "y"\nkind = "recorded"\nfile = "mine.csv"\n'
+        'quantity = "position"\nscale = 0.1\n'
+    )
+    out = tmp_path / "run"
+    kept = execute(make_plan(scenario, controller="hold"), out=out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert "ground-0.csv" in before
+    attempts = (
+        lambda: execute(
+            make_plan(out / "scenario.toml", controller="hold"),
+            out=tmp_path / "x" / ".." / "run",
+            overwrite=True,
+        ),
+        lambda: sf.load_run(out).save(out, overwrite=True),
+        lambda: kept.save(out, overwrite=True),
+    )
+    (tmp_path / "x").mkdir()
+    for attempt in attempts:
+        with pytest.raises(sf.UsageError, match="is what this command reads"):
+            attempt()
+        assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
 def test_without_a_name_nothing_stays() -> None:
     with OutFolder(None, marker=MARKER, content="a run", ours=RUN_FILES) as folder:
         (folder.path / "robot.log").touch()
