@@ -20,6 +20,7 @@ from surefoot.report.panels import (
     marks_of,
     panel_groups,
     scene_page,
+    tells_forces,
 )
 from surefoot.report.run_data import RunData
 from surefoot.report.tables import figure_rows, sentence, setting_rows
@@ -31,12 +32,12 @@ from surefoot.view.walk import DCM
 
 HERE = Path(__file__).parent
 REPORT_MARKER = "report.json"
+"""Every folder of a report holds this file; a folder without it is not overwritten."""
 REPORT_FILES = (
-    *(REPORT_MARKER, "index.html", "scene-*.html"),
-    *("video-*.mp4", "thumbnail-*.png", "animation-*.webp"),
+    *(REPORT_MARKER, "index.html", "data.js", "report.js", "plotly.min.js"),
+    *("scene-*.html", "video-*.mp4", "thumbnail-*.png", "animation-*.webp"),
 )
 """Everything a report writes."""
-"""Every folder of a report holds this file; a folder without it is not overwritten."""
 LEGEND = (
     (MEASURED, "measured force of the ground, 1 m per kN"),
     (WANTED, "desired force, beside it"),
@@ -161,7 +162,7 @@ def _head(run: RunData) -> dict[str, Any]:
         "mode": result.mode,
         "started": about.get("started", ""),
         "command": shlex.join(about.get("command", [])),
-        "has_record": heard is not None,
+        "tells_forces": tells_forces(run),
         "gap": gap,
         "margins": "; ".join(_margins(run)),
         "logs": run.logs,

@@ -102,6 +102,11 @@ def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None])
             server.stop()
 
 
+def tells_forces(run: RunData) -> bool:
+    """Whether there is any force that the controller measured."""
+    return bool(np.isfinite(run.signals.get("F_meas", np.nan)).any())
+
+
 def state_at(run: RunData, row: int, steps: Sequence[StepTaken] = ()) -> SceneState:
     """Return one tick of a run as a scene.
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import msgspec
 import numpy as np
@@ -16,7 +19,7 @@ pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view
 
 from surefoot.errors import UsageError
 from surefoot.report.curves import com_error, curves
-from surefoot.report.page import write_report
+from surefoot.report.page import REPORT_FILES, Media, write_page, write_report
 from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
@@ -130,6 +133,48 @@ def test_the_scene_shows_the_controllers_forces(bus: RunData) -> None:
     np.testing.assert_array_equal(state.F_meas, bus.signals["F_meas"][700])
     np.testing.assert_array_equal(state.F_id, bus.signals["F_id"][700])
     np.testing.assert_array_equal(state.q, bus.signals["q"][700])
+
+
+def test_the_page_says_where_the_scenes_forces_are_the_true_ones(
+    folder: Path, bus: RunData, broken: Path
+) -> None:
+    inline = load_run(folder / "inline", label="inline")
+    (broken / "controller-ticks.mcap").unlink()
+    silent = load_run(broken, label="silent")
+    np.testing.assert_array_equal(
+        state_at(silent, 700).F_meas, silent.signals["true_F"][700]
+    )
+    np.testing.assert_array_equal(
+        state_at(inline, 700).F_meas, inline.signals["F_meas"][700]
+    )
+    for run, is_told in ((bus, False), (inline, False), (silent, True)):
+        write_page(broken, [run], [Media("scene-1.html")])
+        page = (broken / "index.html").read_text()
+        assert ("arrows are the true forces" in page) is is_told
+
+
+def test_a_report_that_fails_leaves_the_former_one(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, out = load_run(folder / "inline", label="inline"), tmp_path / "page"
+
+    def fail() -> None:
+        disk_full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+        with monkeypatch.context() as patch:
+            patch.setattr("surefoot.report.page._render", disk_full)
+            write_report([run], out, overwrite=True)
+
+    with pytest.raises(OSError, match="No space"):
+        fail()
+    assert not out.exists()
+    write_report([run], out)
+    names = {path.name for path in out.iterdir()}
+    assert all(any(fnmatch(name, each) for each in REPORT_FILES) for name in names)
+    page = (out / "index.html").read_bytes()
+    with pytest.raises(OSError, match="No space"):
+        fail()
+    assert {path.name for path in out.iterdir()} == names
+    assert (out / "index.html").read_bytes() == page
 
 
 def test_one_page_about_two_runs(tmp_path_factory: pytest.TempPathFactory) -> None:
