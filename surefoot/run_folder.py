@@ -78,8 +78,9 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
     (folder / SETTINGS).write_text(settings_text(plan.settings), encoding="utf-8")
     if plan.relay_path is not None:
         shutil.copyfile(plan.relay_path, folder / RELAY)
+    words = [*(Path(program).name for program in sys.argv[:1]), *sys.argv[1:]]
     about = {
-        "command": [_printable(word) for word in sys.argv[1:]],
+        "command": [*map(_printable, words)],
         "scenario": plan.scenario_name,
         "robot": _printable(plan.robot_name),
         "servo_profile": plan.robot.file.servo.profile,

@@ -23,6 +23,8 @@ from surefoot.report.page import REPORT_FILES, Media, write_page, write_report
 from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
+from surefoot.runs import simulate
+from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.metrics import COM_FROM_S
 from tests.command import Surefoot
@@ -151,6 +153,17 @@ def test_the_page_says_where_the_scenes_forces_are_the_true_ones(
         write_page(broken, [run], [Media("scene-1.html")])
         page = (broken / "index.html").read_text()
         assert ("arrows are the true forces" in page) is is_told
+
+
+def test_the_page_names_the_program_that_made_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["/home/me/mine.py", "--fast"])
+    scenario = Scenario(name="short", duration_s=0.01)
+    simulate("walker", scenario, controller="hold").save(tmp_path / "run")
+    run = load_run(tmp_path / "run", label="run")
+    write_page(tmp_path, [run], [Media("scene-1.html")])
+    assert "<code>mine.py --fast</code>" in (tmp_path / "index.html").read_text()
 
 
 def test_a_report_that_fails_leaves_the_former_one(
