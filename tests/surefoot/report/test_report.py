@@ -18,15 +18,21 @@ pytest.importorskip("viser", reason="reports need viser: pip install -e .[view]"
 pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view]")
 
 from surefoot.errors import UsageError
-from surefoot.report.curves import com_error, curves
+from surefoot.recording.read import read_record
+from surefoot.report.curves import com_error, curves, steps_of
 from surefoot.report.page import REPORT_FILES, Media, write_page, write_report
 from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
+from surefoot.robot_io.client_side.observer import LatestMessages
 from surefoot.runs import simulate
+from surefoot.schemas.messages import ImuState, JointState, StabilizerStatus, Truth
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.walk_plan import WalkStatus
 from surefoot.sim_robot.metrics import COM_FROM_S
+from surefoot.view.robot_shape import RobotShape
+from surefoot.view.scene_state import state_of
 from tests.command import Surefoot
 from tests.surefoot.report.runs import make_report, shared_page, shared_runs
 
@@ -153,6 +159,68 @@ def test_the_page_says_where_the_scenes_forces_are_the_true_ones(
         write_page(broken, [run], [Media("scene-1.html")])
         page = (broken / "index.html").read_text()
         assert ("arrows are the true forces" in page) is is_told
+
+
+WALK = """
+name = "a walk to the left"
+duration_s = 3.5
+[start]
+yaw_deg = 90.0
+position_m = [0.5, -0.3]
+[walk]
+velocity_m_s = 0.3
+start_s = 0.5
+stop_s = 3.0
+"""
+NEAR_M, AMONG_FEET_M = 0.02, 0.2
+"""A walk keeps the centre of mass so near to where it should be, and to the feet."""
+
+
+def test_where_a_walks_com_should_be_is_shown_where_the_robot_is(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
+    (tmp_path / "walk.toml").write_text(WALK)
+    done = surefoot_here("run", tmp_path / "walk.toml", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    run = load_run(tmp_path / "run", label="run")
+    true_com, footholds = run.signals["true_com"], run.signals["footholds"]
+    assert np.ptp(true_com[:, 1]) > 10.0 * NEAR_M
+    steps = steps_of(run)
+    for row in range(0, run.signals.count, 50):
+        state = state_at(run, row, steps)
+        assert (state.walk is None) is not footholds[row].any()
+        assert state.com_reference is not None
+        assert np.linalg.norm(state.com_reference - true_com[row]) < NEAR_M
+
+    # As a live page sees it, with and without a simulator that tells the truth.
+    shape, record = RobotShape(run.robot), read_record(tmp_path / "run" / "run.mcap")
+    heard = {
+        channel: {message["tick"]: message for message in record.each(channel)}
+        for channel in ("joints", "imu", "stabilizer", "walk_status", "truth")
+    }
+    truths = sorted(heard["truth"])
+    for tick, told in heard["walk_status"].items():
+        seen = LatestMessages(
+            joints=msgspec.convert(heard["joints"][tick], JointState),
+            imu=msgspec.convert(heard["imu"][tick], ImuState),
+            stabilizer=msgspec.convert(heard["stabilizer"][tick], StabilizerStatus),
+            walk_status=msgspec.convert(told, WalkStatus),
+        )
+        at = min(truths, key=lambda other: abs(other - tick))
+        known = seen._replace(truth=msgspec.convert(heard["truth"][at], Truth))
+        for sight in (seen, known):
+            live = state_of(sight, run.robot, shape)
+            assert live is not None
+            assert (live.walk is None) is not any(told["foothold_left"])
+            feet = [
+                live.base @ shape.poses(live.q)[f.sole_frame]
+                for f in run.robot.file.foot
+            ]
+            middle = 0.5 * (feet[0] + feet[1])[:2, 3]
+            for place in (live.com, live.com_reference):
+                assert place is not None
+                assert np.linalg.norm(place[:2] - middle) < AMONG_FEET_M
+        assert np.linalg.norm(live.com_reference - live.com) < NEAR_M
 
 
 def test_the_page_names_the_program_that_made_the_run(
