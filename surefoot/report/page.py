@@ -157,11 +157,11 @@ def _head(run: RunData) -> dict[str, Any]:
         "scenario": result.scenario,
         "controller": result.controller,
         "robot": result.robot,
-        "servo_profile": about["servo_profile"],
+        "servo_profile": about.servo_profile,
         "seed": result.seed,
         "mode": result.mode,
-        "started": about.get("started", ""),
-        "command": shlex.join(about.get("command", [])),
+        "started": about.started,
+        "command": shlex.join(about.command),
         "tells_forces": tells_forces(run),
         "gap": gap,
         "margins": "; ".join(_margins(run)),
@@ -184,13 +184,12 @@ def _margins(run: RunData) -> list[str]:
 
 def _versions(runs: list[RunData]) -> dict[str, list[str]]:
     """Return name of a package, or what it ran on, to one value per run."""
-    names = dict.fromkeys(name for run in runs for name in run.about["packages"])
+    names = dict.fromkeys(name for run in runs for name in run.about.packages)
     versions = {
-        name: [str(run.about["packages"].get(name, "")) for run in runs]
-        for name in names
+        name: [str(run.about.packages.get(name, "")) for run in runs] for name in names
     }
-    for name in ("python", "platform"):
-        versions[name] = [str(run.about.get(name, "")) for run in runs]
+    versions["python"] = [run.about.python for run in runs]
+    versions["platform"] = [run.about.platform for run in runs]
     return versions
 
 

@@ -26,6 +26,7 @@ from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
 from surefoot.robot_io.client_side.observer import LatestMessages
 from surefoot.runs import simulate
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.messages import ImuState, JointState, StabilizerStatus, Truth
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
@@ -290,6 +291,34 @@ def test_what_is_missing_is_named(broken: Path, file: str, words: str) -> None:
     for path in broken.glob(f"*{file}"):
         path.unlink()
     _refused([broken], words)
+
+
+def test_what_is_damaged_in_its_notes_is_named(broken: Path) -> None:
+    path = broken / "run.json"
+    whole = json.loads(path.read_text())
+    for name in whole:
+        if whole[name] is None:
+            continue  # without a relay
+        path.write_text(json.dumps(whole | {name: None}))
+        _refused([broken], rf"run\.json is damaged.*{name}")
+        path.write_text(json.dumps({n: x for n, x in whole.items() if n != name}))
+        _refused([broken], rf"run\.json is damaged.*{name}")
+    path.write_text(json.dumps(whole))
+    (broken / "settings.toml").write_text("tsid = 1\n")
+    with pytest.raises(FileFormatError, match="tsid: got 1, expected a table"):
+        load_runs([broken])
+
+
+def test_a_record_that_was_never_begun_leaves_the_rest_of_the_page(
+    broken: Path,
+) -> None:
+    (broken / "run.mcap.partial").touch()
+    (run,) = load_runs([broken])
+    assert {curve.panel for curve in curves(run)} >= {"com_x", "force_left"}
+    write_page(broken, [run], [Media("scene-1.html")])
+    page = (broken / "index.html").read_text()
+    assert "its record of the bus is missing" in page
+    assert "the file is empty" in page
 
 
 def test_a_refusal_is_a_usage_error_and_leaves_nothing(
