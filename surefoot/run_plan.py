@@ -50,7 +50,7 @@ class RunPlan:
             scenario's own name where it was built in Python.
         scenario_path: the scenario's file; None where it was built in Python.
         robot: its files, with the servo profile in use.
-        robot_name: as given: a shipped name or a path.
+        robot_name: a shipped name, or the whole path of its file.
         controller: name of the control law; see
             :func:`surefoot.stabilizer.factory.find_controller`.
         settings: resolved: defaults, file and overrides.
@@ -168,7 +168,7 @@ def make_plan(
         scenario_name=name,
         scenario_path=path,
         robot=model,
-        robot_name=str(model.path) if isinstance(robot, Robot) else str(robot),
+        robot_name=str(robot) if _is_shipped(robot) else str(model.path),
         controller=controller,
         settings=resolved,
         seed=seed,
@@ -235,6 +235,10 @@ def _not_none(path: Path | None) -> Path:
 def _checked(scenario: Scenario) -> Scenario:
     """Check a scenario built in Python like one from a file."""
     return scenario_from_table(struct_table(scenario), source=repr(scenario.name))
+
+
+def _is_shipped(robot: str | Path | Robot) -> bool:
+    return not isinstance(robot, Robot) and Path(robot).suffix != ".toml"
 
 
 def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:

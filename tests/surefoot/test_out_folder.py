@@ -17,6 +17,7 @@ from surefoot.run_folder import MARKER, RUN_FILES, run_folder
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.reasons import Outcome
+from tests.patient_robot import patient_robot_file
 from tests.support import wait_until
 
 LONG = 'name = "long"\nduration_s = 600.0\n'
@@ -262,6 +263,18 @@ def test_a_run_in_memory_is_saved_as_the_command_would(tmp_path: Path) -> None:
     with pytest.raises(sf.UsageError, match="--overwrite"):
         run.save(tmp_path / "run")
     run.save(tmp_path / "run", overwrite=True)
+
+
+def test_a_run_finds_its_robot_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = patient_robot_file(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    scenario = sf.Scenario(name="s", duration_s=0.01)
+    run = sf.simulate(file.name, scenario, controller="hold").save("run")
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    assert sf.load_run(tmp_path / "run").robot.path == run.robot.path == file.resolve()
 
 
 def test_only_a_file_that_says_who_wrote_it_is_replaced(tmp_path: Path) -> None:
