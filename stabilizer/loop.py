@@ -93,6 +93,7 @@ class Loop:
         self._hold_since_ns: int | None = None
         self._leave_s = leave_s
         self._leave_by_s: float | None = None
+        self._has_news = False
         self._failure_file = failure_file
 
     def run(self, q_held: Array, stop: StopRequest) -> End:
@@ -132,6 +133,7 @@ class Loop:
         if self._leave_by_s is None:
             self._leave_by_s = now_s + self._leave_s + LEAVING_LIMIT_S
             self._safety.request_soft_stop(stop.cause)
+            self._has_news = True  # a replay fades out from the tick this is told of
         return now_s > self._leave_by_s
 
     def _ask_to_hold(self) -> None:
@@ -154,8 +156,9 @@ class Loop:
             self._retire()
             return True
         self._output = self._answer(reading, q_held)
-        if self._answered % self._status_every != 0:
+        if self._answered % self._status_every != 0 and not self._has_news:
             return False
+        self._has_news = False
         self._tell(reading, self._output)
         return True
 

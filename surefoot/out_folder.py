@@ -9,7 +9,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Protocol, Self
@@ -252,14 +252,13 @@ class OutFolder:
 
     Everything that can be wrong with it is found when it is entered, before any work is
     done. Files are written in place, so what a killed process leaves is there to be
-    read. Files of ours that stand there from before are removed only on request,
-    anybody else's never. An error takes away what was written, unless it is worth
-    keeping (:attr:`keeps`).
+    read. Files of ours that stand there from before are replaced only on request,
+    anybody else's never. An error takes away what was written and brings back what was
+    there, unless what was written is worth keeping (:meth:`keep`).
 
     Attributes:
         out: as the user gave it; None for files that nobody keeps.
         path: where to write.
-        keeps: whether an error leaves the files where they are.
     """
 
     def __init__(
@@ -269,6 +268,7 @@ class OutFolder:
         marker: str,
         content: str,
         ours: Collection[str],
+        reads: Collection[Path] = (),
         overwrite: bool = False,
     ) -> None:
         """Say what is to be claimed.
@@ -278,12 +278,14 @@ class OutFolder:
             marker: file that every folder of its kind holds.
             content: what such a folder is, for errors, such as "a run".
             ours: patterns of the names of all files that the command writes.
-            overwrite: remove our own files of before.
+            reads: files that the command has yet to read, and so does not remove.
+            overwrite: replace our own files of before.
         """
         self.out = out
-        self.keeps = False
+        self._keeps = False
+        self._former: Path | None = None
         self._marker, self._content, self._ours = marker, content, tuple(ours)
-        self._overwrite = overwrite
+        self._reads, self._overwrite = tuple(reads), overwrite
         self._is_new = False
         self._lock: FolderLock | None = None
         self.path = Path() if out is None else out
@@ -313,12 +315,27 @@ class OutFolder:
         if self.out is None:
             shutil.rmtree(self.path, ignore_errors=True)
             return
-        if error is not None and not self.keeps:
-            self._remove_ours()
+        if error is not None and not self._keeps:
+            for file in self._files():
+                file.unlink()
+            if self._former is not None:
+                _move(self._former.iterdir(), self.path)
             if self._is_new:
                 with suppress(OSError):  # somebody else put something there
                     self.path.rmdir()
+        self._forget_former()
         self._release()
+
+    def keep(self) -> None:
+        """Have the files stay from now on whatever happens, and those of before go."""
+        if not self._keeps:
+            self._keeps = True
+            self._forget_former()
+
+    def _forget_former(self) -> None:
+        if self._former is not None:
+            shutil.rmtree(self._former, ignore_errors=True)
+            self._former = None
 
     def _release(self) -> None:
         if self._lock is not None:
@@ -337,13 +354,27 @@ class OutFolder:
                 f"--out {self.out}: holds {self._content} already; name another "
                 "folder, or overwrite its files (--overwrite)"
             )
-        self._remove_ours()
+        folder = self.path.resolve()
+        read = {path.parent.resolve() / path.name for path in self._reads}
+        files = self._files()
+        for file in files:
+            if folder / file.name in read:
+                raise UsageError(
+                    f"--out {self.out}: {file.name} there is what this command reads; "
+                    "name another folder, or read a copy"
+                )
+        self._former = Path(tempfile.mkdtemp(prefix=".former-", dir=self.path))
+        _move(files, self._former)
 
-    def _remove_ours(self) -> None:
-        for pattern in self._ours:
-            for file in self.path.glob(pattern):
-                if file.is_file() or file.is_symlink():
-                    file.unlink()
+    def _files(self) -> list[Path]:
+        """Files of ours that are there."""
+        found = (file for pattern in self._ours for file in self.path.glob(pattern))
+        return [file for file in found if file.is_file() or file.is_symlink()]
+
+
+def _move(files: Iterable[Path], folder: Path) -> None:
+    for file in files:
+        file.replace(folder / file.name)
 
 
 class CountBar(Protocol):

@@ -6,19 +6,18 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
 from surefoot.errors import UsageError
 from surefoot.installation import installed_version
 from surefoot.out_folder import OutFolder, write_json
-from surefoot.run_plan import RunPlan, make_plan, settings_text
+from surefoot.run_plan import Mode, RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
 
 RESULT = "result.json"
@@ -35,6 +34,28 @@ MARKER = "run.json"
 _ENDS = ("", ".partial")
 
 
+class About(msgspec.Struct, kw_only=True, frozen=True):
+    """What ``run.json`` says: what was run, by whom, and with what."""
+
+    command: list[str]
+    """Name of the program, and its words."""
+    scenario: str
+    robot: str
+    """A shipped name or a path."""
+    servo_profile: str
+    controller: str
+    seed: int
+    mode: Mode
+    relay: str | None
+    """Name of the relay's plan; None without a relay."""
+    started: str
+    """In UTC, as ISO 8601 writes it."""
+    python: str
+    platform: str
+    packages: dict[str, str | None]
+    """Name to version; None for one that is not installed."""
+
+
 RUN_FILES = (
     *(MARKER, RESULT, SETTINGS, SCENARIO, RELAY, QP_FAILURE),
     *("ground-[0-9].*", "ground-[0-9][0-9].*"),
@@ -46,15 +67,23 @@ RUN_FILES = (
 """Everything a run writes; nothing else in its folder is ever touched."""
 
 
-def run_folder(out: Path | None, *, overwrite: bool = False) -> OutFolder:
+def run_folder(
+    out: Path | None, *, reads: Collection[Path] = (), overwrite: bool = False
+) -> OutFolder:
     """The folder of a run that is about to begin.
 
     Args:
         out: where it goes; None for a run that keeps nothing.
+        reads: files that it has yet to read, such as those of its plan.
         overwrite: replace the files of a former run there.
     """
     return OutFolder(
-        out, marker=MARKER, content="a run", ours=RUN_FILES, overwrite=overwrite
+        out,
+        marker=MARKER,
+        content="a run",
+        ours=RUN_FILES,
+        reads=reads,
+        overwrite=overwrite,
     )
 
 
@@ -70,20 +99,21 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
     (folder / SETTINGS).write_text(settings_text(plan.settings), encoding="utf-8")
     if plan.relay_path is not None:
         shutil.copyfile(plan.relay_path, folder / RELAY)
-    about = {
-        "command": [_printable(word) for word in sys.argv[1:]],
-        "scenario": plan.scenario_name,
-        "robot": _printable(plan.robot_name),
-        "servo_profile": plan.robot.file.servo.profile,
-        "controller": _printable(plan.controller),
-        "seed": plan.seed,
-        "mode": plan.mode,
-        "relay": None if plan.relay_path is None else plan.relay_path.stem,
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "packages": {name: installed_version(name) for name in _PACKAGES},
-    }
+    words = [*(Path(program).name for program in sys.argv[:1]), *sys.argv[1:]]
+    about = About(
+        command=[*map(_printable, words)],
+        scenario=plan.scenario_name,
+        robot=_printable(plan.robot_name),
+        servo_profile=plan.robot.file.servo.profile,
+        controller=_printable(plan.controller),
+        seed=plan.seed,
+        mode=plan.mode,
+        relay=None if plan.relay_path is None else plan.relay_path.stem,
+        started=datetime.now(UTC).isoformat(timespec="seconds"),
+        python=platform.python_version(),
+        platform=platform.platform(),
+        packages={name: installed_version(name) for name in _PACKAGES},
+    )
     write_json(folder / MARKER, about)
 
 
@@ -99,11 +129,11 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     return result
 
 
-def read_ends(folder: Path) -> tuple[RunResult, dict[str, Any]]:
+def read_ends(folder: Path) -> tuple[RunResult, About]:
     """Figures of a finished run, and what was noted at its start.
 
     Returns:
-        The result; and robot, servo profile, controller, seed, versions and the like.
+        The result; and what was run, by whom and with what.
 
     Raises:
         UsageError: it is no finished run, or damaged.
@@ -122,13 +152,18 @@ def read_ends(folder: Path) -> tuple[RunResult, dict[str, Any]]:
         raise UsageError(
             f"{folder}: the run was cut off, {RESULT} is missing. Its logs (*.log) say "
             f"why; `surefoot log info {folder}` shows what was recorded, `surefoot log "
-            f"export {folder}` takes it"
+            f"export {folder} --format csv --out FOLDER` takes it"
         )
-    with _naming_damage(folder):
-        result = read_struct(folder / RESULT, RunResult)
-        about: dict[str, Any] = msgspec.json.decode((folder / MARKER).read_bytes())
-        about["robot"], about["servo_profile"], about["packages"]
-    return result, about
+    try:
+        return (
+            read_struct(folder / RESULT, RunResult),
+            read_struct(folder / MARKER, About),
+        )
+    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+        raise UsageError(
+            f"{folder}: {RESULT} or {MARKER} is damaged, or of another version of "
+            f"surefoot ({error}); make the run again"
+        ) from error
 
 
 def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
@@ -138,28 +173,15 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
         UsageError: it is no finished run, or damaged.
     """
     result, about = read_ends(folder)
-    with _naming_damage(folder):
-        plan = make_plan(
-            folder / SCENARIO,
-            robot=about["robot"],
-            servo_profile=about["servo_profile"],
-            controller=about["controller"],
-            settings=folder / SETTINGS,
-            seed=about["seed"],
-        )
-        plan = replace(plan, mode=about["mode"], scenario_name=about["scenario"])
-    return result, plan
-
-
-@contextmanager
-def _naming_damage(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except (msgspec.DecodeError, KeyError, TypeError) as error:
-        raise UsageError(
-            f"{folder}: {RESULT} or {MARKER} is damaged, or of another version of "
-            f"surefoot ({error}); make the run again"
-        ) from error
+    plan = make_plan(
+        folder / SCENARIO,
+        robot=about.robot,
+        servo_profile=about.servo_profile,
+        controller=about.controller,
+        settings=folder / SETTINGS,
+        seed=about.seed,
+    )
+    return result, replace(plan, mode=about.mode, scenario_name=about.scenario)
 
 
 def read_struct(path: Path, kind: type[_T]) -> _T:

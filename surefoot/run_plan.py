@@ -50,7 +50,7 @@ class RunPlan:
             scenario's own name where it was built in Python.
         scenario_path: the scenario's file; None where it was built in Python.
         robot: its files, with the servo profile in use.
-        robot_name: as given: a shipped name or a path.
+        robot_name: a shipped name, or the whole path of its file.
         controller: name of the control law; see
             :func:`surefoot.stabilizer.factory.find_controller`.
         settings: resolved: defaults, file and overrides.
@@ -92,6 +92,12 @@ class RunPlan:
             file: f"ground-{index}{Path(file).suffix}"
             for index, file in enumerate(files)
         }
+
+    @property
+    def files(self) -> list[Path]:
+        """Files that are read again as the run begins, and during it."""
+        paths = (self.scenario_path, self.relay_path, *map(Path, self.recordings))
+        return [path for path in paths if path is not None]
 
     @property
     def scenario_text(self) -> str:
@@ -166,7 +172,7 @@ def make_plan(
         scenario_name=name,
         scenario_path=path,
         robot=model,
-        robot_name=str(model.path) if isinstance(robot, Robot) else str(robot),
+        robot_name=str(robot) if _is_shipped(robot) else str(model.path),
         controller=controller,
         settings=resolved,
         seed=seed,
@@ -223,6 +229,10 @@ def _steps(scenario: Scenario, robot: Robot, settings: ControllerSettings) -> Wa
 
     assert scenario.walk is not None
     return plan_of(scenario.walk, robot, settings.walk, duration_s=scenario.duration_s)
+
+
+def _is_shipped(robot: str | Path | Robot) -> bool:
+    return not isinstance(robot, Robot) and Path(robot).suffix != ".toml"
 
 
 def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:

@@ -15,6 +15,7 @@ from surefoot.outcome import join_result
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import (
+    TICKS,
     read_run,
     run_folder,
     write_inputs,
@@ -82,7 +83,10 @@ class Run:
                 ``record=True``.
         """
         signals = self.signals
-        with run_folder(Path(folder), overwrite=overwrite) as place:
+        reads = [*self.plan.files]
+        if self.folder is not None:
+            reads.append(self.folder / TICKS)
+        with run_folder(Path(folder), reads=reads, overwrite=overwrite) as place:
             write_inputs(place.path, self.plan)
             with file_sinks(place.path) as sinks:
                 signals.copy_to(sinks)
@@ -286,14 +290,14 @@ def execute(
     """
     check_controller(plan.controller)
     on_tick = on_tick or _unheard
-    with run_folder(out, overwrite=overwrite) as folder:
+    with run_folder(out, reads=plan.files, overwrite=overwrite) as folder:
         write_inputs(folder.path, plan)
         result: RunResult | None
         error: ChildFailedError | KeyboardInterrupt | None = None
         if plan.mode == "inline":
             result, error = _inline(plan, folder, histogram=histogram, on_tick=on_tick)
         else:
-            folder.keeps = True  # the logs of a failed run are what is needed next
+            folder.keep()  # the logs of a failed run are what is needed next
             from surefoot.processes.bus_run import run_processes
             from surefoot.robot_io.bus.bus import private_bus
 
@@ -332,7 +336,7 @@ def _inline(
     """Run in this process, in a folder; figures, and what cut the run short."""
 
     def begun(tick: int) -> None:
-        folder.keeps = True
+        folder.keep()
         on_tick(tick)
 
     try:

@@ -200,7 +200,8 @@ class SwayProbe:
         time_s, ground = np.array(self._time_s), np.array(self._ground)
         sway = np.array(self._sway)
         stimulus = self._stimulus
-        rms = float(np.sqrt(np.mean((sway - sway[0]) ** 2)))
+        moves = int(np.searchsorted(time_s, START_S))
+        rms = float(np.sqrt(np.mean((sway[moves:] - sway[moves - 1]) ** 2)))
         if stimulus.protocol == "prts":
             spectra = [
                 cycle_spectra(

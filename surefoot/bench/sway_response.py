@@ -233,7 +233,9 @@ class StepFigures:
 def step_figures(
     time_s: Array, stimulus: Array, sway: Array, answer: Array, *, start_s: float
 ) -> StepFigures:
-    """Measure a step.
+    """Measure a step, from where everything was as the ground began to move.
+
+    Until then the robot may still be coming to rest from its start.
 
     Args:
         time_s: (n,) rising [s].
@@ -243,17 +245,17 @@ def step_figures(
             stands as before.
         start_s: when the ground begins to move [s].
     """
-    before, after = time_s < start_s, time_s >= start_s
-    since = time_s[after] - start_s
-    size = _final(time_s, stimulus) - stimulus[before].mean()
-    sway_end = (_final(time_s, sway) - sway[before].mean()) / size
-    course = (sway[after] - sway[before].mean()) / size
+    after = int(np.searchsorted(time_s, start_s))
+    since = time_s[after:] - start_s
+    size = _final(time_s, stimulus) - stimulus[after - 1]
+    sway_end = (_final(time_s, sway) - sway[after - 1]) / size
+    course = (sway[after:] - sway[after - 1]) / size
     peak = int(np.argmax(np.abs(course)))
     away = np.abs(course - sway_end) > SETTLED
     last = len(away) - int(np.argmax(away[::-1])) if away.any() else 0
     settled = last < len(since) and since[last] <= since[-1] - FINAL_S
-    went = (answer[after] - answer[before].mean()) / size
-    end = float((_final(time_s, answer) - answer[before].mean()) / size)
+    went = (answer[after:] - answer[after - 1]) / size
+    end = float((_final(time_s, answer) - answer[after - 1]) / size)
     is_answer = abs(end) > SETTLED
     return StepFigures(
         sway_peak=float(course[peak]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -37,6 +37,7 @@ from surefoot.schemas.messages import (
     SettingsChange,
     StabilizerStatus,
 )
+from surefoot.schemas.reasons import StabilizerState
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.schemas.walk_plan import WalkPlan
 
@@ -175,7 +176,9 @@ def check(
         outcome_of_one = recompute(
             whole,
             sensors,
-            _of_session(inputs, whole, is_first=not outcomes),
+            _of_session(
+                inputs, whole, said.of(StabilizerStatus), is_first=not outcomes
+            ),
             controller=name,
             on_tick=on_tick,
         )
@@ -234,11 +237,26 @@ def _gap(session: Session) -> tuple[int, int]:
     raise AssertionError("no command is missing")
 
 
-def _of_session(inputs: Inputs, session: Session, *, is_first: bool) -> Inputs:
-    """Keep the session's own changes of settings, and all references of planners."""
+def _of_session(
+    inputs: Inputs,
+    session: Session,
+    told: Sequence[StabilizerStatus],
+    *,
+    is_first: bool,
+) -> Inputs:
+    """Keep the session's own changes and stop, and all references of planners."""
     first, last = session.commands[0].tick, session.commands[-1].tick
-    mine = [change for change in inputs.changes if first <= change.tick <= last]
-    return replace(inputs, changes=mine, walk=inputs.walk if is_first else None)
+    stops = [
+        status.tick
+        for status in told
+        if status.state is StabilizerState.SOFT_STOP and first <= status.tick <= last
+    ]
+    return replace(
+        inputs,
+        changes=[change for change in inputs.changes if first <= change.tick <= last],
+        walk=inputs.walk if is_first else None,
+        stop_tick=min(stops, default=None),
+    )
 
 
 def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:

@@ -206,6 +206,8 @@ class Inputs:
         references: of a planner, in order.
         walk: steps that the first controller was given at its start, if any.
         plans: of a planner while it ran, in order.
+        stop_tick: from which on it came to rest, since it was asked to stop; None for
+            one that was not.
     """
 
     robot: Robot
@@ -214,6 +216,7 @@ class Inputs:
     references: Sequence[Reference]
     walk: WalkPlan | None = None
     plans: Sequence[WalkPlan] = ()
+    stop_tick: int | None = None
 
 
 def recompute(
@@ -271,6 +274,8 @@ def recompute(
         if newest is not None and newest is not plan and isinstance(law, Walks):
             law.follow_plan(newest)
         plan = newest
+        if command.tick == inputs.stop_tick:
+            safety.request_soft_stop("")
         output = safety.step(reading.snapshot, reading.ages, references.at(stamp_ns))
         outcome.stale += any(reading.ages)
         _compare(command, output.q_command, outcome, inputs.robot)

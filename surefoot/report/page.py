@@ -19,6 +19,7 @@ from surefoot.report.panels import (
     marks_of,
     panel_groups,
     scene_page,
+    tells_forces,
 )
 from surefoot.report.run_data import RunData
 from surefoot.report.tables import figure_rows, sentence, setting_rows
@@ -30,12 +31,12 @@ from surefoot.view.walk import DCM
 
 HERE = Path(__file__).parent
 REPORT_MARKER = "report.json"
+"""Every folder of a report holds this file; a folder without it is not overwritten."""
 REPORT_FILES = (
-    *(REPORT_MARKER, "index.html", "scene-*.html"),
-    *("video-*.mp4", "thumbnail-*.png", "animation-*.webp"),
+    *(REPORT_MARKER, "index.html", "data.js", "report.js", "plotly.min.js"),
+    *("scene-*.html", "video-*.mp4", "thumbnail-*.png", "animation-*.webp"),
 )
 """Everything a report writes."""
-"""Every folder of a report holds this file; a folder without it is not overwritten."""
 LEGEND = (
     (MEASURED, "measured force of the ground, 1 m per kN"),
     (WANTED, "desired force, beside it"),
@@ -154,12 +155,12 @@ def _head(run: RunData) -> dict[str, Any]:
         "scenario": result.scenario,
         "controller": result.controller,
         "robot": result.robot,
-        "servo_profile": about["servo_profile"],
+        "servo_profile": about.servo_profile,
         "seed": result.seed,
         "mode": result.mode,
-        "started": about.get("started", ""),
-        "command": shlex.join(about.get("command", [])),
-        "has_record": heard is not None,
+        "started": about.started,
+        "command": shlex.join(about.command),
+        "tells_forces": tells_forces(run),
         "gap": gap,
         "margins": "; ".join(_margins(run)),
         "logs": run.logs,
@@ -181,13 +182,12 @@ def _margins(run: RunData) -> list[str]:
 
 def _versions(runs: list[RunData]) -> dict[str, list[str]]:
     """Return name of a package, or what it ran on, to one value per run."""
-    names = dict.fromkeys(name for run in runs for name in run.about["packages"])
+    names = dict.fromkeys(name for run in runs for name in run.about.packages)
     versions = {
-        name: [str(run.about["packages"].get(name, "")) for run in runs]
-        for name in names
+        name: [str(run.about.packages.get(name, "")) for run in runs] for name in names
     }
-    for name in ("python", "platform"):
-        versions[name] = [str(run.about.get(name, "")) for run in runs]
+    versions["python"] = [run.about.python for run in runs]
+    versions["platform"] = [run.about.platform for run in runs]
     return versions
 
 

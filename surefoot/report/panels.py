@@ -20,7 +20,13 @@ from surefoot.schemas.signals import BY_NAME
 from surefoot.sim_robot.metrics import CONTACT_LOST_N
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import Scene
-from surefoot.view.scene_state import AIRBORNE, SceneState, WalkSight, pose
+from surefoot.view.scene_state import (
+    AIRBORNE,
+    SceneState,
+    WalkSight,
+    pose,
+    stance_in_world,
+)
 
 FRAMES_PER_S = 20.0
 MOST_FRAMES = 1200
@@ -102,6 +108,11 @@ def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None])
             server.stop()
 
 
+def tells_forces(run: RunData) -> bool:
+    """Whether there is any force that the controller measured."""
+    return bool(np.isfinite(run.signals.get("F_meas", np.nan)).any())
+
+
 def state_at(run: RunData, row: int, steps: Sequence[StepTaken] = ()) -> SceneState:
     """Return one tick of a run as a scene.
 
@@ -120,7 +131,9 @@ def state_at(run: RunData, row: int, steps: Sequence[StepTaken] = ()) -> SceneSt
         values = signals[name][row] if name in signals else None
         return None if values is None or np.isnan(values).any() else values
 
-    middle = 0.5 * (signals["true_sole_left"][row] + signals["true_sole_right"][row])
+    feet = np.array([signals[f"true_sole_{s}"][row] for s in ("left", "right")])
+    walk = _walk_at(run, row, steps) if steps else None
+    reference = run.com_reference if walk is None else told("com_reference")
     F_true = signals["true_F"][row]
     F_meas = told("F_meas")
     contact = told("in_contact")
@@ -140,8 +153,10 @@ def state_at(run: RunData, row: int, steps: Sequence[StepTaken] = ()) -> SceneSt
         F_id=told("F_id"),
         in_contact=(bool(contact[0]), bool(contact[1])),
         com=signals["true_com"][row],
-        com_reference=run.com_reference + middle * (1.0, 1.0, 0.0),
-        walk=_walk_at(run, row, steps) if steps else None,
+        com_reference=None
+        if reference is None
+        else stance_in_world(reference, feet, walk),
+        walk=walk,
     )
 
 
@@ -150,13 +165,14 @@ def _walk_at(run: RunData, row: int, steps: Sequence[StepTaken]) -> WalkSight | 
     signals = run.signals
     words = BY_NAME["foot_state"].words
     left, right = (words[int(i)] not in AIRBORNE for i in signals["foot_state"][row])
-    if np.isnan(signals["dcm"][row]).any():
-        return None
+    footholds = signals["footholds"][row].reshape(2, 4)
+    if np.isnan(signals["dcm"][row]).any() or not footholds.any():
+        return None  # nothing is told of a walk that has not begun
     ahead = [step.planned for step in steps if step.begin > row][:STEPS_AHEAD]
     goals = signals["foot_goals"][row].reshape(2, 4)
     swings = [goals[side] for side, down in enumerate((left, right)) if not down]
     return WalkSight(
-        footholds=signals["footholds"][row].reshape(2, 4),
+        footholds=footholds,
         on_ground=(left, right),
         planned=np.array([*swings, *ahead]).reshape(-1, 4),
         dcm=signals["dcm"][row],

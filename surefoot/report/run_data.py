@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefoot.errors import UsageError
+from surefoot.recording.mcap_records import RecordError
 from surefoot.recording.read import Record, read_record, with_nan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.run_folder import (
@@ -21,10 +22,12 @@ from surefoot.run_folder import (
     SCENARIO,
     SETTINGS,
     TICKS,
+    About,
     read_ends,
 )
 from surefoot.schemas.arrays import Array, Vec3
 from surefoot.schemas.codec import Head
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.messages import (
     GroundBlock,
     Message,
@@ -67,12 +70,13 @@ class BusColumns:
 
 
 def read_heard(path: Path) -> BusColumns:
-    """Read a record; what is no message of its channel is left out and told.
-
-    Raises:
-        UsageError: it cannot be read.
-    """
-    record = read_record(path)
+    """Read a record; what cannot be read is left out and told."""
+    try:
+        record = read_record(path)
+    except RecordError as error:  # the recorder was cut off as it began
+        nothing = np.zeros(0)
+        gap = f"its record of the bus is missing: {error}"
+        return BusColumns(gap, nothing, [], nothing, nothing, nothing, [])
     lost: Counter[str] = Counter()
     told = _messages(record, "stabilizer", StabilizerStatus, lost)
     status = _messages(record, "status", RobotStatus, lost)
@@ -159,7 +163,7 @@ class RunData:
 
     label: str
     result: RunResult
-    about: dict[str, Any]
+    about: About
     robot: Robot
     scenario: Scenario
     scenario_text: str
@@ -230,7 +234,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
             f"{folder / TICKS}: missing; the run kept no ticks of the robot, so there "
             "is nothing to draw. Make it again with --out"
         )
-    robot = load_robot(about["robot"], servo_profile=about["servo_profile"])
+    robot = load_robot(about.robot, servo_profile=about.servo_profile)
     recorded = len(signals.layout("q").labels)
     if recorded != robot.n_a:
         raise UsageError(
@@ -246,11 +250,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
         robot=robot,
         scenario=scenario,
         scenario_text=(folder / SCENARIO).read_text(encoding="utf-8"),
-        settings={
-            f"{section}.{name}": value
-            for section, table in read_toml(folder / SETTINGS).items()
-            for name, value in table.items()
-        },
+        settings=_settings(folder / SETTINGS),
         signals=signals,
         com_reference=plant.com_reference,
         ground=ground_blocks(plant.world),
@@ -258,8 +258,24 @@ def load_run(folder: Path, *, label: str) -> RunData:
         logs={
             path.stem: path.read_text(encoding="utf-8", errors="replace")
             for path in sorted(folder.glob("*.log"))
+            if path.is_file()
         },
     )
+
+
+def _settings(path: Path) -> dict[str, Any]:
+    """Settings as they were resolved, those of other versions too."""
+    tables = read_toml(path)
+    for section, table in tables.items():
+        if not isinstance(table, dict):
+            raise FileFormatError(
+                f"{path}: {section}: got {table!r}, expected a table", field=section
+            )
+    return {
+        f"{section}.{name}": value
+        for section, table in tables.items()
+        for name, value in table.items()
+    }
 
 
 def _labels(folders: list[Path]) -> list[str]:

@@ -118,20 +118,20 @@ def state_of(
         base = pose(truth.base_position, truth.base_quat_xyzw)
     else:
         base = _standing_base(sight, robot, links, soles)
-    middle = 0.5 * ((base @ soles[0])[:3, 3] + (base @ soles[1])[:3, 3])
-    ground = middle * (1.0, 1.0, 0.0)
+    feet = np.array([(base @ sole)[:3, 3] for sole in soles])
+    walk = None
+    if sight.walk_status is not None and sight.walk_status.moved:
+        walk = walk_sight(sight.walk_status)
     com = reference = F_meas = F_id = None
     contact = (True, True)
     if stabilizer is not None:
-        # The stance frame stands midway between the soles; its height is the world's.
-        com = np.array(stabilizer.com) + ground
-        reference = np.array(stabilizer.com_reference) + ground
+        com = stance_in_world(np.array(stabilizer.com), feet, walk)
+        reference = stance_in_world(np.array(stabilizer.com_reference), feet, walk)
         F_meas = np.array(stabilizer.F_meas_left + stabilizer.F_meas_right)
         F_id = np.array(stabilizer.F_id_left + stabilizer.F_id_right)
         contact = (stabilizer.in_contact[0], stabilizer.in_contact[1])
     if truth is not None:
         com = np.array(truth.com)
-    walk = sight.walk_status
     return SceneState(
         base=base,
         q=q,
@@ -145,7 +145,7 @@ def state_of(
         in_contact=contact,
         com=com,
         com_reference=reference,
-        walk=None if walk is None else walk_sight(walk),
+        walk=walk,
     )
 
 
@@ -162,6 +162,28 @@ def walk_sight(status: WalkStatus) -> WalkSight:
         dcm_reference=np.array(status.dcm_reference),
         zmp_reference=np.array(status.zmp_reference),
     )
+
+
+def stance_in_world(place: Vec3, feet: Mat, walk: WalkSight | None) -> Vec3:
+    """Return a place that the controller tells in its stance frame, in the world.
+
+    The frame stands midway between the soles, and stays behind when they walk on: it is
+    the odometry frame then. Its height is the world's.
+
+    Args:
+        place: (3,) in the stance frame [m].
+        feet: (2, 3) where left and right sole are in the world [m].
+        walk: where the feet are in the odometry frame; None without a walk.
+    """
+    middle = feet[:, :2].mean(axis=0)
+    there = place[:2]
+    if walk is not None:
+        known = walk.footholds[:, :2]
+        (x, y), (x_known, y_known) = feet[0, :2] - feet[1, :2], known[0] - known[1]
+        turn = np.arctan2(y, x) - np.arctan2(y_known, x_known)
+        away = there - known.mean(axis=0)
+        there = Rotation.from_euler("z", turn).as_matrix()[:2, :2] @ away
+    return np.array([*(middle + there), place[2]])
 
 
 def odometry_in_world(walk: WalkSight, soles: tuple[Mat, Mat], ground: Mat) -> Mat:

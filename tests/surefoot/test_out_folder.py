@@ -17,6 +17,7 @@ from surefoot.run_folder import MARKER, RUN_FILES, run_folder
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.reasons import Outcome
+from tests.patient_robot import patient_robot_file
 from tests.support import wait_until
 
 LONG = 'name = "long"\nduration_s = 600.0\n'
@@ -106,6 +107,47 @@ def test_an_error_before_anything_is_worth_keeping_leaves_no_trace(
     with pytest.raises(sf.ScenarioError, match="tail"):
         execute(plan, out=out)
     assert not out.exists()
+
+
+def test_a_command_that_is_refused_leaves_the_former_run(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    former_run(out)
+    before = names(out)
+    push = sf.Push(body="tail", force_n=(1.0, 0.0, 0.0), start_s=0, duration_s=1)
+    plan = make_plan(sf.Scenario(name="x", duration_s=1.0, push=[push]))
+    with pytest.raises(sf.ScenarioError, match="tail"):
+        execute(plan, out=out, overwrite=True)
+    assert names(out) == before
+    assert {path.read_text() for path in out.iterdir()} == {"former"}
+
+
+def test_a_run_is_not_replaced_by_one_that_reads_its_files(tmp_path: Path) -> None:
+    ground = tmp_path / "mine.csv"
+    ground.write_text("\n".join(f"{0.01 * i},0.0{i % 7}" for i in range(30)))
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(
+        'name = "mine"\nduration_s = 0.01\n[[platform]]\nfoot = "both"\n'
+        '[[platform.motion]]\naxis = "y"\nkind = "recorded"\nfile = "mine.csv"\n'
+        'quantity = "position"\nscale = 0.1\n'
+    )
+    out = tmp_path / "run"
+    kept = execute(make_plan(scenario, controller="hold"), out=out)
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert "ground-0.csv" in before
+    attempts = (
+        lambda: execute(
+            make_plan(out / "scenario.toml", controller="hold"),
+            out=tmp_path / "x" / ".." / "run",
+            overwrite=True,
+        ),
+        lambda: sf.load_run(out).save(out, overwrite=True),
+        lambda: kept.save(out, overwrite=True),
+    )
+    (tmp_path / "x").mkdir()
+    for attempt in attempts:
+        with pytest.raises(sf.UsageError, match="is what this command reads"):
+            attempt()
+        assert {path.name: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_without_a_name_nothing_stays() -> None:
@@ -221,6 +263,18 @@ def test_a_run_in_memory_is_saved_as_the_command_would(tmp_path: Path) -> None:
     with pytest.raises(sf.UsageError, match="--overwrite"):
         run.save(tmp_path / "run")
     run.save(tmp_path / "run", overwrite=True)
+
+
+def test_a_run_finds_its_robot_from_any_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = patient_robot_file(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    scenario = sf.Scenario(name="s", duration_s=0.01)
+    run = sf.simulate(file.name, scenario, controller="hold").save("run")
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path / "other")
+    assert sf.load_run(tmp_path / "run").robot.path == run.robot.path == file.resolve()
 
 
 def test_only_a_file_that_says_who_wrote_it_is_replaced(tmp_path: Path) -> None:

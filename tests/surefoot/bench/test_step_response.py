@@ -33,6 +33,20 @@ def test_a_lag_is_late_by_its_time_constant_and_never_overshoots() -> None:
     assert found.sway_final == pytest.approx(0.0, abs=1e-4)
 
 
+def test_what_the_start_did_before_the_step_does_not_count() -> None:
+    time_s = np.arange(0.0, 8.0, STEP_S)
+    since = time_s - START_S
+    left = np.exp(-np.maximum(since, 0.0) / LAG_S)
+    ground = course(np.ones_like(since), since)
+    sway, answer = course(left, since), course(1.0 - left, since)
+    came_to_rest = np.where(since < -0.2, 0.7 * SIZE, 0.0)
+    from_rest = step_figures(time_s, ground, sway, answer, start_s=START_S)
+    from_a_start = step_figures(
+        time_s, ground, sway + came_to_rest, answer - came_to_rest, start_s=START_S
+    )
+    assert from_a_start == from_rest
+
+
 def test_what_rings_for_good_has_not_settled() -> None:
     time_s = np.arange(0.0, 8.0, STEP_S)
     since = time_s - START_S

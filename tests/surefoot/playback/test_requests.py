@@ -169,6 +169,36 @@ def test_gains_holds_and_pushes_are_equal(
     assert session["last_tick"] > changes[-1]["tick"] + LATER_TICKS
 
 
+@pytest.mark.usual("lockstep")
+@pytest.mark.parametrize("pace", list(Pace), ids=str)
+def test_a_stabilizer_that_was_asked_to_stop_is_equal_to_its_rest(
+    endpoints: Endpoints, tmp_path: Path, check: Check, pace: Pace
+) -> None:
+    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "stopped.mcap"
+    with (
+        running(plant, path, endpoints, pace) as robot,
+        recorded(path, endpoints, out) as onlooker,
+    ):
+        with running(balance, path, endpoints, pace, "ann") as stabilizer:
+            onlooker.mode(RobotMode.ACTIVE, "ann")
+            onlooker.let_go_on()
+            onlooker.observer.requests.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
+            onlooker.let_go_on()
+            stabilizer.signal(signal.SIGINT)
+            stabilizer.result()
+        onlooker.mode(RobotMode.HOLD, "")
+        robot.signal(signal.SIGINT)
+        robot.result()
+    code, found = check(out, *AS_RECORDED)
+    assert code == 0, found
+    stops = [
+        m.content["tick"]
+        for m in messages(out)
+        if m.channel == "stabilizer" and m.content["state"] == "soft_stop"
+    ]
+    assert found["sessions"][0]["last_tick"] > stops[0]
+
+
 def test_a_second_stabilizer_is_a_session_of_its_own(
     endpoints: Endpoints, tmp_path: Path, check: Check
 ) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import shutil
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import msgspec
 import numpy as np
@@ -15,13 +18,22 @@ pytest.importorskip("viser", reason="reports need viser: pip install -e .[view]"
 pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view]")
 
 from surefoot.errors import UsageError
-from surefoot.report.curves import com_error, curves
-from surefoot.report.page import write_report
+from surefoot.recording.read import read_record
+from surefoot.report.curves import com_error, curves, steps_of
+from surefoot.report.page import REPORT_FILES, Media, write_page, write_report
 from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
+from surefoot.robot_io.client_side.observer import LatestMessages
+from surefoot.runs import simulate
+from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.messages import ImuState, JointState, StabilizerStatus, Truth
+from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.walk_plan import WalkStatus
 from surefoot.sim_robot.metrics import COM_FROM_S
+from surefoot.view.robot_shape import RobotShape
+from surefoot.view.scene_state import state_of
 from tests.command import Surefoot
 from tests.surefoot.report.runs import make_report, shared_page, shared_runs
 
@@ -132,6 +144,121 @@ def test_the_scene_shows_the_controllers_forces(bus: RunData) -> None:
     np.testing.assert_array_equal(state.q, bus.signals["q"][700])
 
 
+def test_the_page_says_where_the_scenes_forces_are_the_true_ones(
+    folder: Path, bus: RunData, broken: Path
+) -> None:
+    inline = load_run(folder / "inline", label="inline")
+    (broken / "controller-ticks.mcap").unlink()
+    silent = load_run(broken, label="silent")
+    np.testing.assert_array_equal(
+        state_at(silent, 700).F_meas, silent.signals["true_F"][700]
+    )
+    np.testing.assert_array_equal(
+        state_at(inline, 700).F_meas, inline.signals["F_meas"][700]
+    )
+    for run, is_told in ((bus, False), (inline, False), (silent, True)):
+        write_page(broken, [run], [Media("scene-1.html")])
+        page = (broken / "index.html").read_text()
+        assert ("arrows are the true forces" in page) is is_told
+
+
+WALK = """
+name = "a walk to the left"
+duration_s = 3.5
+[start]
+yaw_deg = 90.0
+position_m = [0.5, -0.3]
+[walk]
+velocity_m_s = 0.3
+start_s = 0.5
+stop_s = 3.0
+"""
+NEAR_M, AMONG_FEET_M = 0.02, 0.2
+"""A walk keeps the centre of mass so near to where it should be, and to the feet."""
+
+
+def test_where_a_walks_com_should_be_is_shown_where_the_robot_is(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
+    (tmp_path / "walk.toml").write_text(WALK)
+    done = surefoot_here("run", tmp_path / "walk.toml", "--out", tmp_path / "run")
+    assert done.returncode == 0, done.stderr
+    run = load_run(tmp_path / "run", label="run")
+    true_com, footholds = run.signals["true_com"], run.signals["footholds"]
+    assert np.ptp(true_com[:, 1]) > 10.0 * NEAR_M
+    steps = steps_of(run)
+    for row in range(0, run.signals.count, 50):
+        state = state_at(run, row, steps)
+        assert (state.walk is None) is not footholds[row].any()
+        assert state.com_reference is not None
+        assert np.linalg.norm(state.com_reference - true_com[row]) < NEAR_M
+
+    # As a live page sees it, with and without a simulator that tells the truth.
+    shape, record = RobotShape(run.robot), read_record(tmp_path / "run" / "run.mcap")
+    heard = {
+        channel: {message["tick"]: message for message in record.each(channel)}
+        for channel in ("joints", "imu", "stabilizer", "walk_status", "truth")
+    }
+    truths = sorted(heard["truth"])
+    for tick, told in heard["walk_status"].items():
+        seen = LatestMessages(
+            joints=msgspec.convert(heard["joints"][tick], JointState),
+            imu=msgspec.convert(heard["imu"][tick], ImuState),
+            stabilizer=msgspec.convert(heard["stabilizer"][tick], StabilizerStatus),
+            walk_status=msgspec.convert(told, WalkStatus),
+        )
+        at = min(truths, key=lambda other: abs(other - tick))
+        known = seen._replace(truth=msgspec.convert(heard["truth"][at], Truth))
+        for sight in (seen, known):
+            live = state_of(sight, run.robot, shape)
+            assert live is not None
+            assert (live.walk is None) is not any(told["foothold_left"])
+            feet = [
+                live.base @ shape.poses(live.q)[f.sole_frame]
+                for f in run.robot.file.foot
+            ]
+            middle = 0.5 * (feet[0] + feet[1])[:2, 3]
+            for place in (live.com, live.com_reference):
+                assert place is not None
+                assert np.linalg.norm(place[:2] - middle) < AMONG_FEET_M
+        assert np.linalg.norm(live.com_reference - live.com) < NEAR_M
+
+
+def test_the_page_names_the_program_that_made_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.argv", ["/home/me/mine.py", "--fast"])
+    scenario = Scenario(name="short", duration_s=0.01)
+    simulate("walker", scenario, controller="hold").save(tmp_path / "run")
+    run = load_run(tmp_path / "run", label="run")
+    write_page(tmp_path, [run], [Media("scene-1.html")])
+    assert "<code>mine.py --fast</code>" in (tmp_path / "index.html").read_text()
+
+
+def test_a_report_that_fails_leaves_the_former_one(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run, out = load_run(folder / "inline", label="inline"), tmp_path / "page"
+
+    def fail() -> None:
+        disk_full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
+        with monkeypatch.context() as patch:
+            patch.setattr("surefoot.report.page._render", disk_full)
+            write_report([run], out, overwrite=True)
+
+    with pytest.raises(OSError, match="No space"):
+        fail()
+    assert not out.exists()
+    write_report([run], out)
+    names = {path.name for path in out.iterdir()}
+    assert all(any(fnmatch(name, each) for each in REPORT_FILES) for name in names)
+    page = (out / "index.html").read_bytes()
+    with pytest.raises(OSError, match="No space"):
+        fail()
+    assert {path.name for path in out.iterdir()} == names
+    assert (out / "index.html").read_bytes() == page
+
+
 def test_one_page_about_two_runs(tmp_path_factory: pytest.TempPathFactory) -> None:
     out = shared_page(tmp_path_factory)
     files = {path.name for path in out.iterdir()}
@@ -164,6 +291,34 @@ def test_what_is_missing_is_named(broken: Path, file: str, words: str) -> None:
     for path in broken.glob(f"*{file}"):
         path.unlink()
     _refused([broken], words)
+
+
+def test_what_is_damaged_in_its_notes_is_named(broken: Path) -> None:
+    path = broken / "run.json"
+    whole = json.loads(path.read_text())
+    for name in whole:
+        if whole[name] is None:
+            continue  # without a relay
+        path.write_text(json.dumps(whole | {name: None}))
+        _refused([broken], rf"run\.json is damaged.*{name}")
+        path.write_text(json.dumps({n: x for n, x in whole.items() if n != name}))
+        _refused([broken], rf"run\.json is damaged.*{name}")
+    path.write_text(json.dumps(whole))
+    (broken / "settings.toml").write_text("tsid = 1\n")
+    with pytest.raises(FileFormatError, match="tsid: got 1, expected a table"):
+        load_runs([broken])
+
+
+def test_a_record_that_was_never_begun_leaves_the_rest_of_the_page(
+    broken: Path,
+) -> None:
+    (broken / "run.mcap.partial").touch()
+    (run,) = load_runs([broken])
+    assert {curve.panel for curve in curves(run)} >= {"com_x", "force_left"}
+    write_page(broken, [run], [Media("scene-1.html")])
+    page = (broken / "index.html").read_text()
+    assert "its record of the bus is missing" in page
+    assert "the file is empty" in page
 
 
 def test_a_refusal_is_a_usage_error_and_leaves_nothing(
