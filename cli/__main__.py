@@ -15,6 +15,8 @@ from surefoot.schemas.reasons import SIGNALS
 # and its libraries load, so it must stand before any of them.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+if not os.environ.get("COLUMNS", "1").strip("0"):
+    del os.environ["COLUMNS"]  # no width is said; rich would show tables without one
 
 
 def main() -> None:
