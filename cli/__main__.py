@@ -5,14 +5,18 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 from types import FrameType
 
 from surefoot.errors import ERROR_PREFIX, ExitCode, exit_code_of
+from surefoot.schemas.reasons import SIGNALS
 
 # 34 x 34 algebra is slower with threads, and its tail far worse. Read when numpy
 # and its libraries load, so it must stand before any of them.
 for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
+if not os.environ.get("COLUMNS", "1").strip("0"):
+    del os.environ["COLUMNS"]  # no width is said; rich would show tables without one
 
 
 def main() -> None:
@@ -41,7 +45,7 @@ def main() -> None:
 
 
 class _Interruption:
-    """Ends a command on SIGINT and SIGTERM, so that everything is closed on the way.
+    """Ends a command on a signal that asks for it; everything is closed on the way.
 
     Attributes:
         has_come: whether one of them did.
@@ -52,7 +56,7 @@ class _Interruption:
         """Begin to watch; a node that runs has handlers of its own meanwhile."""
         self.has_come = False
         self.by = ""
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in SIGNALS:
             signal.signal(number, self._come)
 
     def tell(self) -> None:
@@ -64,7 +68,9 @@ class _Interruption:
             # One that came while a text was executed, as dataclasses do when they are
             # made, is kept in mind, and ends Python by the signal; this forgets it.
             exec("")
-            sys.stderr.write(f"{ERROR_PREFIX} interrupted{self.by}\n")
+            with suppress(OSError):  # a terminal that has closed hears nothing
+                sys.stderr.write(f"{ERROR_PREFIX} interrupted{self.by}\n")
+                sys.stderr.flush()
 
     def _come(self, signum: int, frame: FrameType | None) -> None:
         self.has_come = True

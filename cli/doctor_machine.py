@@ -85,6 +85,13 @@ def check_pictures() -> Diagnosis:
     """Check that MuJoCo draws without a window."""
     asked = os.environ.get("MUJOCO_GL")
     works = [name for name in ((asked,) if asked else _GL_BACKENDS) if _draws(name)]
+    if asked and not works and not _loads():
+        return finding(
+            "pictures (OpenGL)",
+            f"MuJoCo does not load with MUJOCO_GL={asked}",
+            bad=Severity.FAIL,
+            advice="no run starts: leave MUJOCO_GL unset, or write egl or osmesa",
+        )
     return finding(
         "pictures (OpenGL)",
         f"works with MUJOCO_GL={works[0]}"
@@ -141,10 +148,19 @@ def _temporary_folder() -> Diagnosis:
 
 def _draws(backend: str) -> bool:
     """Draw in a process of its own: OpenGL may end the process it fails in."""
+    return _works("-m", "surefoot.sim_robot.render", MUJOCO_GL=backend)
+
+
+def _loads() -> bool:
+    """Whether the simulation can be loaded, be it never to draw."""
+    return _works("-c", "import surefoot.sim_robot.plant")
+
+
+def _works(*words: str, **variables: str) -> bool:
     try:
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "surefoot.sim_robot.render"],
-            env={**child_environment(), "MUJOCO_GL": backend},
+            [sys.executable, "-P", *words],
+            env={**child_environment(), **variables},
             capture_output=True,
             timeout=GL_TIMEOUT_S,
             check=False,

@@ -18,6 +18,7 @@ from types import FrameType
 
 import numpy as np
 
+from surefoot.schemas.reasons import SIGNALS
 from surefoot.schemas.result import Distribution, Histogram
 
 MS_PER_NS = 1e-6
@@ -43,8 +44,6 @@ NS_PER_S = 1e9
 MAX_LAG_PERIODS = 5
 """A loop that is late by more does not try to catch up: a burst of ticks in no time
 would ask the impossible of whoever answers them."""
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
-"""What asks a process to end."""
 
 
 class TimingLog:
@@ -343,7 +342,7 @@ class StopRequest:
 
     @contextmanager
     def on_signals(self) -> Iterator[None]:
-        """Turn SIGINT and SIGTERM into requests; only the main thread gets any."""
+        """Turn signals into requests; only the main thread gets any."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return

@@ -16,6 +16,7 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, Joint, RobotFile
 from surefoot.schemas.sensors import SENSORS
+from surefoot.schemas.topics import is_key
 
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
@@ -95,7 +96,7 @@ def _check_file(file: RobotFile, path: Path) -> None:
             field="servo.profile",
         )
     tick_s = 1.0 / file.rate_hz
-    for limit in ("hold_after_s", "max_command_age_s", "max_loop_delay_s"):
+    for limit in ("hold_after_s", "max_command_age_s", "max_loop_delay_s", "lease_s"):
         value = getattr(file.gate, limit)
         if value is not None and value < tick_s * (1.0 - 1e-6):
             raise FileFormatError(
@@ -116,14 +117,10 @@ def _check_file(file: RobotFile, path: Path) -> None:
             field="com_travel_m",
         )
     namespace = file.namespace
-    if (
-        not namespace.strip("/")
-        or any(c in namespace for c in "*$?# ")
-        or (namespace != namespace.strip("/"))
-    ):
+    if not is_key(namespace):
         raise FileFormatError(
             f"{path}: namespace: got {namespace!r}, expected a key such as 'walker' "
-            "without wildcards, blanks or outer slashes",
+            "without wildcards, blanks, outer or double slashes",
             field="namespace",
         )
 

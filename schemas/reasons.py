@@ -6,8 +6,15 @@ people; nothing decides by it.
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Mapping
 from enum import StrEnum
+
+SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM)
+"""What asks a process to end: Ctrl-C, a kill, and a terminal that closes; not the last
+one to a process that was started to outlive it, as by nohup."""
+if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+    SIGNALS = (*SIGNALS, signal.SIGHUP)
 
 
 class ModeCause(StrEnum):

@@ -134,7 +134,7 @@ class RobotFile(FileStruct, frozen=True, kw_only=True):
     """Path of the URDF, relative to this file."""
     namespace: str
     """Zenoh's namespace: what every key on the bus begins with."""
-    rate_hz: Positive
+    rate_hz: Annotated[float, msgspec.Meta(gt=0.0, le=20_000.0)]
     """Control ticks in a second."""
     base_link: str
     """URDF link that floats."""

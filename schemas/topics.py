@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from enum import StrEnum
 
 import msgspec
@@ -10,6 +11,8 @@ from surefoot.schemas import messages
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
+
+_NO_KEY = re.compile(r"[*$?#\s]")
 
 
 class Direction(StrEnum):
@@ -98,6 +101,11 @@ def topic(name: str) -> Topic:
     raise KeyError(f"no channel {name!r}; there are {[t.name for t in TOPICS]}")
 
 
+def is_key(text: str) -> bool:
+    """Whether a text is a key, or the beginning of keys: parts with slashes between."""
+    return all(text.split("/")) and not _NO_KEY.search(text)
+
+
 def resolve_keys(overrides: dict[str, str]) -> dict[str, str]:
     """Return the keys of all channels, with a robot file's own keys put in.
 
@@ -119,10 +127,10 @@ def resolve_keys(overrides: dict[str, str]) -> dict[str, str]:
                 field=f"keys.{name}",
             )
         cleaned = key.strip("/")
-        if not cleaned or "//" in cleaned or any(c in cleaned for c in "*$?#"):
+        if not is_key(cleaned):
             raise FileFormatError(
                 f"keys.{name}: got {key!r}, expected a key such as 'sensor/ft/left' "
-                "without wildcards",
+                "without wildcards or blanks",
                 field=f"keys.{name}",
             )
         keys[name] = cleaned

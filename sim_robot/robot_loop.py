@@ -227,7 +227,7 @@ def run_robot(
     The robot stands at tick 0, in HOLD, until a commander has enabled it: scenarios
     begin with the commander, however long it takes to come up. Sensors are published
     from then on; status is from the start. The run ends with the scenario, at the
-    tick of the fall, or on SIGINT or SIGTERM, with a last status in mode OFF.
+    tick of the fall, or on a signal, with a last status in mode OFF.
 
     Args:
         robot: what its files say.

@@ -65,9 +65,9 @@ def run_stabilizer(
     the settings as they have been changed by then.
 
     In lockstep every tick is answered exactly once, in order; in real time the newest
-    one. It ends when the robot does, or takes command away, or on SIGINT or SIGTERM;
-    then the commands come to rest, the lease is given back, and the robot holds its
-    posture. A second signal ends it at once.
+    one. It ends when the robot does, or takes command away, or on a signal; then the
+    commands come to rest, the lease is given back, and the robot holds its posture. A
+    second signal ends it at once.
 
     With ``reconnect``, it waits for a robot that went away, or lost sight of us, and
     takes command again as at first: new lease, a new controller started from the held

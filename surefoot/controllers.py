@@ -56,7 +56,7 @@ def drive(
     robot: str | Path | Robot,
     endpoints: str | Path | Endpoints | None = None,
 ) -> str:
-    """Serve a robot until SIGINT or SIGTERM: sense, publish, guard, command.
+    """Serve a robot until a signal asks it to end: sense, publish, guard, command.
 
     Args:
         adapter: the vendor's robot: ``read(tick, stamp_ns)`` and ``write(q_command)``.

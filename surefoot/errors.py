@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from enum import IntEnum
 from typing import Any
 
@@ -143,3 +145,19 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     if isinstance(error, (ImportError, OSError)):
         return ExitCode.ENVIRONMENT
     return None
+
+
+def complain(program: Callable[[], object]) -> None:
+    """Run the program of a driver; an error that was foreseen is one line and its code.
+
+    Args:
+        program: the whole of it; what it returns is dropped.
+    """
+    try:
+        program()
+    except (Exception, KeyboardInterrupt) as error:  # those without a code go on below
+        code = exit_code_of(error)
+        if code is None:
+            raise
+        print(f"{ERROR_PREFIX} {error}", file=sys.stderr)
+        sys.exit(code)

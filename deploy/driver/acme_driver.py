@@ -14,6 +14,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 from acme_sdk import AcmeRobot
 
+from surefoot.errors import UsageError, complain
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import run_driver
 from surefoot.robot_io.snapshot import Snapshot
@@ -75,10 +76,12 @@ class AcmeAdapter:
 
 def main() -> None:
     """Serve the robot until Ctrl-C: endpoint file, and a robot file of your own."""
+    if len(sys.argv) not in (2, 3):
+        raise UsageError("usage: acme_driver.py ENDPOINTS.toml [ROBOT]")
     robot = load_robot(sys.argv[2] if len(sys.argv) > 2 else "walker")
     adapter = AcmeAdapter(robot)
     run_driver(adapter, robot, endpoints=load_endpoints(Path(sys.argv[1])))
 
 
 if __name__ == "__main__":
-    main()
+    complain(main)

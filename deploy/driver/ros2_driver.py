@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from ros2_node import RELIABILITY, complain, ros2_node
+from ros2_node import RELIABILITY, ros2_node
 from ros2_settings import Ros2Settings, load_settings
 
+from surefoot.errors import UsageError, complain
 from surefoot.robot_io.errors import RobotFileError, RobotUnreachableError
 from surefoot.robot_io.realtime import TimingLog
 from surefoot.robot_io.robot import Robot, load_robot
@@ -34,6 +35,7 @@ NS_PER_S = 1_000_000_000
 BACKLOG = 5
 """Joint states kept while the driver is late, one tick each; as a clocked loop does."""
 POLLS_PER_TICK = 10
+JOINT_STATE = ("position", "velocity", "effort")
 
 
 class Topic:
@@ -107,7 +109,8 @@ class Ros2Adapter:
         self._taken_ns = dict.fromkeys(self._topics, 0)
         self._fresh: Any | None = None
         self._newest: dict[str, Any] = {}
-        self._names: list[str] = []
+        self._layout: tuple[Any, ...] = ()
+        self._passed_over = ""
         self._q = self._dq = self._effort = robot.nominal
         self._stamp_ns = 0
         self._wait_for_all()
@@ -116,14 +119,21 @@ class Ros2Adapter:
         """Return once there are new joint states, or when they have been silent.
 
         Then a tick passes all the same: requests are served, the watchdog runs, and
-        the stabilizer learns what is missing.
+        the stabilizer learns what is missing. Joint states of somebody else, such as a
+        gripper, are passed over.
         """
         end_s = time.monotonic() + self._settings.clock.max_age_s
         pause_s = self._robot.period_s / POLLS_PER_TICK
         joints = self._topics["joints"]
-        while (message := joints.take()) is None and time.monotonic() < end_s:
-            time.sleep(pause_s)  # DDS offers nothing cheaper to Python
-        self._fresh = message
+        while self._fresh is None and time.monotonic() < end_s:
+            message = joints.take()
+            if message is None:
+                time.sleep(pause_s)  # DDS offers nothing cheaper to Python
+            elif not (why := self._why_not_ours(message)):
+                self._fresh = message
+            elif why != self._passed_over:
+                self._passed_over = why
+                _LOG.warning("%s; passed over", why)
 
     def read(self, tick: int, stamp_ns: int) -> Snapshot:
         """Join the joint states last taken with the newest of the other topics."""
@@ -131,7 +141,9 @@ class Ros2Adapter:
             message = self._fresh if name == "joints" else topic.take()
             if message is not None:
                 self._newest[name] = message
-                measured_ns = self._measured_ns(message, stamp_ns)
+                # A stamp ahead of now, as a step of a clock makes, would hide for as
+                # long that the sensor has fallen silent.
+                measured_ns = min(self._measured_ns(message, stamp_ns), stamp_ns)
                 self._taken_ns[name] = max(measured_ns, self._taken_ns[name])
         is_new, self._fresh = self._fresh is not None, None
         if not is_new:
@@ -193,9 +205,7 @@ class Ros2Adapter:
         return now_ns - age_ns
 
     def _take_joints(self, message: Any, now_ns: int) -> None:
-        if message.name != self._names:
-            self._learn_order(message)
-        measured_ns = min(self._taken_ns["joints"], now_ns)
+        measured_ns = self._taken_ns["joints"]
         self.ages.add(now_ns - measured_ns)
         if self._stamp_ns:
             self.periods.add(max(measured_ns - self._stamp_ns, 0))
@@ -212,39 +222,49 @@ class Ros2Adapter:
         )
         self._q = q
 
-    def _learn_order(self, message: Any) -> None:
+    def _why_not_ours(self, message: Any) -> str:
         """Find the joints of the robot file among those of the message.
 
-        Raises:
-            RobotFileError: one is not there, or has no position.
+        Returns:
+            Why they cannot be read there; empty when they can.
         """
+        sizes = {part: len(getattr(message, part)) for part in JOINT_STATE}
+        layout = (message.name, *sizes.values())
+        if layout == self._layout:
+            return ""
         topic = self._settings.joint_states.topic
         names = self._settings.ros_names(self._robot)
         absent = [name for name in names if name not in message.name]
         if absent:
-            raise RobotFileError(
+            return (
                 f"{topic}: no joint {', '.join(absent)}; it has "
                 f"{', '.join(message.name)}; say in [joints] what ROS calls them"
             )
-        for part in ("position", "velocity", "effort"):
-            size = len(getattr(message, part))
+        for part, size in sizes.items():
             if size != len(message.name) and (size or part == "position"):
-                raise RobotFileError(
+                return (
                     f"{topic}: got {size} numbers of {part} for {len(message.name)} "
                     "names, expected one each"
                 )
         self._from_ros = np.array([message.name.index(name) for name in names])
-        self._names = list(message.name)
+        self._layout = layout
+        return ""
 
     def _wait_for_all(self) -> None:
         limit_s = self._settings.clock.start_s
         end_s = time.monotonic() + limit_s
+        why = ""
         while len(self._newest) < len(self._topics):
             for name, topic in self._topics.items():
                 message = topic.take()
-                if message is not None:
+                if message is None:
+                    continue
+                why = self._why_not_ours(message) if name == "joints" else why
+                if name != "joints" or not why:
                     self._newest[name] = message
             if time.monotonic() > end_s:
+                if why and "joints" not in self._newest:
+                    raise RobotFileError(why)
                 raise RobotUnreachableError(
                     f"{self._describe_silent()}; waited {limit_s:g} s ([clock] start_s)"
                 )
@@ -260,7 +280,6 @@ class Ros2Adapter:
 
     def _check_first(self) -> None:
         now_ns = time.monotonic_ns()
-        self._learn_order(self._newest["joints"])
         for name, message in self._newest.items():
             age_s = (now_ns - self._measured_ns(message, now_ns)) / NS_PER_S
             # Best effort and a slow start: a first message may have waited for us.
@@ -334,7 +353,7 @@ def ros2_adapter(robot: Robot, settings: Ros2Settings) -> Iterator[Ros2Adapter]:
 def main() -> None:
     """Serve the robot until Ctrl-C: endpoint file, ROS 2 file, robot."""
     if len(sys.argv) not in (3, 4):
-        sys.exit("usage: ros2_driver.py ENDPOINTS.toml ROS2.toml [ROBOT]")
+        raise UsageError("usage: ros2_driver.py ENDPOINTS.toml ROS2.toml [ROBOT]")
     robot = load_robot(sys.argv[3] if len(sys.argv) > 3 else "walker")
     endpoints = load_endpoints(Path(sys.argv[1]))
     with ros2_adapter(robot, load_settings(Path(sys.argv[2]), robot)) as adapter:

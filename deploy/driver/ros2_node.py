@@ -1,13 +1,11 @@
-"""What the ROS 2 programs share: a node, quality of service, and how they complain."""
+"""What the ROS 2 programs share: a node and quality of service."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
-
-from surefoot.errors import exit_code_of
 
 try:
     import rclpy
@@ -37,15 +35,3 @@ def ros2_node(name: str) -> Iterator[Any]:
     finally:
         node.destroy_node()
         rclpy.shutdown()
-
-
-def complain(program: Callable[[], object]) -> None:
-    """Run a program; an error that was foreseen is one line and its exit code."""
-    try:
-        program()
-    except Exception as error:  # all kinds: those without a code go on below
-        code = exit_code_of(error)
-        if code is None:
-            raise
-        print(f"surefoot: {error}", file=sys.stderr)
-        sys.exit(code)

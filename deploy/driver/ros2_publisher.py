@@ -29,10 +29,11 @@ from geometry_msgs.msg import (
     WrenchStamped,
 )
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros2_node import complain, ros2_node
+from ros2_node import ros2_node
 from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 
+from surefoot.errors import complain
 from surefoot.robot_io.client_side.observer import (
     VIEWER_CHANNELS,
     LatestMessages,

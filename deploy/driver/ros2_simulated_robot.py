@@ -21,9 +21,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 from ros2_driver import Topic
-from ros2_node import RELIABILITY, complain, ros2_node
+from ros2_node import RELIABILITY, ros2_node
 from ros2_settings import Ros2Settings, load_settings
 
+from surefoot.errors import complain
 from surefoot.robot_io.realtime import Pacer, StopRequest, TimingLog, quiet_interpreter
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.snapshot import Snapshot

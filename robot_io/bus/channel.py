@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import secrets
 import threading
@@ -17,6 +18,8 @@ from zenoh.handlers import RingChannel
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import Message
+
+_LOG = logging.getLogger(__name__)
 
 TOKEN_BYTES = 16
 """Shorter than any message, so that the length alone identifies a token."""
@@ -180,9 +183,11 @@ T = TypeVar("T", bound=msgspec.Struct)
 class MessageReader(Generic[T]):
     """What every reader of a channel does: check, and count what cannot be read.
 
+    Of the first one that cannot, it says why: whoever misses it looks for a silent
+    sender otherwise.
+
     Attributes:
         malformed: messages that could not be read.
-        error: what was wrong with the last of these.
     """
 
     def __init__(
@@ -196,7 +201,6 @@ class MessageReader(Generic[T]):
             joint_count: n_a, when the message holds per-joint fields.
         """
         self.malformed = 0
-        self.error = ""
         self._channel = channel
         self._kind = kind
         self._joint_count = joint_count
@@ -206,8 +210,9 @@ class MessageReader(Generic[T]):
         try:
             return decode(data, self._kind, joint_count=self._joint_count)
         except MessageError as error:
+            if not self.malformed:
+                _LOG.warning("a message cannot be read and is passed over: %s", error)
             self.malformed += 1
-            self.error = str(error)
             return None
 
 

@@ -60,6 +60,8 @@ RUNTIME_VARIABLE = "ZENOH_RUNTIME"
 RUNTIME = "(rx:(worker_threads:{}),acc:(handover:tx),app:(handover:tx))"
 """Two threads of Zenoh's instead of six: every thread that wakes for a message costs
 the control loop its core and its caches. Who listens has more, which sleep."""
+PANICS_OF = "pyo3_runtime"
+"""Module of the exceptions that a panic in Zenoh becomes."""
 LISTENING_WORKERS = 64
 """One is stuck for half a minute with each peer that stands still for longer than the
 lease, or whose cable is pulled; one that comes and goes makes several of them."""
@@ -108,7 +110,7 @@ def open_session(
         wait_before_drop_s: how long a message may wait for a busy link [s].
 
     Raises:
-        EndpointError: cannot listen there, or a locator is malformed.
+        EndpointError: cannot listen there, or Zenoh cannot start.
         LocatorError: a locator is malformed, or open to a network without TLS, or
             the path of something that is no socket.
         CertificateError: a certificate of ours would be turned away.
@@ -128,6 +130,15 @@ def open_session(
             session = zenoh.open(zenoh.Config.from_json5(json.dumps(config)))
     except zenoh.ZError as error:
         raise _open_error(endpoints, role, error, timeout_s) from error
+    except BaseException as error:
+        # What Zenoh cannot read in its variable ends in a panic, which is no Exception.
+        if isinstance(error, Exception) or type(error).__module__ != PANICS_OF:
+            raise
+        raise EndpointError(
+            f"Zenoh cannot start: {error}; leave {RUNTIME_VARIABLE} unset, or write it "
+            f"as in {RUNTIME.format(1)}",
+            locators=[],
+        ) from error
     try:
         yield session
     finally:

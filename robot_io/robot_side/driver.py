@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.realtime import (
     CommandLatency,
     Pacer,
@@ -89,13 +91,14 @@ def run_driver(
 
     Offsets stored beside the robot file are taken off its ankle sensors' readings. It
     begins in HOLD at the measured posture. Commands go through the same gate as in
-    the simulator. When it ends, the servos have been told to hold.
+    the simulator. When it ends, also by an error of the adapter, the servos hold what
+    they were told last, and the commander is told why.
 
     Args:
         adapter: the vendor's robot; a :class:`PacingAdapter` sets the pace itself.
         robot: what its files say; also the control rate.
         endpoints: where to listen.
-        stop: ends it, besides SIGINT and SIGTERM.
+        stop: ends it, besides signals.
         make_gate: the guard.
         ready: called once the bus is open.
 
@@ -105,15 +108,18 @@ def run_driver(
     Raises:
         EndpointError: cannot listen there.
         FileFormatError: the file with the offsets is malformed.
+        RobotFileError: what the adapter reads at first is no posture of this robot;
+            nothing has been written to it.
     """
     tare = load_tare(robot.path)
     stop = stop or StopRequest()
     first = adapter.read(0, time.monotonic_ns())
-    gate = make_gate(robot, np.clip(first.q, robot.lower, robot.upper))
+    gate = make_gate(robot, _first_posture(robot, first.q))
     begin_s = time.monotonic()
     with (
         stop.on_signals(),
         RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server,
+        _telling_the_end(server, gate, stop, begin_s=begin_s),
     ):
         pacer = Pacer(robot.period_s, lateness=TimingLog())
         latency = CommandLatency()
@@ -147,8 +153,46 @@ def run_driver(
             "%d ticks, %d skipped; sensors to servos %.3f, p99 %.3f, max %.3f ms",
             *(tick, pacer.skipped, times.median, times.p99, times.max),
         )
+    return stop.cause
+
+
+@contextmanager
+def _telling_the_end(
+    server: RobotServer, gate: CommandGate, stop: StopRequest, *, begin_s: float
+) -> Iterator[None]:
+    """Give the lease back at the end, and say why it came, errors included."""
+    try:
+        yield
+    except Exception as error:
+        stop.set(f"the driver failed: {error!r}")
+        raise
+    finally:
         commander = gate.modes.lease.holder
         gate.modes.finish(ModeCause.STOPPED, stop.cause)
         server.publish_status(now_s=time.monotonic() - begin_s, at_once=True)
         server.see_off(commander)
-    return stop.cause
+
+
+def _first_posture(robot: Robot, q: Array) -> Array:
+    """The posture to hold from the first reading on.
+
+    Numbers in degrees or in another order are no posture, and to hold the nearest one
+    would move the robot.
+
+    Raises:
+        RobotFileError: not a number per joint, or one far out of its range.
+    """
+    hint = "are they in rad, and in the order of the robot file?"
+    if q.shape != (robot.n_a,):
+        raise RobotFileError(
+            f"the driver reads {q.size} joint positions, expected {robot.n_a}; {hint}"
+        )
+    held: Array = np.clip(q, robot.lower, robot.upper)
+    is_near = np.abs(q - held) <= robot.file.gate.first_command_tolerance_rad
+    if not is_near.all():
+        worst = int(np.argmin(is_near))
+        raise RobotFileError(
+            f"the driver reads {q[worst]:g} rad for {robot.joint_names[worst]}, whose "
+            f"range is [{robot.lower[worst]:g}, {robot.upper[worst]:g}]; {hint}"
+        )
+    return held

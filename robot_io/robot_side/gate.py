@@ -26,6 +26,9 @@ from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.result import ModeReport
 
 NEVER = -1
+MOST_TICKS = 100_000
+"""Of so many ticks it is known when they began; a command that answers one before
+them, where the robot file lets it, is judged by ticks alone."""
 ROUNDING_S = 1e-9
 """A command exactly as old as allowed must not be refused for its last bit."""
 ROUNDING_RAD = 1e-9
@@ -179,7 +182,7 @@ class CommandGate:
         age_s = self._settings.max_command_age_s
         self._max_age_s = self._settings.hold_after_s if age_s is None else age_s
         self._oldest = math.ceil(self._max_age_s / robot.period_s)
-        self._began = [(NEVER, 0.0)] * (self._oldest + 1)
+        self._began = [(NEVER, 0.0)] * min(self._oldest + 1, MOST_TICKS)
         """When the last ticks began, by tick modulo its length: (tick, time [s])."""
         self.delay = LoopDelay(period_s=robot.period_s, oldest=self._oldest)
         self._limits = CommandLimits(robot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -17,6 +18,8 @@ from surefoot.robot_io.errors import CertificateError
 
 LISTENERS = ("robot", "router")
 IDENTITIES = (*LISTENERS, "stabilizer", "operator", "planner", "observer")
+_HOST_NAME = re.compile(r"([\w-]+\.)*[\w-]*[a-z_-][\w-]*\.?", re.ASCII | re.IGNORECASE)
+"""Its last part is no number: 192.0.2 would be an address cut short."""
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 AUTHORITY = "ca"
 AUTHORITY_DAYS = 3650
@@ -191,12 +194,12 @@ def _place(host: str) -> x509.GeneralName:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
         pass
-    try:
-        return x509.DNSName(host)
-    except ValueError as error:
+    if not _HOST_NAME.fullmatch(host):
         raise CertificateError(
-            f"host {host!r} is neither an address nor a name in ASCII"
-        ) from error
+            f"host {host!r} is neither an address nor a name in ASCII, without "
+            "protocol and port; expected one such as 192.0.2.10 or robot.local"
+        )
+    return x509.DNSName(host)
 
 
 def _issue_all(

@@ -97,3 +97,20 @@ def test_a_port_in_use_is_a_warning() -> None:
     assert found.verdict is Severity.WARN
     assert "in use" in found.got
     assert check_port().verdict is Severity.OK
+
+
+def test_variables_that_keep_libraries_from_starting_would_stop_a_run(
+    surefoot: Surefoot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MUJOCO_GL", "elg")
+    monkeypatch.setenv("ZENOH_RUNTIME", "two threads")
+    done = surefoot("doctor", "--json")
+    assert done.returncode == 3
+    assert "Traceback" not in done.stderr
+    told = {entry["name"]: entry for entry in json.loads(done.stdout)}
+    for name, variable in (
+        ("pictures (OpenGL)", "MUJOCO_GL"),
+        ("Zenoh on loopback", "ZENOH_RUNTIME"),
+    ):
+        assert told[name]["verdict"] == "FAIL"
+        assert variable in told[name]["got"]

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -61,8 +62,8 @@ def is_gone(process: int) -> bool:
 
 
 # SIGINT to such a run: test_out_folder.py.
-@pytest.mark.usual("15")
-@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.usual("1", "15")
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_interrupting_a_run_stops_both_and_keeps_what_there_is(
     endless_run: tuple[subprocess.Popen[str], Path], sent: signal.Signals
 ) -> None:
@@ -77,6 +78,18 @@ def test_interrupting_a_run_stops_both_and_keeps_what_there_is(
     kept = {file.name for file in folder.rglob("*.log")}
     assert {"robot.log", "stabilizer.log"} <= kept
     assert not [*folder.rglob("*.partial")]
+
+
+def test_nohup_keeps_a_command_from_ending_with_its_terminal() -> None:
+    words = "from surefoot.schemas.reasons import SIGNALS; print(*SIGNALS)"
+    done = subprocess.run(
+        ["nohup", sys.executable, "-c", words],
+        env=environment(),
+        text=True,
+        capture_output=True,
+        check=True,
+    )
+    assert done.stdout.split() == [str(int(n)) for n in (signal.SIGINT, signal.SIGTERM)]
 
 
 def test_children_end_when_their_parent_is_killed(

@@ -88,6 +88,12 @@ def test_a_pipe_gets_plain_text(
     assert b"\r" not in done.stdout + done.stderr
 
 
+@pytest.mark.parametrize("columns", ["", "0"])
+def test_a_width_of_nothing_is_none(tmp_path: Path, columns: str) -> None:
+    shown = on_a_terminal(tmp_path, plain(COLUMNS=columns), "scenarios")
+    assert b"moving-platform-fast" in shown
+
+
 def test_a_closed_pipe_ends_a_command_quietly(tmp_path: Path) -> None:
     """As ``surefoot scenarios | head -1`` does, with a reader that is gone at once."""
     reader, writer = os.pipe()

@@ -226,7 +226,7 @@ def check_mistakes(text: str, endpoint_file: Path) -> None:
     """Names and quality of service that the robot there does not have."""
     folder = endpoint_file.parent / "mistaken"
     folder.mkdir()
-    settings = patient_settings(folder, text)
+    settings = patient_settings(folder, text, start_s=5.0)
     refused(settings, endpoint_file, code=2, expected="no joint left_knee; it has")
     reliable = text.replace(*KNEE).replace("[imu]", 'reliability = "reliable"\n[imu]')
     settings = patient_settings(folder, reliable, start_s=5.0)

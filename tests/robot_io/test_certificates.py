@@ -97,7 +97,11 @@ def test_renewing_needs_an_authority_that_lasts(folder: Path, tmp_path: Path) ->
         renew_certificates(folder, hosts=[], days=90, now=NOW + timedelta(days=3600))
 
 
-def test_a_host_that_is_none_leaves_nothing_behind(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "host",
+    ["röbot", "", "my robot", "robot:7447", "tls/robot", "192.0.2.10:7447", "192.0.2"],
+)
+def test_a_host_that_is_none_leaves_nothing_behind(tmp_path: Path, host: str) -> None:
     with pytest.raises(CertificateError, match="neither an address nor a name"):
-        make_certificates(tmp_path / "certs", hosts=["röbot"], days=1)
+        make_certificates(tmp_path / "certs", hosts=[host], days=1)
     assert not (tmp_path / "certs").exists()

@@ -56,6 +56,12 @@ def test_the_robot_file_may_ask_for_younger_commands() -> None:
     assert in_time.accepted
 
 
+def test_a_gate_of_endless_patience_takes_no_endless_memory() -> None:
+    gate = active_gate(walker_with(max_command_age_s=1e12))
+    gate.begin_tick(now_s=0.0, tick=5)
+    assert gate.accept(command(WALKER.nominal, 1), tick=5, now_s=0.0).accepted
+
+
 def test_beyond_a_limit_is_refused_where_the_robot_file_says_so() -> None:
     gate = commanded_gate(walker_with(beyond_limits="refuse"))
     before = gate.posture.copy()
