@@ -106,6 +106,7 @@ def test_while_it_listens(tmp_path: Path, endpoints: Endpoints, name: str) -> No
             ends_clean(process)
 
 
+@pytest.mark.usual("run", "sweep")
 @pytest.mark.parametrize("name", WORKING)
 def test_while_it_works(tmp_path: Path, name: str) -> None:
     with started(tmp_path, *WORKING[name]) as process:

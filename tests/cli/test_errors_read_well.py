@@ -150,6 +150,7 @@ def test_a_robot_file_without_its_urdf_is_named(
     assert f"{mine}: urdf: no such file: {tmp_path / 'walker.urdf'}" in told
 
 
+@pytest.mark.usual("robot", "router")
 @pytest.mark.parametrize(
     "words",
     [["robot"], ["router"], ["run", "standing", "--controller", "hold"]],
@@ -255,6 +256,7 @@ def test_a_disk_that_fills_up_ends_the_record_and_not_the_run(
     assert not (out / "run.mcap").exists()
 
 
+@pytest.mark.usual("inline")
 @pytest.mark.parametrize("inline", [[], ["--inline"]], ids=["bus", "inline"])
 def test_a_disk_too_small_for_the_run_leaves_nothing_that_looks_whole(
     surefoot: Surefoot, mount: Mount, tmp_path: Path, inline: list[str]

@@ -47,7 +47,7 @@ def served(place: Endpoints) -> Iterator[ServedRobot]:
         yield robot
 
 
-@pytest.mark.usual("stabilizer", "record", "check-robot", "relay", "echo")
+@pytest.mark.usual("stabilizer", "check-robot", "echo")
 @pytest.mark.parametrize("name", DIALING)
 def test_who_dials_with_another_description_is_refused(
     surefoot: Surefoot,

@@ -101,6 +101,7 @@ def test_children_end_when_their_parent_is_killed(
     wait_until(lambda: all(map(is_gone, ids)), what="both children to end")
 
 
+@pytest.mark.usual("1-stabilizer")
 @pytest.mark.parametrize(("victim", "name"), [(0, "robot"), (1, "stabilizer")])
 def test_a_killed_child_ends_the_run_and_is_named(
     endless_run: tuple[subprocess.Popen[str], Path], victim: int, name: str

@@ -50,7 +50,7 @@ def test_push_to_the_side_ends_without_a_foot_rocking(
     assert run.F_true[:, NORMAL_ROWS].max() < HARD_LANDING_N
 
 
-@pytest.mark.usual("roll-harmonic", "pitch-ideal")
+@pytest.mark.usual("roll-harmonic")
 @pytest.mark.parametrize("profile", ["ideal", "harmonic"])
 @pytest.mark.parametrize("axis", ["roll", "pitch"])
 def test_ground_that_tilts_faster_than_the_paper_dared(axis: str, profile: str) -> None:

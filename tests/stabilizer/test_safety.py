@@ -126,7 +126,6 @@ TROUBLES = {
     "joints-drop",
     "imu-nan",
     "imu-range",
-    "left_ankle_ft-drop",
     "right_ankle_ft-freeze",
     "left_ankle_ft-nan",
     "right_ankle_ft-jump",
@@ -163,7 +162,7 @@ def test_an_offset_as_large_as_an_impact_is_told_by_its_length(
     assert run.losses == {sensor: SensorTrouble.OVERLOADED}
 
 
-@pytest.mark.usual("imu", "right_ankle_ft")
+@pytest.mark.usual("imu")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("sensor", ["joints", "imu", *FEET])
 def test_moments_without_a_sensor_are_bridged(walker: Robot, sensor: str) -> None:
@@ -176,7 +175,7 @@ def test_moments_without_a_sensor_are_bridged(walker: Robot, sensor: str) -> Non
     assert run.details == [""]
 
 
-@pytest.mark.usual("drop", "range")
+@pytest.mark.usual("range")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("kind", ["drop", "freeze", "range"])
 def test_an_ankle_sensor_that_is_back_is_believed_again(

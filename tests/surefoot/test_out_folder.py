@@ -177,7 +177,7 @@ def recorded_ticks(out: Path) -> int:
         return 0
 
 
-@pytest.mark.usual("2-bus", "15-inline")
+@pytest.mark.usual("2-bus")
 @pytest.mark.parametrize("words", [["--inline"], []], ids=["inline", "bus"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_run_is_kept_and_says_so(

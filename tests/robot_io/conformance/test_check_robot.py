@@ -89,6 +89,7 @@ def test_the_simulated_robot_passes(
     check_passes_but_for_time(done)
 
 
+@pytest.mark.usual("twists0-expected0", "twists2-expected2")
 @pytest.mark.parametrize(("twists", "expected"), SENSOR_FAULTS)
 def test_a_faulty_sensor_is_named(
     endpoints: Endpoints, twists: tuple[broken.Twist, ...], expected: set[str]
@@ -97,6 +98,7 @@ def test_a_faulty_sensor_is_named(
     assert expected <= found
 
 
+@pytest.mark.usual("AcceptsNan-refusals-expected2", "IgnoresEstop-reactions-expected4")
 @pytest.mark.parametrize(("gate", "section", "expected"), GATE_FAULTS)
 def test_a_faulty_gate_is_named(
     endpoints: Endpoints, gate: type[CommandGate], section: str, expected: set[str]

@@ -48,7 +48,7 @@ def test_it_stands_still(walker: Robot, model: RobotModel, name: str) -> None:
     assert np.abs(com_error(model, run)[run.time_s > AWAY_S]).max() < STILL_M
 
 
-@pytest.mark.usual("side-zmp-tuned", "front-zmp-stock", "diagonal-zmp-tuned")
+@pytest.mark.usual("front-zmp-stock", "diagonal-zmp-tuned")
 @pytest.mark.closed_loop
 @pytest.mark.parametrize("name", ["zmp-stock", "zmp-tuned"])
 @pytest.mark.parametrize(
