@@ -35,9 +35,12 @@ _ENDS = ("", ".partial")
 
 
 class About(msgspec.Struct, kw_only=True, frozen=True):
-    """What ``run.json`` says: what was run, by whom, and with what."""
+    """What ``run.json`` says: what was run, by whom, and with what.
 
-    command: list[str]
+    What only tells may be missing, as in runs of another release.
+    """
+
+    command: list[str] = []
     """Name of the program, and its words."""
     scenario: str
     robot: str
@@ -46,13 +49,13 @@ class About(msgspec.Struct, kw_only=True, frozen=True):
     controller: str
     seed: int
     mode: Mode
-    relay: str | None
+    relay: str | None = None
     """Name of the relay's plan; None without a relay."""
-    started: str
+    started: str = ""
     """In UTC, as ISO 8601 writes it."""
-    python: str
-    platform: str
-    packages: dict[str, str | None]
+    python: str = ""
+    platform: str = ""
+    packages: dict[str, str | None] = {}
     """Name to version; None for one that is not installed."""
 
 
