@@ -12,8 +12,8 @@ JOBS ?= 3
 export OPENBLAS_NUM_THREADS := 1
 export OMP_NUM_THREADS := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
-# Hundreds of processes start, and would each compile all that they import.
-export PYTHONDONTWRITEBYTECODE :=
+# The tests start some hundred processes: without bytecode each compiles all it loads.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help install demo test quick lint format schemas docs ros2 clean

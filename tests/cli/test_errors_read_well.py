@@ -150,18 +150,19 @@ def test_a_robot_file_without_its_urdf_is_named(
     assert f"{mine}: urdf: no such file: {tmp_path / 'walker.urdf'}" in told
 
 
-@pytest.mark.usual("robot", "router")
-@pytest.mark.parametrize(
-    "words",
-    [["robot"], ["router"], ["run", "standing", "--controller", "hold"]],
-    ids=lambda words: words[0],
-)
-def test_a_port_in_use(surefoot: Surefoot, words: list[str]) -> None:
+@pytest.mark.parametrize("command", ["robot", "router", "run"])
+def test_a_port_in_use(surefoot: Surefoot, tmp_path: Path, command: str) -> None:
+    out = tmp_path / "run"
+    more = ["standing", "--out", out] if command == "run" else []
     with socket.create_server(("127.0.0.1", 0)) as server:
         locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        told = complaint(surefoot(*words, "--listen", locator), 3)
+        told = complaint(surefoot(command, *more, "--listen", locator), 3)
     assert f"cannot listen on {locator}: the address is in use" in told
     assert "choose another port" in told
+    if command == "run":
+        assert "robot: failed with exit code 3" in told
+        assert "cannot listen on" in (out / "robot.log").read_text()
+        assert not (out / "result.json").exists()
 
 
 @pytest.mark.parametrize(

@@ -202,15 +202,6 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     assert json.loads(told)["ticks"] == 3000
 
 
-def test_a_robot_that_is_not_there_is_code_4(surefoot_here: Surefoot) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    done = surefoot_here(
-        *("record", "--out", "a.mcap", "--connect", locator, "--wait", 0.5)
-    )
-    assert done.returncode == 4
-    assert "within 0.5 s" in done.stderr
-
-
 @pytest.mark.parametrize("name", ["a.bag", "nowhere/a.mcap"])
 def test_a_name_that_cannot_be_is_a_usage_error(
     surefoot_here: Surefoot, name: str

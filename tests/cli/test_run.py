@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from surefoot.run_folder import MARKER
 from surefoot.schemas.result import RunResult
 from surefoot.signals import read_signals
 from tests.command import Surefoot
-from tests.support import free_port
 
 TICKS = 300
 FILES = {
@@ -110,42 +108,3 @@ def test_a_fall_is_exit_code_5(surefoot: Surefoot, tmp_path: Path) -> None:
     result = json.loads(done.stdout)
     assert result["fell"] is True
     assert 0.1 < result["fell_at_s"] < 4.0
-
-
-def test_a_child_that_fails_is_quoted(surefoot: Surefoot, short_scenario: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        done = surefoot("run", short_scenario, "--listen", locator)
-    assert done.returncode == 3
-    assert done.stdout == ""
-    assert "robot: failed with exit code 3" in done.stderr
-    assert f"cannot listen on {locator}" in done.stderr
-
-
-def test_logs_of_a_failed_run_are_kept(
-    surefoot: Surefoot, short_scenario: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "run"
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        surefoot("run", short_scenario, "--listen", locator, "--out", out)
-    assert "cannot listen on" in (out / "robot.log").read_text()
-    assert not (out / "result.json").exists()
-
-
-def test_a_port_in_use_is_exit_code_3(surefoot: Surefoot) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        locator = f"tcp/127.0.0.1:{server.getsockname()[1]}"
-        done = surefoot("robot", "standing", "--listen", locator)
-    assert done.returncode == 3
-    assert "in use" in done.stderr
-    assert locator in done.stderr
-
-
-def test_no_robot_is_exit_code_4(surefoot: Surefoot) -> None:
-    locator = f"tcp/127.0.0.1:{free_port()}"
-    words = ["--controller", "hold", "--connect", locator, "--wait", 0.5]
-    done = surefoot("stabilizer", *words)
-    assert done.returncode == 4
-    assert locator in done.stderr
-    assert "0.5 s" in done.stderr

@@ -14,7 +14,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.studies.cell import VARIANTS, Cell, Row, group_of
 from surefoot.studies.study import study
-from tests.command import run_surefoot
+from tests.command import Surefoot
 
 
 @pytest.mark.parametrize(
@@ -155,9 +155,11 @@ def test_recording_that_is_missing_is_named_before_anything_is_written(
     assert not (tmp_path / "study").exists()
 
 
-def test_report_of_runs_that_are_not_there_is_refused(tmp_path: Path) -> None:
+def test_report_of_runs_that_are_not_there_is_refused(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
     out = tmp_path / "r"
-    done = run_surefoot("reproduce", "--quick", "--report-only", "--out", out)
+    done = surefoot_here("reproduce", "--quick", "--report-only", "--out", out)
     assert done.returncode == 2
     assert "holds no finished runs to report" in done.stderr
     assert not out.exists()

@@ -2,13 +2,16 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 import yaml
+from mkdocs.commands.build import build as mkdocs_build
+from mkdocs.config import load_config
+from mkdocs.exceptions import Abort
 
 from docs.site_build import generated_pages, source_links
 from tests.once import made_once
@@ -18,27 +21,22 @@ LOADED = re.compile(r'<(?:script|img|link|iframe)[^>]+(?:src|href)="([^"]+)"')
 FETCHED = re.compile(r"url\((?!data:)[\"']?(https?:)?//")
 
 
-def build(site: Path, *, docs: Path | None = None) -> subprocess.CompletedProcess[str]:
+def build_well(site: Path) -> None:
     """Build the site as ``make docs`` does."""
     script = (
         "import logging, sys; logging.basicConfig();"
         "from mkdocs.config import load_config;"
         "from mkdocs.commands.build import build;"
-        "build(load_config(sys.argv[1], site_dir=sys.argv[2], docs_dir=sys.argv[3]))"
+        "build(load_config(sys.argv[1], site_dir=sys.argv[2]))"
     )
-    arguments = [ROOT / "mkdocs.yml", site, docs or ROOT / "docs"]
-    return subprocess.run(
-        [sys.executable, "-c", script, *map(str, arguments)],
+    done = subprocess.run(
+        [sys.executable, "-c", script, ROOT / "mkdocs.yml", site],
         cwd=ROOT,
         env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
         capture_output=True,
         text=True,
         check=False,
     )
-
-
-def build_well(site: Path) -> None:
-    done = build(site)
     assert done.returncode == 0, done.stderr
 
 
@@ -90,22 +88,31 @@ def test_links_to_source_lead_to_their_lines(site: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("line", "told"),
-    [
-        ("[one](gone.md), [two](index.md#gone)", ("gone.md", "index.md#gone")),
-        ("[three](../stabilizer/gone.py)", ("gone.py",)),
-    ],
+    ("link", "ends"),
+    [("page.md#there", False), ("gone.md", True), ("page.md#gone", True)],
 )
 def test_a_broken_link_ends_the_build(
-    tmp_path: Path, line: str, told: tuple[str, ...]
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, link: str, ends: bool
 ) -> None:
+    """By the settings of the site, on a page of its own."""
     docs = tmp_path / "docs"
-    shutil.copytree(ROOT / "docs", docs)
-    with (docs / "cite.md").open("a", encoding="utf-8") as page:
-        page.write(f"\n{line}\n")
-    done = build(tmp_path / "site", docs=docs)
-    assert done.returncode != 0
-    assert all(link in done.stderr for link in told)
+    docs.mkdir()
+    (docs / "page.md").write_text(f"# There\n\n[one]({link})\n", encoding="utf-8")
+    settings = load_config(
+        str(ROOT / "mkdocs.yml"),
+        docs_dir=str(docs),
+        site_dir=str(tmp_path / "site"),
+        nav=["page.md"],
+        hooks=[],
+    )
+    with pytest.raises(Abort) if ends else nullcontext():
+        mkdocs_build(settings)
+    assert (link in caplog.text) is ends
+
+
+def test_a_link_to_a_file_that_is_not_there_is_no_page() -> None:
+    with pytest.raises(FileNotFoundError, match=r"stabilizer/gone\.py: no such file"):
+        source_links.linked_paths({"cite.md": "[three](../stabilizer/gone.py)"})
 
 
 def test_names_behind_source_links_must_exist() -> None:

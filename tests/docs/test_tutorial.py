@@ -1,7 +1,7 @@
 """Every command of the tutorial is run, in its order, in an empty folder.
 
 ``make demo`` and the environment are not made anew; what they run is. Scenarios are
-shortened to little more than a second, from which on errors are counted.
+shortened to little more than one second.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ PUSH = "force_n = [0.0, 150.0, 0.0]"
 SHIPPED = "moving-platform-slow"
 LASTS = re.compile(r"^duration_s = .*$", re.MULTILINE)
 SHORT_S = 1.2
+"""Errors are counted from one second, when the ground begins to move."""
 MADE_BEFORE = ("make demo", "source .venv/bin/activate")
 
 

@@ -77,14 +77,20 @@ def test_own_controller_stands_where_holding_falls(
     assert is_plot(plot)
 
 
-def test_own_controller_is_the_same_in_a_process_of_its_own(scenario: Path) -> None:
+def test_own_controller_is_the_same_in_a_process_of_its_own(
+    short_scenario: Path,
+) -> None:
     here = sf.simulate(
-        "walker", scenario, controller=load("own_controller").AnkleController
+        "walker", short_scenario, controller=load("own_controller").AnkleController
     )
     done = subprocess.run(
         [
-            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario), "--json"),
-            *("--controller", f"{EXAMPLES / 'own_controller.py'}:AnkleController"),
+            *(sys.executable, "-m", "surefoot.cli", "run", str(short_scenario)),
+            *(
+                "--json",
+                "--controller",
+                f"{EXAMPLES / 'own_controller.py'}:AnkleController",
+            ),
         ],
         cwd=ROOT,
         env=dict(os.environ),

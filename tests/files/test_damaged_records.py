@@ -21,11 +21,11 @@ from surefoot.recording.read import RecordError, read_record, record_info
 from surefoot.report.run_data import load_run, read_heard
 from tests.command import environment
 from tests.files.commands import assert_refused_in_one_line, run_here
-from tests.files.damage import FOREIGN, damaged, foreign_record
+from tests.files.damage import FOREIGN, KINDS, damaged, foreign_record
 from tests.once import short_run
 from tests.support import PATIENCE_S, free_port
 
-COPIES = 12
+COPIES = len(KINDS)
 MANY_COPIES = 1000
 PLAYED_EVERY = 10
 """Opening a bus takes longer than reading the file."""

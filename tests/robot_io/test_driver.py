@@ -105,7 +105,8 @@ def test_hardware_that_fails_is_held_and_its_commander_told_why(
         ended.result()
 
 
-def test_the_example_driver_passes(surefoot: Surefoot, tmp_path: Path) -> None:
+@pytest.mark.process
+def test_the_example_driver_passes(surefoot_here: Surefoot, tmp_path: Path) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
     file = tmp_path / "endpoints.toml"
     file.write_text(f'listen = ["{locator}"]\nconnect = ["{locator}"]\n')
@@ -114,7 +115,7 @@ def test_the_example_driver_passes(surefoot: Surefoot, tmp_path: Path) -> None:
     driver = subprocess.Popen(words, env=environment())
     try:
         words = ["--endpoints", file, "--robot", robot, "--wait", PATIENCE_S]
-        done = surefoot("check-robot", *words, "--json")
+        done = surefoot_here("check-robot", *words, "--json")
         check_passes_but_for_time(done)
         driver.send_signal(signal.SIGTERM)
         assert driver.wait(PATIENCE_S) == 0

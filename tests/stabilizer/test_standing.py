@@ -14,20 +14,20 @@ from tests.stabilizer.closed_loop import Run, run_closed_loop
 
 pytestmark = pytest.mark.closed_loop
 
-DURATION_S = 3.0
+DURATION_S = 5.0
 UPRIGHT_FROM_S = 1.0
 """By then the servos' sag at the start has been taken up."""
 DRIFT_M = 2e-3
 ESTIMATE_M = 3e-3
 WEIGHT_RELATIVE = 0.01
 WRENCH_N, WRENCH_NM = 0.25, 0.02
-"""Of wrenches averaged over 2 s: five times what is left of the sensors' noise."""
+"""Of wrenches averaged over 4 s: five times what is left of the sensors' noise."""
 NORMAL_ROWS = [2, 8]
 
 
 @pytest.fixture(scope="module")
 def run(walker: Robot) -> Run:
-    """Three seconds with the noise of the shipped scenarios."""
+    """Five seconds with the noise of the shipped scenarios."""
     return run_closed_loop(walker, duration_s=DURATION_S)
 
 

@@ -13,6 +13,7 @@ import pytest
 
 import surefoot as sf
 from surefoot.schemas.toml_file import struct_table, toml_text
+from tests.command import Surefoot
 
 SHORT = sf.Scenario(
     name="short roll",
@@ -44,18 +45,12 @@ def test_step_by_step_is_the_same_run(run: sf.Run) -> None:
     assert len(answers) == sim.tick == run.result.ticks == 500
 
 
-def test_the_command_line_runs_the_same(run: sf.Run, tmp_path: Path) -> None:
+def test_the_command_line_runs_the_same(
+    run: sf.Run, tmp_path: Path, surefoot: Surefoot
+) -> None:
     file = tmp_path / "short roll.toml"
     file.write_text(toml_text(struct_table(SHORT)), encoding="utf-8")
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", file),
-            *("--inline", "--json", "--seed", "3"),
-        ],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = surefoot("run", file, "--inline", "--json", "--seed", 3)
     told = json.loads(done.stdout)
     assert told["log_sha256"] == run.result.log_sha256
     assert told["scenario"] == run.result.scenario == "short roll"

@@ -162,7 +162,7 @@ def start(folder: Path, *words: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [
             *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
-            *("--out", str(folder / "run"), *words),
+            *("--controller", "hold", "--out", str(folder / "run"), *words),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

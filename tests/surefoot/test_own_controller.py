@@ -107,7 +107,7 @@ def test_the_command_line_takes_it_everywhere(
         "replay", "--controller", out / "run.mcap", "--law", STAY, "--json"
     )
     assert json.loads(law.stdout)["is_equal"], law.stderr
-    sweep = surefoot(
+    sweep = surefoot_here(
         *("sweep", scenario, "--controllers", f"hold,{STAY}", "--seeds", "0:1"),
         *("--out", tmp_path / "sweep", "--jobs", "1", "--json"),
     )

@@ -40,7 +40,7 @@ def hanging(endpoints: Path, robot: Path) -> Iterator[None]:
 
 
 def test_what_is_measured_is_taken_off_from_then_on(
-    surefoot: Surefoot, tmp_path: Path
+    surefoot_here: Surefoot, tmp_path: Path
 ) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
     endpoints = tmp_path / "endpoints.toml"
@@ -49,13 +49,14 @@ def test_what_is_measured_is_taken_off_from_then_on(
     words = ["tare", "--endpoints", endpoints, "--robot", robot, "--json"]
     words += ["--wait", PATIENCE_S, "--duration", 1]
     with hanging(endpoints, robot):
-        refused = surefoot(*words)
+        refused = surefoot_here(*words)
         assert refused.returncode == 2
         assert "the left foot feels" in refused.stderr
         assert not tare_path(robot).exists()
-        done = surefoot(*words, "--foot", "right")
+        done = surefoot_here(*words, "--foot", "right")
         assert done.returncode == 0, done.stderr
-        twice = surefoot(*words, "--foot", "right")  # the driver takes nothing off yet
+        # The driver takes nothing off yet.
+        twice = surefoot_here(*words, "--foot", "right")
         assert twice.returncode == 0, twice.stderr
         np.testing.assert_allclose(
             json.loads(twice.stdout)["right"], OFFSET, atol=CLOSE
@@ -64,7 +65,7 @@ def test_what_is_measured_is_taken_off_from_then_on(
     np.testing.assert_allclose(told["right"], OFFSET, atol=CLOSE)
     assert told["left"] == [0.0] * 6
     with hanging(endpoints, robot):
-        again = surefoot(*words, "--foot", "right")
+        again = surefoot_here(*words, "--foot", "right")
     assert again.returncode == 0, again.stderr
     np.testing.assert_allclose(json.loads(again.stdout)["right"], OFFSET, atol=CLOSE)
     stored = load_tare(robot)

@@ -19,10 +19,10 @@ def say(count: int, tell: Say) -> None:
 
 @pytest.mark.parametrize("name", ["left_ankle_ft", "/walker/state/ft/left_ankle"])
 def test_messages_and_malformed_ones_as_json(
-    surefoot: Surefoot, endpoints: Endpoints, name: str
+    surefoot_here: Surefoot, endpoints: Endpoints, name: str
 ) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot(
+        done = surefoot_here(
             *("echo", name, "--count", 6, "--json"),
             *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )
@@ -38,9 +38,9 @@ def test_messages_and_malformed_ones_as_json(
     assert ticks == sorted(ticks)
 
 
-def test_chosen_fields_in_words(surefoot: Surefoot, endpoints: Endpoints) -> None:
+def test_chosen_fields_in_words(surefoot_here: Surefoot, endpoints: Endpoints) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot(
+        done = surefoot_here(
             *("echo", "left_ankle_ft", "--count", 3, "--field", "force.2"),
             *(
                 "--field",
@@ -57,12 +57,12 @@ def test_chosen_fields_in_words(surefoot: Surefoot, endpoints: Endpoints) -> Non
     assert "MALFORMED, 1 bytes: ForceTorque: not MessagePack" in done.stdout
 
 
-def test_the_rate_is_a_limit(surefoot: Surefoot, endpoints: Endpoints) -> None:
+def test_the_rate_is_a_limit(surefoot_here: Surefoot, endpoints: Endpoints) -> None:
     """Between two shown messages others are passed over."""
     with talking_robot(
         endpoints, lambda n, tell: tell("state/ft/left_ankle", force_torque(n))
     ):
-        done = surefoot(
+        done = surefoot_here(
             *("echo", "left_ankle_ft", "--count", 4, "--rate", 10, "--json"),
             *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )
@@ -86,19 +86,19 @@ def test_the_rate_is_a_limit(surefoot: Surefoot, endpoints: Endpoints) -> None:
     ],
 )
 def test_wrong_names_are_refused_with_the_nearest(
-    surefoot: Surefoot, words: list[str], expected: str
+    surefoot_here: Surefoot, words: list[str], expected: str
 ) -> None:
-    done = surefoot("echo", *words)
+    done = surefoot_here("echo", *words)
     assert done.returncode == 2
     assert done.stdout == ""
     assert expected in done.stderr
 
 
 def test_a_part_that_is_not_there_is_refused(
-    surefoot: Surefoot, endpoints: Endpoints
+    surefoot_here: Surefoot, endpoints: Endpoints
 ) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot(
+        done = surefoot_here(
             *("echo", "left_ankle_ft", "--field", "force.3"),
             *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )

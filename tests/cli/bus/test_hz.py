@@ -20,10 +20,10 @@ def say(count: int, tell: Say) -> None:
 
 
 def test_gaps_doubles_and_late_ones_as_often_as_they_are(
-    surefoot: Surefoot, endpoints: Endpoints
+    surefoot_here: Surefoot, endpoints: Endpoints
 ) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot(
+        done = surefoot_here(
             *("hz", "left_ankle_ft", "right_ankle_ft", "--for", 1.5, "--json"),
             *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
         )
@@ -43,10 +43,10 @@ def test_gaps_doubles_and_late_ones_as_often_as_they_are(
 
 
 def test_a_pipe_gets_one_table_and_no_escapes(
-    surefoot: Surefoot, endpoints: Endpoints
+    surefoot_here: Surefoot, endpoints: Endpoints
 ) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot(
+        done = surefoot_here(
             *(
                 "hz",
                 "--for",

@@ -23,7 +23,7 @@ def say(count: int, tell: Say) -> None:
 
 
 def test_channels_and_unknown_keys_are_told_apart(
-    surefoot: Surefoot, endpoints: Endpoints
+    surefoot_here: Surefoot, endpoints: Endpoints
 ) -> None:
     connect = ["--connect", endpoints.connect[0], "--wait", PATIENCE_S, "--json"]
     with (
@@ -35,7 +35,7 @@ def test_channels_and_unknown_keys_are_told_apart(
         assert publisher is not None
         ring = stranger.channel("state/joints", depth=1)
         assert ring is not None
-        done = surefoot("topics", *connect)
+        done = surefoot_here("topics", *connect)
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     channels = {row["channel"]: row for row in told["channels"]}
@@ -62,7 +62,7 @@ def test_channels_and_unknown_keys_are_told_apart(
 
 
 def test_the_table_names_robot_and_stabilizer(
-    surefoot: Surefoot, endpoints: Endpoints
+    surefoot_here: Surefoot, endpoints: Endpoints
 ) -> None:
     """Who they are comes from their liveliness tokens."""
     with (
@@ -72,7 +72,7 @@ def test_the_table_names_robot_and_stabilizer(
         publisher = stabilizer.publisher("cmd/joints", urgent=True)
         assert publisher is not None
         stabilizer.announce("alive/stabilizer/ann")
-        done = surefoot(
+        done = surefoot_here(
             *(
                 "topics",
                 "--connect",
