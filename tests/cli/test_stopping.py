@@ -20,10 +20,14 @@ _PROCESS = re.compile(r"process (\d+)")
 
 @pytest.fixture
 def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
-    """A run of an hour, and the folder it keeps its logs in."""
+    """A run of an hour, and the folder it keeps its logs in.
+
+    It is started as from a terminal, though the suite itself may run under nohup.
+    """
     scenario = tmp_path / "hour.toml"
     scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
     folder = tmp_path / "out"
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     with subprocess.Popen(
         command("run", scenario, "--controller", "hold", "--out", folder / "run"),
         env=environment(),
@@ -33,6 +37,7 @@ def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
         stderr=subprocess.PIPE,
         start_new_session=True,
     ) as process:
+        signal.signal(signal.SIGHUP, before)
         yield process, folder
         process.kill()
 
