@@ -103,8 +103,8 @@ class Dispatcher:
         try:
             while (deed := self._next()) is not None:
                 deed()
-        except Exception as error:
-            self.error = error  # told, and raised, by the main thread
+        except Exception as error:  # of this thread: the main one tells and raises it
+            self.error = error
             _LOG.error("the relay cannot go on: %s", error)
 
     def _next(self) -> Deed | None:

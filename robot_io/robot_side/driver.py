@@ -163,7 +163,7 @@ def _telling_the_end(
     """Give the lease back at the end, and say why it came, errors included."""
     try:
         yield
-    except Exception as error:
+    except Exception as error:  # of any vendor's library: told, and raised again
         stop.set(f"the driver failed: {error!r}")
         raise
     finally:
