@@ -59,6 +59,32 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
         SchemaVersionError: written for another schema version.
         MessageError: anything else that is wrong; ``field`` names the place.
     """
+    message = decode_fields(data, kind)
+    bad = find_non_finite(message)
+    if bad is not None:
+        raise MessageError(
+            f"{kind.__name__}.{bad.path}: got {bad.value}, expected a finite number",
+            field=bad.path,
+        )
+    if joint_count is not None:
+        _check_joint_count(message, joint_count)
+    return message
+
+
+def decode_fields(data: bytes, kind: type[_T]) -> _T:
+    """Unpack a message whose numbers are judged by who reads it.
+
+    Args:
+        data: bytes from the bus.
+        kind: the struct that the topic carries.
+
+    Returns:
+        The message; its numbers may be NaN or infinite, and of any count.
+
+    Raises:
+        SchemaVersionError: written for another schema version.
+        MessageError: the fields or their types are others; ``field`` names the place.
+    """
     if len(data) > MAX_MESSAGE_BYTES:
         raise MessageError(
             f"{kind.__name__}: got {len(data)} bytes, expected at most "
@@ -70,14 +96,6 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
         message = _decode_in_steps(data, kind)
     if message.schema != SCHEMA_VERSION:  # type: ignore[attr-defined]
         raise _other_version(message.schema, kind)  # type: ignore[attr-defined]
-    bad = find_non_finite(message)
-    if bad is not None:
-        raise MessageError(
-            f"{kind.__name__}.{bad.path}: got {bad.value}, expected a finite number",
-            field=bad.path,
-        )
-    if joint_count is not None:
-        _check_joint_count(message, joint_count)
     return message
 
 

@@ -159,7 +159,7 @@ class RelayedSimulation(Simulation):
         """The robot judges what has come, and follows the last that it accepts."""
         accepted = None
         while (data := self._on_the_way.take_due(now_s + INSTANT_S)) is not None:
-            command = read_command(data, self.gate, joint_count=self.robot.n_a)
+            command = read_command(data, self.gate)
             if command is None:
                 continue
             result = self.gate.accept(command, tick=tick, now_s=now_s)

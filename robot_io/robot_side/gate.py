@@ -260,8 +260,7 @@ class CommandGate:
             What became of it; refusals and clippings are counted.
         """
         refusal = self._why_not_heard(command, tick=tick, now_s=now_s)
-        if refusal is None:
-            refusal = self._why_no_posture(command.q)
+        refusal = refusal or self._why_not_from_here()
         if refusal is not None:
             return CommandResult(command.tick, self._posture, refusal)
         clipped = self._limits.clip(self._wanted, self._before, out=self._allowed)
@@ -324,6 +323,9 @@ class CommandGate:
         """Why a command is not heard: from whom it comes, when, and what it answers."""
         if not self.modes.holds_lease(command.commander):
             return self.refuse(Refusal.LEASE, self.modes.why_not(command.commander))
+        refusal = self._why_no_posture(command.q)
+        if refusal is not None:
+            return refusal  # and its sequence is not believed either
         if command.sequence <= self._sequence:
             detail = f"got {command.sequence} after {self._sequence}"
             return self.refuse(Refusal.SEQUENCE, detail)
@@ -345,13 +347,17 @@ class CommandGate:
         return None
 
     def _why_no_posture(self, q: list[float]) -> Refusal | None:
-        """Why a command cannot be followed, whoever sent it; keeps what it wants."""
+        """Why numbers are no joint positions; keeps those that are."""
         if len(q) != len(self._names):
             detail = f"got {len(q)} numbers, expected {len(self._names)}"
             return self.refuse(Refusal.SIZE, detail)
         if not math.isfinite(sum(q)):
             return self.refuse(Refusal.NOT_FINITE, "NaN or infinity in q")
         self._wanted[:] = q
+        return None
+
+    def _why_not_from_here(self) -> Refusal | None:
+        """Why what a command wants cannot be followed from the held posture."""
         if self._is_first or self.modes.is_silent:
             far = np.abs(self._wanted - self._posture)
             tolerance = self._settings.first_command_tolerance_rad

@@ -13,7 +13,7 @@ from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult, Refusal
 from surefoot.robot_io.robot_side.services import RobotServices, RobotsSide
 from surefoot.robot_io.snapshot import Snapshot, sensor_messages
-from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.codec import decode_fields, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError, SchemaVersionError
 from surefoot.schemas.messages import JointCommand, PushRequest, RobotMode, Truth
@@ -40,18 +40,17 @@ class NoAnswer(Enum):
     """It is lost: the answer to a later tick has come."""
 
 
-def read_command(
-    data: bytes, gate: CommandGate, *, joint_count: int
-) -> JointCommand | None:
+def read_command(data: bytes, gate: CommandGate) -> JointCommand | None:
     """Read a command; the gate counts one that cannot be read as refused.
+
+    What its numbers are is for the gate to judge: one without a posture is an answer.
 
     Args:
         data: as it came.
         gate: of the robot.
-        joint_count: n_a.
     """
     try:
-        return decode(data, JointCommand, joint_count=joint_count)
+        return decode_fields(data, JointCommand)
     except SchemaVersionError as error:
         gate.refuse(Refusal.SCHEMA, str(error))
     except MessageError as error:
@@ -66,20 +65,16 @@ class CommandInbox:
         newest_tick: the tick answered by the command read last; -1 before any.
     """
 
-    def __init__(
-        self, channel: Channel, gate: CommandGate, *, joint_count: int
-    ) -> None:
+    def __init__(self, channel: Channel, gate: CommandGate) -> None:
         """Read from a channel.
 
         Args:
             channel: where the bytes come from.
             gate: judges, and counts what cannot be read.
-            joint_count: n_a.
         """
         self.newest_tick = NEVER
         self._channel = channel
         self._gate = gate
-        self._joint_count = joint_count
         self._early: JointCommand | None = None
 
     def newest(self, tick: int, *, now_s: float) -> CommandResult | None:
@@ -138,7 +133,7 @@ class CommandInbox:
         return None
 
     def _read(self, data: bytes) -> JointCommand | None:
-        command = read_command(data, self._gate, joint_count=self._joint_count)
+        command = read_command(data, self._gate)
         if command is not None:
             self.newest_tick = command.tick
         return command
@@ -324,7 +319,6 @@ class RobotServer(RobotsSide):
         self._commands = CommandInbox(
             self._bus.channel(keys["joint_command"], depth=COMMANDS_KEPT),
             self._gate,
-            joint_count=self._robot.n_a,
         )
         self._services = RobotServices(
             self._bus,

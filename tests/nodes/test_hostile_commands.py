@@ -13,7 +13,7 @@ from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
-from surefoot.schemas.codec import decode, encode
+from surefoot.schemas.codec import decode_fields, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError, SchemaVersionError
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, RobotStatus
@@ -37,7 +37,7 @@ def hostile_commands(heard: bytes) -> list[bytes]:
         heard: a command of the commander's that was followed.
     """
     rng = np.random.default_rng(0)
-    followed = decode(heard, JointCommand, joint_count=WALKER.n_a)
+    followed = decode_fields(heard, JointCommand)
     common = {
         "stamp_ns": followed.stamp_ns,
         "tick": followed.tick,
@@ -76,12 +76,14 @@ def hostile_commands(heard: bytes) -> list[bytes]:
 def why_refused(data: bytes) -> str:
     """Reason the robot must count a hostile command under."""
     try:
-        command = decode(data, JointCommand, joint_count=WALKER.n_a)
+        command = decode_fields(data, JointCommand)
     except SchemaVersionError:
         return "schema"
     except MessageError:
         return "malformed"
-    return "sequence" if command.commander == "ann" else "lease"
+    if command.commander != "ann":
+        return "lease"
+    return "sequence" if np.isfinite(command.q).all() else "not_finite"
 
 
 def test_no_hostile_command_reaches_a_servo_and_each_is_counted(
@@ -116,7 +118,8 @@ def test_no_hostile_command_reaches_a_servo_and_each_is_counted(
             answered = controller.result()
         run = plant.result()
     assert run.result.refused == Counter(map(why_refused, hostile))
-    assert set(run.result.refused) == {"malformed", "schema", "lease", "sequence"}
+    kinds = {"malformed", "schema", "lease", "sequence", "not_finite"}
+    assert set(run.result.refused) == kinds
     assert run.result.clipped == {}
     assert run.result.deadline_misses == 0
     assert answered.ticks == run.result.ticks

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
+import pytest
 
 from surefoot.robot_io.robot_side.mode_machine import CommandResult, Refusal
 from surefoot.robot_io.robot_side.server import CommandInbox, NoAnswer
@@ -33,7 +35,7 @@ class Robot:
     def __init__(self, *payloads: bytes | None) -> None:
         self.channel = ScriptedChannel(*payloads)
         self.gate = active_gate()
-        self.inbox = CommandInbox(self.channel, self.gate, joint_count=WALKER.n_a)
+        self.inbox = CommandInbox(self.channel, self.gate)
 
     def answer(self, tick: int, *, newest: int) -> CommandResult | NoAnswer:
         self.gate.begin_tick(now_s=newest * PERIOD_S, tick=newest)
@@ -58,6 +60,24 @@ def test_an_answer_that_is_refused_is_an_answer() -> None:
     result = Robot(wire(0, 1.0)).answer(0, newest=0)
     assert isinstance(result, CommandResult)
     assert result.refusal is Refusal.FIRST_COMMAND
+    assert np.array_equal(result.posture, WALKER.nominal)
+
+
+@pytest.mark.parametrize(
+    ("q", "refusal"),
+    [
+        ([math.nan] * WALKER.n_a, Refusal.NOT_FINITE),
+        ([math.inf] * WALKER.n_a, Refusal.NOT_FINITE),
+        ([0.0] * (WALKER.n_a - 1), Refusal.SIZE),
+    ],
+)
+def test_an_answer_without_a_posture_is_an_answer(
+    q: list[float], refusal: Refusal
+) -> None:
+    """In one process, too, nobody waits for another one."""
+    result = Robot(encode(command(np.array(q), 0))).answer(0, newest=0)
+    assert isinstance(result, CommandResult)
+    assert result.refusal is refusal
     assert np.array_equal(result.posture, WALKER.nominal)
 
 
