@@ -8,7 +8,7 @@ import sys
 from contextlib import suppress
 from types import FrameType
 
-from surefoot.errors import ERROR_PREFIX, ExitCode, exit_code_of
+from surefoot.errors import ERROR_PREFIX, ExitCode, exit_code_of, foreseen
 from surefoot.schemas.reasons import SIGNALS
 
 # 34 x 34 algebra is slower with threads, and its tail far worse. Read when numpy
@@ -29,7 +29,8 @@ def main() -> None:
     except (Exception, KeyboardInterrupt) as error:
         # The one place where errors become exit codes; unforeseen ones go on as
         # they are, with their traceback and code 1.
-        code = exit_code_of(error)
+        told = foreseen(error)
+        code = exit_code_of(told)
         if interruption.has_come:
             # A library that is loading may make any error of it.
             code = ExitCode.INTERRUPTED
@@ -38,7 +39,7 @@ def main() -> None:
         if code is not ExitCode.INTERRUPTED:
             from surefoot.cli.console import print_error
 
-            print_error(error)
+            print_error(told)
         sys.exit(code)
     finally:  # typer makes an exit of a KeyboardInterrupt, without a word
         interruption.tell()

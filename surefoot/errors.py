@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from enum import IntEnum
@@ -147,6 +148,22 @@ def exit_code_of(error: BaseException) -> ExitCode | None:
     return None
 
 
+def foreseen(error: BaseException) -> BaseException:
+    """Return an error as it is, or what it says of this machine.
+
+    Args:
+        error: what ended a command. MuJoCo, which loads its OpenGL at once, fails in
+            another way for each value of ``MUJOCO_GL``, and with an error of any type.
+    """
+    parts = [name for name in sys.modules if name.startswith("mujoco.")]
+    if not parts or "mujoco" in sys.modules or exit_code_of(error) is not None:
+        return error
+    return EnvironmentFailedError(
+        f"MuJoCo does not load with MUJOCO_GL={os.environ.get('MUJOCO_GL', '')}: "
+        f"{error}; leave it unset, or write egl or osmesa and see surefoot doctor"
+    )
+
+
 def complain(program: Callable[[], object]) -> None:
     """Run the program of a driver; an error that was foreseen is one line and its code.
 
@@ -156,8 +173,9 @@ def complain(program: Callable[[], object]) -> None:
     try:
         program()
     except (Exception, KeyboardInterrupt) as error:  # those without a code go on below
-        code = exit_code_of(error)
+        told = foreseen(error)
+        code = exit_code_of(told)
         if code is None:
             raise
-        print(f"{ERROR_PREFIX} {error}", file=sys.stderr)
+        print(f"{ERROR_PREFIX} {told}", file=sys.stderr)
         sys.exit(code)

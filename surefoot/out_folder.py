@@ -9,7 +9,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Protocol, Self
@@ -26,6 +26,11 @@ except ImportError:  # no POSIX: two runs into one folder are then not told apar
 
 _LONGEST_LINE = 4096
 """Of a file whose first line is looked at [bytes]."""
+
+
+_FORMER, _GOING = ".former-", ".going"
+"""Beginnings of the names of folders with what was there before: until what takes its
+place is worth keeping, and while it is removed."""
 
 
 def make_out_folder(folder: Path, *, out: Path) -> None:
@@ -240,6 +245,11 @@ class FolderLock:
         except OSError:  # a file system without locks
             self.release()
 
+    @property
+    def is_held(self) -> bool:
+        """Whether it keeps others out: some file systems have no locks."""
+        return self._lock is not None
+
     def release(self) -> None:
         """Let others have the folder."""
         if self._lock is not None:
@@ -304,6 +314,8 @@ class OutFolder:
         make_out_folder(self.out, out=self.out)
         self._lock = FolderLock(self.path)
         try:
+            if self._lock.is_held:
+                self._end_what_was_killed()
             self._check_content()
         except BaseException:
             self._release()
@@ -316,10 +328,10 @@ class OutFolder:
             shutil.rmtree(self.path, ignore_errors=True)
             return
         if error is not None and not self._keeps:
-            for file in self._files():
+            for file in self._files(self.path):
                 file.unlink()
             if self._former is not None:
-                _move(self._former.iterdir(), self.path)
+                self._bring_back(self._former)
             if self._is_new:
                 with suppress(OSError):  # somebody else put something there
                     self.path.rmdir()
@@ -333,9 +345,28 @@ class OutFolder:
             self._forget_former()
 
     def _forget_former(self) -> None:
-        if self._former is not None:
-            shutil.rmtree(self._former, ignore_errors=True)
-            self._former = None
+        if self._former is not None and self._former.exists():
+            # Under another name first: half of it would be taken for all there was.
+            going = self._former.with_name(f"{_GOING}{self._former.name}")
+            shutil.rmtree(self._former.rename(going), ignore_errors=True)
+        self._former = None
+
+    def _end_what_was_killed(self) -> None:
+        """Do what a command that was killed had no time for; nobody else is here."""
+        for going in self.path.glob(f"{_GOING}{_FORMER}*"):
+            shutil.rmtree(going, ignore_errors=True)
+        for former in self.path.glob(f"{_FORMER}*"):
+            self._bring_back(former)
+
+    def _bring_back(self, former: Path) -> None:
+        """Move what was there before to its place; what stands there was not kept."""
+        if (former / self._marker).is_file():  # the last to go: all of it is in there
+            for file in self._files(self.path):
+                file.unlink()
+        for file in self._files(former):
+            file.replace(self.path / file.name)
+        with suppress(OSError):  # somebody else put something there
+            former.rmdir()
 
     def _release(self) -> None:
         if self._lock is not None:
@@ -356,25 +387,22 @@ class OutFolder:
             )
         folder = self.path.resolve()
         read = {path.parent.resolve() / path.name for path in self._reads}
-        files = self._files()
+        files = self._files(self.path)
         for file in files:
             if folder / file.name in read:
                 raise UsageError(
                     f"--out {self.out}: {file.name} there is what this command reads; "
                     "name another folder, or read a copy"
                 )
-        self._former = Path(tempfile.mkdtemp(prefix=".former-", dir=self.path))
-        _move(files, self._former)
+        self._former = Path(tempfile.mkdtemp(prefix=_FORMER, dir=self.path))
+        for file in reversed(files):
+            file.replace(self._former / file.name)
 
-    def _files(self) -> list[Path]:
-        """Files of ours that are there."""
-        found = (file for pattern in self._ours for file in self.path.glob(pattern))
+    def _files(self, folder: Path) -> list[Path]:
+        """Files of ours in a folder, the marker first."""
+        names = (self._marker, *self._ours)
+        found = dict.fromkeys(file for name in names for file in folder.glob(name))
         return [file for file in found if file.is_file() or file.is_symlink()]
-
-
-def _move(files: Iterable[Path], folder: Path) -> None:
-    for file in files:
-        file.replace(folder / file.name)
 
 
 class CountBar(Protocol):

@@ -114,3 +114,7 @@ def test_variables_that_keep_libraries_from_starting_would_stop_a_run(
     ):
         assert told[name]["verdict"] == "FAIL"
         assert variable in told[name]["got"]
+    run = surefoot("run", "standing", "--inline")
+    assert run.returncode == 3
+    assert "Traceback" not in run.stderr
+    assert "MUJOCO_GL=elg" in run.stderr

@@ -121,6 +121,42 @@ def test_a_command_that_is_refused_leaves_the_former_run(tmp_path: Path) -> None
     assert {path.read_text() for path in out.iterdir()} == {"former"}
 
 
+KILLED = """
+import os, sys
+from pathlib import Path
+from surefoot.run_folder import MARKER, run_folder
+moves, replace = int(sys.argv[2]), Path.replace
+
+def killed(self, target):
+    global moves
+    if moves == 0:
+        os._exit(9)
+    moves -= 1
+    return replace(self, target)
+
+Path.replace = killed
+with run_folder(Path(sys.argv[1]), overwrite=True) as folder:
+    (folder.path / MARKER).write_text("new")
+    os._exit(9)
+"""
+
+
+@pytest.mark.parametrize("moves", [0, 1, 3, 9], ids="after {} files".format)
+def test_what_a_killed_command_set_aside_is_brought_back(
+    tmp_path: Path, moves: int
+) -> None:
+    out = tmp_path / "run"
+    former_run(out)
+    before = names(out)
+    words = [sys.executable, "-c", KILLED, str(out), str(moves)]
+    assert subprocess.run(words, check=False).returncode == 9
+    assert names(out) != before
+    with pytest.raises(sf.UsageError, match="holds a run already"), run_folder(out):
+        pass
+    assert names(out) == before
+    assert {path.read_text() for path in out.iterdir()} == {"former"}
+
+
 def test_a_run_is_not_replaced_by_one_that_reads_its_files(tmp_path: Path) -> None:
     ground = tmp_path / "mine.csv"
     ground.write_text("\n".join(f"{0.01 * i},0.0{i % 7}" for i in range(30)))
