@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections import deque
 from collections.abc import Iterable
@@ -18,6 +17,7 @@ from surefoot.schemas.codec import decode, decode_head
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.result import Distribution
 from surefoot.schemas.topics import Topic
+from surefoot.schemas.validation import nearest
 
 NS_PER_S = 1e9
 _DIGITS = ".6g"
@@ -45,11 +45,9 @@ def check_fields(paths: Iterable[str], kind: type[msgspec.Struct]) -> None:
     for path in paths:
         name = path.split(".")[0]
         if name not in names:
-            near = difflib.get_close_matches(name, names, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
             raise UsageError(
-                f"--field {path}: {kind.__name__} has no {name!r}; {hint}"
-                f"fields are {', '.join(names)}"
+                f"--field {path}: {kind.__name__} has no {name!r}"
+                f"{nearest(name, names)}; fields are {', '.join(names)}"
             )
 
 

@@ -19,7 +19,7 @@ from types import FrameType
 import numpy as np
 
 from surefoot.schemas.reasons import SIGNALS
-from surefoot.schemas.result import Distribution, Histogram
+from surefoot.schemas.result import NO_TIME, Distribution, Histogram
 
 MS_PER_NS = 1e-6
 EDGES_MS = (
@@ -78,7 +78,7 @@ class TimingLog:
     def distribution(self) -> Distribution:
         """Median, 99th percentile and maximum [ms]; zeros when there is nothing."""
         if not self._count:
-            return Distribution(median=0.0, p99=0.0, max=0.0)
+            return NO_TIME
         return Distribution(
             median=self._percentile_ms(0.5),
             p99=self._percentile_ms(0.99),
@@ -117,7 +117,7 @@ class RecentTimes:
     def distribution(self) -> Distribution:
         """Return median, 99th percentile and maximum [ms]; zeros when empty."""
         if not self._count:
-            return Distribution(median=0.0, p99=0.0, max=0.0)
+            return NO_TIME
         kept = MS_PER_NS * self._durations_ns[: self._count]
         median, p99 = np.percentile(kept, (50.0, 99.0))
         return Distribution(median=float(median), p99=float(p99), max=float(kept.max()))

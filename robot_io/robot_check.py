@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, Joint, RobotFile
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.topics import is_key
+from surefoot.schemas.validation import nearest
 
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
@@ -132,10 +132,9 @@ def _check_links(file: RobotFile, path: Path, urdf: Urdf) -> None:
         wanted[f"foot[{index}].sole_frame"] = foot.sole_frame
     for key, link in wanted.items():
         if link not in urdf.links:
-            near = difflib.get_close_matches(link, urdf.links, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
             raise RobotFileError(
-                f"{path}: {key}: {file.urdf} has no link {link!r}{hint}"
+                f"{path}: {key}: {file.urdf} has no link {link!r}"
+                f"{nearest(link, urdf.links)}"
             )
     if file.base_link != urdf.root:
         raise RobotFileError(

@@ -5,7 +5,6 @@ Of the settings, gains may change while the controller runs; none of the limits.
 
 from __future__ import annotations
 
-import difflib
 import logging
 import time
 from typing import Any
@@ -26,6 +25,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.toml_file import convert
+from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller, Tunable
 
 RAMP_S = 0.5
@@ -106,11 +106,9 @@ def between(before: Values, after: Values, *, share: float) -> Values:
 def _check_name(name: str) -> None:
     if name in LIVE_SETTINGS:
         return
-    near = difflib.get_close_matches(name, LIVE_SETTINGS, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
     raise FileFormatError(
-        f"{name}: cannot be changed during a run{hint}; these can: "
-        f"{', '.join(LIVE_SETTINGS)}",
+        f"{name}: cannot be changed during a run{nearest(name, LIVE_SETTINGS)}; these "
+        f"can: {', '.join(LIVE_SETTINGS)}",
         field=name,
     )
 

@@ -13,7 +13,7 @@ from surefoot.robot_io.ticks.recorder import TickRecorder, TickSink
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
-from surefoot.schemas.result import ControllerResult, Distribution
+from surefoot.schemas.result import NO_TIME, ControllerResult
 from surefoot.schemas.signals import MISSING, QP_WORDS, WALK_SIGNALS, lay_out
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.walking.feet import FootState, WalkState
@@ -168,7 +168,7 @@ class ControllerTelemetry:
         self._settled_ticks = SETTLED_S / period_s
         self._durations = TimingLog()
         self._recent = RecentTimes(TICKS_IN_STATUS)
-        self._recent_ms = Distribution(median=0.0, p99=0.0, max=0.0)
+        self._recent_ms = NO_TIME
         self._ticks = self._qp_failures = self._stale = self._statuses = 0
         self._skipped = self._slow = 0
         self._period_ns = round(period_s * NS_PER_S)

@@ -30,11 +30,11 @@ from surefoot.schemas.messages import (
     RobotMode,
 )
 from surefoot.schemas.reasons import EndReason, ModeCause
-from surefoot.schemas.result import RelayResult
+from surefoot.schemas.result import NO_TIME, RelayResult
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.topics import TICK_SENSORS
 from surefoot.signals import TickSinks
-from surefoot.simulation import COMMANDER, NO_TIME, Simulation
+from surefoot.simulation import COMMANDER, Simulation
 from surefoot.stabilizer.control.controller import ControllerOutput
 
 NS_PER_S = 1e9

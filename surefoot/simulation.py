@@ -23,6 +23,7 @@ from surefoot.run_plan import RunPlan, Settings, make_plan
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, Reference
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import (
+    NO_TIME,
     ControllerResult,
     Distribution,
     PlantResult,
@@ -41,7 +42,6 @@ from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry, recorder_to
 
 COMMANDER = "inline"
-NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
 
 
 class Simulation:
