@@ -77,13 +77,7 @@ def _there_is(value: Any) -> str:
 
 
 def message_lines(channel: str, message: dict[str, Any], *, size: int) -> list[str]:
-    """Return a message as lines of text.
-
-    Args:
-        channel: its name.
-        message: as :func:`msgspec.to_builtins` gives it.
-        size: on the bus [bytes].
-    """
+    """Return a message as lines of text."""
     fields = {name: value for name, value in message.items() if name not in _HEADER}
     return [
         f"{channel}  tick {message['tick']}, "
@@ -112,11 +106,7 @@ def text_of(value: Any) -> str:
 
 
 class Echo:
-    """Shows messages of one channel.
-
-    Attributes:
-        count: messages shown, malformed ones included.
-    """
+    """Shows messages of one channel."""
 
     def __init__(
         self,
@@ -127,15 +117,7 @@ class Echo:
         rate_hz: float | None,
         as_json: bool,
     ) -> None:
-        """Keep what to show.
-
-        Args:
-            topic: the channel.
-            joint_count: n_a of the robot.
-            fields: paths; all of the message when there are none.
-            rate_hz: most messages shown in a second; others are passed over.
-            as_json: a JSON object instead of words.
-        """
+        """Keep what to show."""
         self.count = 0
         self._topic, self._joint_count = topic, joint_count
         self._fields = list(fields)

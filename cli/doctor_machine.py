@@ -44,10 +44,10 @@ def check_bus() -> Diagnosis:
     try:
         median, p99 = measure_loopback(loopback_endpoints())
     except (RobotIoError, OSError) as error:
-        return Diagnosis(
-            name=name,
-            verdict=Severity.FAIL,
-            got=str(error),
+        return finding(
+            name,
+            str(error),
+            bad=Severity.FAIL,
             advice="loopback must be up (ip addr show lo), and no firewall may drop "
             "TCP on 127.0.0.1",
         )
@@ -62,18 +62,19 @@ def check_bus() -> Diagnosis:
 def check_port() -> Diagnosis:
     """Check that the port where the robot listens by default is free."""
     host, port = DEFAULT_LOCATOR.removeprefix("tcp/").split(":")
+    busy = ""
     try:
         socket.create_server((host, int(port))).close()
     except OSError as error:
-        return Diagnosis(
-            name="port",
-            verdict=Severity.WARN,
-            got=f"{host}:{port}: {error.strerror or error}",
-            advice="well if that is your robot (surefoot topics tells); otherwise stop "
-            "who listens there, or use --listen and --connect with another port. "
-            "surefoot run takes a free one by itself",
-        )
-    return Diagnosis(name="port", verdict=Severity.OK, got=f"{host}:{port} is free")
+        busy = error.strerror or str(error)
+    return finding(
+        "port",
+        f"{host}:{port}: {busy}" if busy else f"{host}:{port} is free",
+        bad=Severity.WARN if busy else None,
+        advice="well if that is your robot (surefoot topics tells); otherwise stop who "
+        "listens there, or use --listen and --connect with another port. surefoot run "
+        "takes a free one by itself",
+    )
 
 
 def check_disk() -> list[Diagnosis]:
@@ -130,19 +131,18 @@ def _room(folder: Path) -> Diagnosis:
 
 
 def _temporary_folder() -> Diagnosis:
+    fault = ""
     try:
         with tempfile.TemporaryFile() as file:
             file.write(b"surefoot")
             file.flush()
     except OSError as error:
-        return Diagnosis(
-            name="temporary files",
-            verdict=Severity.FAIL,
-            got=str(error),
-            advice="set TMPDIR to a folder that can be written to and has room",
-        )
-    return Diagnosis(
-        name="temporary files", verdict=Severity.OK, got=f"in {tempfile.gettempdir()}"
+        fault = str(error)
+    return finding(
+        "temporary files",
+        fault or f"in {tempfile.gettempdir()}",
+        bad=Severity.FAIL if fault else None,
+        advice="set TMPDIR to a folder that can be written to and has room",
     )
 
 
@@ -248,10 +248,10 @@ def check_priority() -> Diagnosis:
     """Check that processes may have real-time priority."""
     limit = getattr(resource, "RLIMIT_RTPRIO", None)
     if limit is None or not hasattr(os, "sched_setscheduler"):
-        return Diagnosis(
-            name="real-time priority",
-            verdict=Severity.WARN,
-            got="this system has none to give",
+        return finding(
+            "real-time priority",
+            "this system has none to give",
+            bad=Severity.WARN,
             advice="simulate here; drive a robot from Linux",
         )
     soft, _ = resource.getrlimit(limit)

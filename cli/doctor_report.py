@@ -44,15 +44,10 @@ class Diagnosis(msgspec.Struct, frozen=True, kw_only=True):
     """What to do; empty when there is nothing to do."""
 
 
-def finding(name: str, got: str, *, bad: Severity | None, advice: str) -> Diagnosis:
-    """Make a finding that has advice only if something is bad.
-
-    Args:
-        name: what was looked at.
-        got: what was found.
-        bad: how bad it is; None when it is not.
-        advice: what to do in that case.
-    """
+def finding(
+    name: str, got: str, *, bad: Severity | None = None, advice: str = ""
+) -> Diagnosis:
+    """Make a finding that has advice only if something is bad."""
     if bad is None:
         return Diagnosis(name=name, verdict=Severity.OK, got=got)
     return Diagnosis(name=name, verdict=bad, got=got, advice=advice)
@@ -119,12 +114,8 @@ def _try(name: str, check: Callable[[], Iterator[Diagnosis]]) -> Iterator[Diagno
     try:
         yield from check()
     except ImportError as error:
-        yield Diagnosis(
-            name=name,
-            verdict=Severity.FAIL,
-            got=str(error),
-            advice=import_advice(error),
-        )
+        advice = import_advice(error)
+        yield finding(name, str(error), bad=Severity.FAIL, advice=advice)
 
 
 PINS = Path(__file__).resolve().parents[1] / "constraints.txt"
@@ -151,34 +142,21 @@ def check_packages() -> list[Diagnosis]:
     found, others = [], []
     for name in names:
         got = installed_version(name)
-        pin = pins.get(_normal(name))
-        if got is None:
-            others.append(
-                Diagnosis(
-                    name=f"package {name}",
-                    verdict=Severity.FAIL,
-                    got="not installed",
-                    advice=install_command(),
-                )
-            )
-        elif pin is not None and got != pin:
-            others.append(
-                Diagnosis(
-                    name=f"package {name}",
-                    verdict=Severity.WARN,
-                    got=f"{got}, tested with {pin}",
-                    advice=f"pip install {name}=={pin}",
-                )
-            )
-        else:
+        pin = pins.get(_normal(name), got)
+        if got == pin and got is not None:
             found.append(f"{name} {got}")
+            continue
+        others.append(
+            finding(
+                f"package {name}",
+                f"{got}, tested with {pin}" if got else "not installed",
+                bad=Severity.WARN if got else Severity.FAIL,
+                advice=f"pip install {name}=={pin}" if got else install_command(),
+            )
+        )
     against = "as tested" if pins else "no constraints.txt to compare with"
-    ok = Diagnosis(
-        name="packages",
-        verdict=Severity.OK,
-        got=f"surefoot {installed_version('surefoot')}, {', '.join(found)}; {against}",
-    )
-    return [ok, *others]
+    told = f"surefoot {installed_version('surefoot')}, {', '.join(found)}; {against}"
+    return [finding("packages", told), *others]
 
 
 def check_extras() -> list[Diagnosis]:

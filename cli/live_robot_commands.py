@@ -42,14 +42,11 @@ def check_robot(
     from surefoot.cli.console import print_json, print_table
     from surefoot.errors import UsageError
     from surefoot.robot_io.conformance.run import SECTIONS, check_conformance
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
 
     unknown = sorted(set(only or ()) - set(SECTIONS))
     if unknown:
         raise UsageError(f"--only {unknown[0]}: expected {', '.join(SECTIONS)}")
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     report = check_conformance(
         model, endpoints=meeting, sections=only or SECTIONS, timeout_s=wait_s
     )

@@ -54,11 +54,8 @@ def relay(
     endpoints: options.EndpointsOption = None,
     listen: Annotated[
         list[str] | None,
-        typer.Option(
-            "--listen",
-            metavar="LOCATOR",
-            help=f"The stabilizer dials here; {LISTEN} when not said otherwise.",
-            rich_help_panel="Bus",
+        options.locators_option(
+            "--listen", f"The stabilizer dials here; {LISTEN} when not said otherwise."
         ),
     ] = None,
     listen_endpoints: Annotated[

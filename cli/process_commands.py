@@ -41,7 +41,6 @@ def robot(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.options import check_priority, claim_processor
     from surefoot.out_folder import write_json
     from surefoot.outcome import judge
     from surefoot.processes.child import begin_process, log_note, progress_reporter
@@ -53,7 +52,7 @@ def robot(
     from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 
     begin_process("robot", child=child)
-    check_priority(realtime_priority, lockstep=lockstep)
+    options.check_priority(realtime_priority, lockstep=lockstep)
     model = load_robot(robot, servo_profile=servo_profile)
     path = find_scenario(scenario)
     world = load_scenario(path)
@@ -64,7 +63,7 @@ def robot(
         f"{model.file.name} in {scenario!r} waits for a stabilizer at "
         f"{', '.join(meeting.router or meeting.listen)}"
     )
-    claim_processor(cpu=cpu, priority=realtime_priority)
+    options.claim_processor(cpu=cpu, priority=realtime_priority)
     from surefoot.sim_robot.robot_loop import (
         run_robot,  # slow import; report bad files first
     )
@@ -165,13 +164,10 @@ def walk(
     from surefoot.processes.child import begin_process, log_note, log_warning
     from surefoot.robot_io.client_side.requests import PlannerClient
     from surefoot.robot_io.realtime import StopRequest
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 
     begin_process("walk")
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     pace = Pace(
         ahead=velocity,
         lateral=lateral,
@@ -229,15 +225,12 @@ def view(
     from surefoot.installation import install_command
     from surefoot.processes.child import begin_process
     from surefoot.robot_io.realtime import StopRequest
-    from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.security.locators import check_locators
-    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.view.page import free_port
 
     begin_process("view", child=child)
     logging.getLogger("websockets").setLevel(logging.WARNING)
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     check_locators(meeting.connect, verb="dial")
     if find_spec("viser") is None or find_spec("yourdfpy") is None:
         raise EnvironmentFailedError(

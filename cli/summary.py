@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Group as RenderableGroup
 from rich.table import Table
@@ -26,6 +26,7 @@ from surefoot.schemas.result import (
 if TYPE_CHECKING:
     from surefoot.playback.recompute import Difference, ReplayOutcome
     from surefoot.recording.read import ChannelCount
+    from surefoot.schemas.scenario import Scenario
     from surefoot.studies.study import Summaries
 
 _PASSAGE = ("arrived", "left")
@@ -34,14 +35,6 @@ _PASSAGE = ("arrived", "left")
 BAR_WIDTH = 40
 
 _EIGHTHS = " ▏▎▍▌▋▊▉"
-
-
-class ScenarioRow(NamedTuple):
-    """One line of the list of scenarios."""
-
-    name: str
-    duration_s: float
-    description: str
 
 
 def run_table(result: RunResult) -> Table:
@@ -145,14 +138,15 @@ def study_tables(summaries: Summaries) -> RenderableGroup:
     return RenderableGroup(*tables.values(), note)
 
 
-def scenario_table(rows: Iterable[ScenarioRow]) -> Table:
-    """Return a table of the shipped scenarios."""
+def scenario_table(scenarios: Mapping[str, Scenario]) -> Table:
+    """Return a table of scenarios by name."""
     table = Table(box=None, pad_edge=False)
     table.add_column("scenario", no_wrap=True, style="bold")
     table.add_column("duration", justify="right")
     table.add_column("what happens")
-    for row in rows:
-        table.add_row(row.name, f"{row.duration_s:g} s", row.description)
+    for name, scenario in scenarios.items():
+        text = scenario.description or scenario.name
+        table.add_row(name, f"{scenario.duration_s:g} s", text)
     return table
 
 
@@ -255,10 +249,6 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
 
     Bars are proportional to the share, and whatever happened at all shows at least a
     sliver: the rare late tick is what one looks for.
-
-    Args:
-        name: what was timed.
-        histogram: how often it took how long.
     """
     edges, counts = histogram.edges_ms, histogram.counts
     total = sum(counts)

@@ -79,12 +79,7 @@ def describe(robot: Robot) -> str:
 
 
 def differing(ours: str, theirs: str) -> list[str]:
-    """Names of the parts in which two descriptions differ; empty when in none.
-
-    Args:
-        ours: digest of our robot.
-        theirs: of the other one's.
-    """
+    """Names of the parts in which two descriptions differ; empty when in none."""
     told = theirs.split(_SEPARATOR)
     if len(told) != len(PARTS):
         return [UNKNOWN]
@@ -94,11 +89,6 @@ def differing(ours: str, theirs: str) -> list[str]:
 
 def check_description(robot: Robot, ours: str, theirs: str) -> None:
     """Hold the description of a robot on the bus against our own.
-
-    Args:
-        robot: ours, for its namespace.
-        ours: digest of our robot.
-        theirs: of the one on the bus.
 
     Raises:
         RobotMismatchError: they differ; the message says in what.

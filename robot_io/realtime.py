@@ -101,11 +101,7 @@ class RecentTimes:
     """The newest durations of something that happens every tick."""
 
     def __init__(self, capacity: int) -> None:
-        """Start empty.
-
-        Args:
-            capacity: how many are kept; the oldest make room.
-        """
+        """Start empty."""
         self._durations_ns = np.zeros(capacity, dtype=np.int64)
         self._count = 0
 
@@ -234,9 +230,6 @@ class Pacer:
 
 def pin_to_cpu(cpu: int) -> str:
     """Keep this thread, and those it starts, on one processor.
-
-    Args:
-        cpu: its number, from 0.
 
     Returns:
         Why that was not done; empty when it was.

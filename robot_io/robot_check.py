@@ -28,12 +28,7 @@ HEIGHT_SHARE, LEAST_HEIGHT_M = 0.1, 0.1
 class UrdfFacts(NamedTuple):
     """What a robot's URDF says, in the order of its TOML; read-only.
 
-    Attributes:
-        lower: (n_a,) lower end of the joint ranges [rad].
-        upper: (n_a,) upper end [rad].
-        sole_normals: (2, 3) upward normal of each sole, in its force sensor's frame.
-        R_upright_base: (3, 3) the base link in the nominal posture, seen from a frame
-            with z up and x ahead, as the soles point.
+    For shapes and units see :class:`surefoot.robot_io.robot.Robot`.
     """
 
     lower: Array
@@ -44,11 +39,6 @@ class UrdfFacts(NamedTuple):
 
 def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
     """Compare a robot's TOML with itself and with its URDF.
-
-    Args:
-        file: the TOML.
-        path: where it stands, for messages.
-        urdf_path: the URDF it names.
 
     Returns:
         What the URDF says.

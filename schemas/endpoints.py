@@ -83,9 +83,6 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
 def load_endpoints(path: Path) -> Endpoints:
     """Read an endpoint file; paths in it become absolute.
 
-    Args:
-        path: of the TOML.
-
     Raises:
         FileFormatError: malformed, a certificate is missing, or others can read the
             private key.

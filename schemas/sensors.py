@@ -171,13 +171,7 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _imu(prefix: str, *, gyro_stream: int, accel_stream: int) -> tuple[Quantity, ...]:
-    """What an IMU measures.
-
-    Args:
-        prefix: put before the names of the message to make those of the snapshot.
-        gyro_stream: of the gyroscope's noise.
-        accel_stream: of the accelerometer's noise.
-    """
+    """What an IMU measures."""
     return (
         Quantity(
             attribute="quat_xyzw",
@@ -208,12 +202,7 @@ def _imu(prefix: str, *, gyro_stream: int, accel_stream: int) -> tuple[Quantity,
 
 
 def _force_torque(field: str, *, stream: int) -> tuple[Quantity, ...]:
-    """What a six-axis sensor measures.
-
-    Args:
-        field: of the snapshot.
-        stream: of its noise.
-    """
+    """What a six-axis sensor measures."""
     return tuple(
         Quantity(
             attribute=kind,

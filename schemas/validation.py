@@ -285,11 +285,6 @@ def explain(
 ) -> tuple[str, str]:
     """Take a validation error apart.
 
-    Args:
-        error: what msgspec said.
-        raw: what was to be turned into a struct.
-        kind: the struct.
-
     Returns:
         Path of the offending field, such as ``platform[0].motion[1].axis`` (empty
         when the whole is at fault), and the complaint without the path: what came,

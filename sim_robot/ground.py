@@ -111,10 +111,6 @@ class PlatformPlan:
 def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...]:
     """Lay out the ground so that every foot has a box under it.
 
-    Args:
-        scenario: which feet have a platform of their own.
-        start: where the robot stands at first.
-
     Returns:
         The platforms of the scenario in its order, then fixed ground for the feet
         it does not mention. All tops are at z = 0 at rest. None where there are tiles
@@ -207,14 +203,7 @@ def _plan(
 def add_platform(
     spec: mujoco.MjSpec, plan: PlatformPlan, *, robot: Robot, friction: float
 ) -> None:
-    """Add a box that only the soles touch, with a joint for each axis that moves.
-
-    Args:
-        spec: the world, with the robot in it.
-        plan: the platform.
-        robot: whose soles touch it.
-        friction: between them.
-    """
+    """Add a box that only the soles touch, with a joint for each axis that moves."""
     body = spec.worldbody.add_body(
         name=plan.name,
         pos=plan.top_centre,
@@ -248,14 +237,7 @@ def add_platform(
 def let_soles_touch(
     spec: mujoco.MjSpec, geom: str, *, robot: Robot, friction: float
 ) -> None:
-    """Let both soles, and nothing else, touch a geom of the ground firmly.
-
-    Args:
-        spec: the world, with the robot and the geom in it.
-        geom: its name.
-        robot: whose soles touch it.
-        friction: between them.
-    """
+    """Let both soles, and nothing else, touch a geom of the ground firmly."""
     for foot in (robot.left, robot.right):
         pair = spec.add_pair(geomname1=geom, geomname2=foot.sole_frame, condim=3)
         pair.name = f"{geom} {foot.sole_frame}"
@@ -265,11 +247,7 @@ def let_soles_touch(
 
 
 def ground_blocks(world: World) -> list[GroundBlock]:
-    """Return all blocks, platforms first.
-
-    Args:
-        world: of the run.
-    """
+    """Return all blocks, platforms first."""
     blocks = []
     index = 0
     for plan in world.platforms:
@@ -349,11 +327,7 @@ class Ground:
         return bool(self._laws)
 
     def aim(self, time_s: float) -> None:
-        """Push the platforms towards where they will be after the next step.
-
-        Args:
-            time_s: end of the step.
-        """
+        """Push the platforms towards where they will be after the next step."""
         for index, laws in enumerate(self._laws):
             position = velocity = 0.0
             for law in laws:

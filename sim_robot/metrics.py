@@ -175,11 +175,7 @@ class WalkMetrics:
     """
 
     def __init__(self, *, period_s: float) -> None:
-        """Start where the robot stands.
-
-        Args:
-            period_s: control period.
-        """
+        """Start where the robot stands."""
         self._airborne = AIRBORNE_S / period_s
         self._touchdown = round(TOUCHDOWN_S / period_s)
         self._begin: tuple[float, float] | None = None
@@ -293,14 +289,7 @@ class RobotRecorder:
     def __init__(
         self, sink: TickSink, *, joints: Sequence[str], platforms: int, period_s: float
     ) -> None:
-        """Begin.
-
-        Args:
-            sink: gets the ticks.
-            joints: names, in the order of the robot file.
-            platforms: of the scenario.
-            period_s: control period.
-        """
+        """Begin."""
         names = [*SENSED, *TRUE, *([PLATFORM_POSE] if platforms else [])]
         layouts = [
             lay_out(name, joints=joints, platforms=platforms)
@@ -352,11 +341,7 @@ class RunDigest:
     """
 
     def __init__(self, *, joints: int) -> None:
-        """Start with nothing.
-
-        Args:
-            joints: n_a.
-        """
+        """Start with nothing."""
         self._sha = hashlib.sha256()
         width = SnapshotLayout(joints).size + joints
         self._rows = np.empty((BLOCK_ROWS, width), dtype="<f8")

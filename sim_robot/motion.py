@@ -39,9 +39,6 @@ LOWEST, HIGHEST = 0.5, 4.0
 def motion_law(motion: Motion) -> MotionLaw:
     """Turn a motion of the scenario file into a function of time.
 
-    Args:
-        motion: of any kind; its axis does not matter here.
-
     Raises:
         ScenarioError: a free fall that does not go down, a motion faster than the
             simulation can show, or a record that cannot be used; ``field`` is the key

@@ -65,16 +65,7 @@ class RobotLoop:
         period_s: float,
         on_tick: Callable[[int], None] | None = None,
     ) -> None:
-        """Join plant, gate and bus.
-
-        Args:
-            simulated: the run.
-            gate: judges commands.
-            server: the bus.
-            pace: lockstep or real time.
-            period_s: from tick to tick [s].
-            on_tick: told the tick now and then, for a progress bar.
-        """
+        """Join plant, gate and bus."""
         self.round_trip = TimingLog()
         self.lateness = TimingLog()
         self._simulated, self._gate, self._server = simulated, gate, server
@@ -183,12 +174,7 @@ class RobotLoop:
             self._server.deadline_misses += 1
 
     def _take_in(self, result: CommandResult, *, acts_as: int) -> None:
-        """Hand a posture on.
-
-        Args:
-            result: what the gate made of a command.
-            acts_as: the tick whose answer it stands for.
-        """
+        """Hand a posture on."""
         sent_ns = self.latency.stamp_ns(result.answers)
         self.round_trip.add(time.monotonic_ns() - sent_ns)
         self._is_answered = True

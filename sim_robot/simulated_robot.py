@@ -33,11 +33,7 @@ _RUN_LENGTH_TOLERANCE = 1e-9
 
 
 class CommandDelay:
-    """Holds answers back for a fixed number of ticks.
-
-    Attributes:
-        ticks: the delay d.
-    """
+    """Holds answers back for a fixed number of ticks."""
 
     def __init__(self, ticks: int, *, posture: Array) -> None:
         """Start without answers.
@@ -110,12 +106,6 @@ class SimulatedRobot:
         ticks: TickSink | None = None,
     ) -> None:
         """Build the plant; it stands at rest at tick 0.
-
-        Args:
-            robot: what its files say.
-            scenario: the run.
-            seed: of the sensor noise.
-            ticks: gets the signals of every tick; None for a run that keeps none.
 
         Raises:
             ScenarioError: the scenario fits neither the robot nor its ticks.

@@ -123,20 +123,10 @@ def _numbers(value: Any) -> list[float]:
 
 
 class SettingsRamp:
-    """Settings of a running controller. Pure: counts ticks, knows no clock.
-
-    Attributes:
-        settings: in use at this tick.
-        changes: all there were, in order.
-    """
+    """Settings of a running controller. Pure: counts ticks, knows no clock."""
 
     def __init__(self, settings: ControllerSettings, *, period_s: float) -> None:
-        """Begin with the settings the controller was made with.
-
-        Args:
-            settings: resolved.
-            period_s: control period [s].
-        """
+        """Begin with the settings the controller was made with."""
         self.settings = settings
         self.changes: list[SettingsChange] = []
         self._ticks = max(1, round(RAMP_S / period_s))
@@ -228,13 +218,7 @@ class RequestHandler:
         *,
         period_s: float,
     ) -> None:
-        """Answer what comes in on a connection.
-
-        Args:
-            client: where requests come from.
-            settings: controllers are made with, until others are asked for.
-            period_s: control period [s].
-        """
+        """Answer what comes in on a connection."""
         self.holding = ""
         self.q_held: Array | None = None
         self._client, self._name = client, ""
@@ -264,11 +248,7 @@ class RequestHandler:
         return self._ramp.changes
 
     def serve(self, tick: int) -> None:
-        """Answer all that has come in, then move the settings on by a tick.
-
-        Args:
-            tick: the one about to be answered.
-        """
+        """Answer all that has come in, then move the settings on by a tick."""
         while (asked := self._client.next_request()) is not None:
             if isinstance(asked.request, SettingsRequest):
                 self._change(asked, asked.request, tick)

@@ -115,11 +115,7 @@ def compute_margins(
 
 
 def loop_notice(plan: RunPlan) -> str:
-    """Say that a run's loop is later than robot or stabilizer bear; empty if it is not.
-
-    Args:
-        plan: of the run; of gains, only those of the whole-body stabilizer are judged.
-    """
+    """Say that a run's loop is later than robot or stabilizer bear; empty if not."""
     tick_ms = MS_PER_S * plan.robot.period_s
     delay = plan.scenario.delay
     command_ms = tick_ms if delay.command_ms is None else delay.command_ms

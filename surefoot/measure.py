@@ -334,12 +334,6 @@ def write_profile(
 
     A file that itself extends another one is written anew, with all it says.
 
-    Args:
-        robot: whose drives they are.
-        drives: at least one.
-        out: the file.
-        overwrite: whether it may replace one.
-
     Raises:
         UsageError: the file is there.
         OSError: it cannot be written.

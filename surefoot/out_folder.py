@@ -36,10 +36,6 @@ place is worth keeping, and while it is removed."""
 def make_out_folder(folder: Path, *, out: Path) -> None:
     """Make a folder, with those above it, and see that files can be written there.
 
-    Args:
-        folder: to be made; may be there already.
-        out: what the user gave, for the message.
-
     Raises:
         UsageError: something on the way is a file, or a link to nothing.
         EnvironmentFailedError: it cannot be made or written to.
@@ -120,10 +116,6 @@ def atomic_file(path: Path, *, overwrite: bool = True) -> Iterator[IO[bytes]]:
     Until then it has a name of its own, ``NAME.<random>.partial``, so that two writers
     of one name do not write into one another's file.
 
-    Args:
-        path: its final name.
-        overwrite: whether it replaces a file that has the name by then.
-
     Yields:
         The file, binary, to be written.
 
@@ -159,10 +151,6 @@ def write_json(path: Path, value: Any) -> None:
 @contextmanager
 def new_file(path: Path, *, overwrite: bool) -> Iterator[IO[bytes]]:
     """Open a file that takes its name once it is complete.
-
-    Args:
-        path: its final name, found free or replaceable when the command began.
-        overwrite: whether it may replace a file.
 
     Raises:
         UsageError: another command took the name meanwhile.
@@ -223,9 +211,6 @@ class FolderLock:
 
     def __init__(self, folder: Path) -> None:
         """Lock the folder itself: the system forgets that when this process ends.
-
-        Args:
-            folder: there already.
 
         Raises:
             UsageError: another command has it.

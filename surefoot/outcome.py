@@ -44,12 +44,7 @@ _TO_THE_END = (EndReason.NONE, EndReason.RUN_OVER)
 
 
 class Judgement(NamedTuple):
-    """How a run went.
-
-    Attributes:
-        outcome: in one word.
-        detail: when and why, in words.
-    """
+    """How a run went."""
 
     outcome: Outcome
     detail: str
@@ -217,13 +212,7 @@ _NOTHING = ControllerResult(
 
 
 def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunResult:
-    """Join both sides of a run into the object scripts read.
-
-    Args:
-        plan: what was run.
-        sides: what was measured.
-        out: folder of the run, if it is kept.
-    """
+    """Join both sides of a run into the object scripts read."""
     plant, answered, relay = sides
     outcome, detail = judge(
         plant,

@@ -196,12 +196,7 @@ class HeardSensor(Generic[M]):
     """
 
     def __init__(self, kind: type[M], *, joint_count: int) -> None:
-        """Nothing has come.
-
-        Args:
-            kind: its messages.
-            joint_count: n_a.
-        """
+        """Nothing has come."""
         self.latest: M | None = None
         self.is_lost = False
         self._kind = kind
@@ -250,11 +245,7 @@ class DelayedSensors:
     """
 
     def __init__(self, *, joint_count: int) -> None:
-        """Nothing has come.
-
-        Args:
-            joint_count: n_a.
-        """
+        """Nothing has come."""
         self.sensors: dict[str, HeardSensor[Any]] = {
             entry.name: HeardSensor(entry.message, joint_count=joint_count)
             for entry in SENSORS
@@ -265,11 +256,7 @@ class DelayedSensors:
         self._is_waiting = False
 
     def next(self, now_s: float) -> SnapshotReading | None:
-        """Return the snapshot to answer now; None while there is none.
-
-        Args:
-            now_s: the time, never going back [s].
-        """
+        """Return the snapshot to answer now; None while there is none."""
         for sensor in self.sensors.values():
             sensor.hear(now_s)
         if max(sensor.newest for sensor in self.sensors.values()) <= self._answered:

@@ -54,10 +54,6 @@ class Bus:
     """An open session with what client and server have in common.
 
     A context manager; leaving it closes everything declared on it.
-
-    Attributes:
-        session: the Zenoh session.
-        waker: ends waits of its channels.
     """
 
     session: zenoh.Session
@@ -219,14 +215,6 @@ def dial(
 ) -> Bus | None:
     """Open the bus as :func:`dialed_bus` does, unless asked to stop meanwhile.
 
-    Args:
-        stack: closes it.
-        endpoints: where to dial.
-        namespace: put before every key.
-        timeout_s: how long in all [s].
-        pace: see :class:`Bus`.
-        stop: ends the dialing, after half a second at most.
-
     Returns:
         The bus; None when it was stopped.
     """
@@ -273,9 +261,6 @@ def _one_host(locator: str) -> Endpoints:
 
 def measure_loopback(endpoints: Endpoints) -> tuple[float, float]:
     """Open both ends of a bus in this process and send messages to and fro.
-
-    Args:
-        endpoints: where the two meet; must be free.
 
     Returns:
         Median and 99th percentile of the round trip [ms].

@@ -138,17 +138,7 @@ class Forwarder:
         dispatcher: Dispatcher,
         clock: PlanClock,
     ) -> None:
-        """Begin to carry.
-
-        Args:
-            name: of the channel.
-            key: of the channel, relative to the namespace.
-            source: where it is said.
-            target: where it is to be heard.
-            lane: what becomes of its messages.
-            dispatcher: sends what waits.
-            clock: of the plan.
-        """
+        """Begin to carry."""
         self._begins_clock = name == COMMAND
         self._lane, self._dispatcher, self._clock = lane, dispatcher, clock
         self._waiting = 0
@@ -201,14 +191,7 @@ class PresenceMirror:
     def __init__(
         self, pattern: str, *, source: Bus, target: Bus, dispatcher: Dispatcher
     ) -> None:
-        """Begin to mirror.
-
-        Args:
-            pattern: key of the tokens, such as ``alive/stabilizer/*``.
-            source: where they are.
-            target: where they are to be seen.
-            dispatcher: declares and withdraws.
-        """
+        """Begin to mirror."""
         self._target, self._dispatcher = target, dispatcher
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
         source.watch_presence(pattern, self._on_change)
@@ -242,16 +225,7 @@ class ServiceForwarder:
         dispatcher: Dispatcher,
         clock: PlanClock,
     ) -> None:
-        """Begin to carry.
-
-        Args:
-            key: of the service, relative to the namespace.
-            source: where it is asked.
-            target: where it answers.
-            lane: what becomes of its requests.
-            dispatcher: asks.
-            clock: of the plan.
-        """
+        """Begin to carry."""
         self._key, self._target = key, target
         self._lane, self._dispatcher, self._clock = lane, dispatcher, clock
         source.queryable(key, self._on_query)

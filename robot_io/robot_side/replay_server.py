@@ -47,13 +47,7 @@ class ReplayServer(RobotsSide):
     def __init__(
         self, robot: Robot, *, endpoints: Endpoints, stop: StopRequest
     ) -> None:
-        """Prepare; entering the context opens the bus.
-
-        Args:
-            robot: names keys and joints.
-            endpoints: where to listen.
-            stop: ends waits.
-        """
+        """Prepare; entering the context opens the bus."""
         super().__init__(robot, endpoints=endpoints, stop=stop)
         self._status: RobotStatus | None = None
         self._commander = ""
@@ -82,12 +76,7 @@ class ReplayServer(RobotsSide):
         return False
 
     def publish(self, channel: str, data: bytes) -> None:
-        """Publish a recorded message.
-
-        Args:
-            channel: its name.
-            data: MessagePack bytes.
-        """
+        """Publish a recorded message."""
         if channel == "status":
             self._note_status(data)
         self._publishers[channel].put(data)

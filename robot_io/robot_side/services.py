@@ -60,9 +60,6 @@ class RobotsSide(ABC):
     """The robot's side of the bus: listens, and has the robot's place.
 
     A context manager, used by one thread.
-
-    Attributes:
-        identity: told with the liveliness token and every answer.
     """
 
     def __init__(
@@ -73,14 +70,7 @@ class RobotsSide(ABC):
         stop: StopRequest,
         pace: Pace = Pace.REALTIME,
     ) -> None:
-        """Prepare; entering the context opens the bus.
-
-        Args:
-            robot: names keys and joints.
-            endpoints: where to listen.
-            stop: ends waits.
-            pace: of the robot.
-        """
+        """Prepare; entering the context opens the bus."""
         self._robot, self._stop, self._pace = robot, stop, pace
         self.identity = new_identity(robot)
         self._lease_ms = endpoints.lease_ms

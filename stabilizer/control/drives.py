@@ -172,12 +172,7 @@ def needed_stiffness(speed: float, *, delay_ticks: int, period_s: float) -> floa
 
 
 def borne_delay(robot: Robot, settings: ControllerSettings) -> int:
-    """Compute the largest delay of the loop at which the fastest mode is calm [ticks].
-
-    Args:
-        robot: to be controlled.
-        settings: resolved; K is as large as its ``dik.loop_delay_s`` asks for.
-    """
+    """Compute the longest loop delay that leaves the fastest mode calm [ticks]."""
     model = RobotModel(robot)
     dynamics = Dynamics(model)
     dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))

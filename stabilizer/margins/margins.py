@@ -128,11 +128,6 @@ def compute_margins(
 ) -> LoopMargins:
     """Compute all margins of the whole-body stabilizer on a robot that stands.
 
-    Args:
-        robot: with its servo profile.
-        settings: resolved.
-        delay_ticks: from the reading to the step its answer acts in.
-
     Returns:
         What the loop bears.
     """

@@ -45,12 +45,7 @@ M = TypeVar("M", bound=Message)
 
 
 def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
-    """What is other than it was, in words; nothing when all is the same.
-
-    Args:
-        recorded: the attached description; None when there is none.
-        present: the same of this process.
-    """
+    """What is other than it was, in words; nothing when all is the same."""
     if recorded is None:
         return ["the record does not say which versions it was made with"]
     try:
@@ -113,11 +108,6 @@ def recorded_walk(
     timeline: Timeline, robot: Robot, settings: ControllerSettings
 ) -> WalkPlan | None:
     """Return the steps of the scenario attached to a record; None without any.
-
-    Args:
-        timeline: the record.
-        robot: that walked.
-        settings: of its controller.
 
     Raises:
         FileFormatError: the attached scenario cannot be used.

@@ -97,14 +97,7 @@ def _unheard(tick: int) -> None:
 def between(
     timeline: Timeline, *, period_s: float, from_s: float, until_s: float | None
 ) -> list[Entry]:
-    """Return the messages of a span of time.
-
-    Args:
-        timeline: the whole record.
-        period_s: of a tick [s].
-        from_s: begin, counted from the first tick of the record [s].
-        until_s: end, counted the same way; None for all [s].
-    """
+    """Return the messages of a span of time."""
     first = timeline.first_tick + round(from_s / period_s)
     end = None if until_s is None else timeline.first_tick + round(until_s / period_s)
     return [
@@ -124,14 +117,6 @@ def play(
     on_tick: Callable[[int], None],
 ) -> dict[str, int]:
     """Publish messages in their order, tick after tick.
-
-    Args:
-        entries: in order.
-        server: the bus.
-        raw: whether a channel holds the bytes of the bus.
-        tick_s: time from tick to tick [s].
-        stop: ends it.
-        on_tick: called with each tick before it is played.
 
     Returns:
         Messages played, by channel; what the record holds that is no message is

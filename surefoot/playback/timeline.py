@@ -190,10 +190,6 @@ def to_wire(data: bytes, *, is_raw: bool) -> bytes:
     JSON knows no NaN and no infinity: a reading that was either is null in the record
     and NaN again afterwards. All other numbers come back bit for bit.
 
-    Args:
-        data: as recorded.
-        is_raw: whether these are the bytes of the bus already.
-
     Raises:
         MessageError: the record holds no message there.
     """
@@ -225,13 +221,7 @@ class RecordedSensors:
     def __init__(
         self, entries: Iterable[Entry], *, joint_count: int, raw: dict[str, bool]
     ) -> None:
-        """Begin before the first tick.
-
-        Args:
-            entries: in order; those of other channels are passed over.
-            joint_count: n_a.
-            raw: by channel, whether it holds the bytes of the bus.
-        """
+        """Begin before the first tick."""
         self._raw, self._joint_count = raw, joint_count
         self._layout = SnapshotLayout(joint_count)
         self._entries: dict[str, list[Entry]] = {name: [] for name in TICK_SENSORS}

@@ -44,13 +44,7 @@ _FINISH_S = 60.0
 
 
 def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
-    """Command line of the recorder.
-
-    Args:
-        plan: what is run.
-        folder: of the run; its settings, scenario and description are attached.
-        endpoints: file that says where the robot is.
-    """
+    """Command line of the recorder."""
     return [
         *("record", "--out", str(folder / RECORD), "--wait", str(_READY_S)),
         *_description_argv(plan),
@@ -65,12 +59,7 @@ def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
 
 
 def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
-    """Wait until the recorder receives everything, or cannot be waited for.
-
-    Args:
-        recorder: just started.
-        events: of all children; those of others are kept for later.
-    """
+    """Wait until the recorder receives everything, or cannot be waited for."""
     others: list[Event] = []
     end = time.monotonic() + _READY_S
     while True:
@@ -124,13 +113,6 @@ def start_live_page(
     events: SimpleQueue[Event],
 ) -> Child:
     """Start the page and wait until it is served, so that it misses nothing.
-
-    Args:
-        plan: names the robot.
-        folder: gets its log.
-        endpoints: file that says where it dials.
-        port: of the page.
-        events: of the run; nobody else has been started yet.
 
     Returns:
         The process; the run goes on whatever becomes of it.

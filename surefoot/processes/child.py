@@ -30,12 +30,7 @@ _CAUSE_S = 2.0
 
 
 def begin_process(name: str, *, child: bool = False) -> None:
-    """Send our own notes, warnings and errors to stderr.
-
-    Args:
-        name: of the process, said first together with its number.
-        child: end in order once the parent has gone; see :func:`begin_as_child`.
-    """
+    """Send our own notes, warnings and errors to stderr."""
     logging.basicConfig(
         level=logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
@@ -301,10 +296,6 @@ def failure(child: Child, code: int) -> ChildFailedError:
 
     A child that says what is wrong, as every command does, is quoted alone; the log
     before that is of interest only when it ended without a word.
-
-    Args:
-        child: whose end.
-        code: its exit code; negative: the signal that ended it.
     """
     known = code in {int(entry) for entry in ExitCode}
     how = (

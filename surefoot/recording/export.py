@@ -42,12 +42,6 @@ def export_record(
     for what no file name may hold. csv and parquet are a file per channel, with a
     column per number: ``q.0``, ``q.1``, ...
 
-    Args:
-        record: as it was read.
-        to: the format.
-        out: the file (npz), or a folder.
-        overwrite: whether files of a former export may be replaced.
-
     Raises:
         UsageError: there is a file, and it may not be replaced.
         EnvironmentFailedError: the package for parquet is not installed.
@@ -117,12 +111,6 @@ def export_signals(
     parquet are ``ticks.csv`` and ``ticks.parquet``: a row per tick, a column per
     number: ``F_id.f_z_left``. In csv what nobody told is an empty field; in parquet
     each column says its unit, frame and meaning in its metadata.
-
-    Args:
-        signals: of the run.
-        to: the format.
-        out: the file (npz), or a folder.
-        overwrite: whether a file of a former export may be replaced.
 
     Raises:
         UsageError: there is a file, and it may not be replaced.

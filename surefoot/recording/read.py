@@ -63,12 +63,7 @@ class ChannelCount(msgspec.Struct, kw_only=True):
     """What the messages are written in, where that is nothing we read."""
 
     def add(self, number: int, *, is_new_sender: bool = False) -> None:
-        """Count one message.
-
-        Args:
-            number: its tick, or its sequence number.
-            is_new_sender: it cannot be compared with the one before.
-        """
+        """Count one message."""
         self.messages += 1
         last, self.last = self.last, number
         if last is None:
@@ -190,11 +185,7 @@ class Record:
                 continue
 
     def stream(self, channel: str | None = None) -> Iterator[tuple[str, bytes]]:
-        """Give channel and bytes of all messages, those of a channel in their order.
-
-        Args:
-            channel: only of this one; of all when None.
-        """
+        """Give channel and bytes of all messages, those of a channel in their order."""
         if self._kept is None:
             again = Record(self.path)
             for name, message in _read(McapRecords(self.path), again, Counter()):

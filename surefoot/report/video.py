@@ -106,10 +106,6 @@ def _choose_gl() -> None:
 def check_drawing(run: RunData, *, video: bool) -> None:
     """Make sure that pictures can be drawn, before any work is done.
 
-    Args:
-        run: one to draw.
-        video: whether to draw a video, which needs an encoder.
-
     Raises:
         EnvironmentFailedError: this machine cannot; the message says what to install.
     """
