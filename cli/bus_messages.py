@@ -9,10 +9,12 @@ from itertools import pairwise
 from typing import Any
 
 import msgspec
+import numpy as np
 from rich.table import Table
 
 from surefoot.errors import UsageError
 from surefoot.robot_io.client_side.listener import RawMessage
+from surefoot.robot_io.realtime import distribution_of
 from surefoot.schemas.codec import decode, decode_head
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.result import Distribution
@@ -228,7 +230,7 @@ class TimingMeter:
         received = [time for time, _ in self._recent]
         periods = [(b - a) / NS_PER_MS for a, b in pairwise(received)]
         span_s = (received[-1] - received[0]) / NS_PER_S if periods else 0.0
-        period = _quantile(sorted(periods), 0.5) if periods else None
+        period = float(np.median(periods)) if periods else None
         delays = [delay / NS_PER_MS for _, delay in self._recent]
         counts = self._every_tick
         return ChannelTiming(
@@ -239,9 +241,9 @@ class TimingMeter:
             jitter_ms=(
                 None
                 if period is None
-                else distribution([abs(value - period) for value in periods])
+                else distribution_of([abs(value - period) for value in periods])
             ),
-            delay_ms=distribution(delays) if self._has_delay and delays else None,
+            delay_ms=distribution_of(delays) if self._has_delay and delays else None,
             gaps=self._gaps if counts else None,
             duplicates=self._duplicates if counts else None,
             out_of_order=self._late if counts else None,
@@ -265,19 +267,6 @@ class TimingMeter:
     def _forget_before(self, time_ns: int) -> None:
         while self._recent and self._recent[0][0] < time_ns:
             self._recent.popleft()
-
-
-def distribution(values: list[float]) -> Distribution:
-    """Return median, 99th percentile and maximum of at least one value [ms]."""
-    ordered = sorted(values)
-    return Distribution(
-        median=_quantile(ordered, 0.5), p99=_quantile(ordered, 0.99), max=ordered[-1]
-    )
-
-
-def _quantile(ordered: list[float], share: float) -> float:
-    """Return a quantile of sorted values."""
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 def hz_table(timings: Iterable[ChannelTiming]) -> Table:

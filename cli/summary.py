@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from rich.bar import Bar
 from rich.console import Group as RenderableGroup
 from rich.table import Table
 from rich.text import Text
@@ -34,7 +35,8 @@ _PASSAGE = ("arrived", "left")
 
 BAR_WIDTH = 40
 
-_EIGHTHS = " ▏▎▍▌▋▊▉"
+SLIVER = 0.126 / BAR_WIDTH
+"""Share that still shows: an eighth of a character."""
 
 
 def run_table(result: RunResult) -> Table:
@@ -265,7 +267,7 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
         count = counts[index]
         table.add_row(
             _range(edges, index),
-            _bar(count / most),
+            Bar(most, 0, max(count, SLIVER * most), width=BAR_WIDTH) if count else "",
             str(count),
             f"{100.0 * count / total:.2f} %",
         )
@@ -285,13 +287,6 @@ def _range(edges: list[float], index: int) -> str:
     if index == len(edges):
         return f"over {edges[-1]:g}"
     return f"{edges[index - 1]:g} to {edges[index]:g}"
-
-
-def _bar(share: float) -> str:
-    eighths = round(8 * BAR_WIDTH * share)
-    if share > 0.0:
-        eighths = max(1, eighths)
-    return "█" * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
 
 
 def counts_table(counts: Iterable[ChannelCount]) -> Table:

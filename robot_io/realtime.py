@@ -11,12 +11,14 @@ import sys
 import threading
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from types import FrameType
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surefoot.schemas.reasons import SIGNALS
 from surefoot.schemas.result import NO_TIME, Distribution, Histogram
@@ -44,6 +46,14 @@ NS_PER_S = 1e9
 MAX_LAG_PERIODS = 5
 """A loop that is late by more does not try to catch up: a burst of ticks in no time
 would ask the impossible of whoever answers them."""
+
+
+def distribution_of(
+    times_ms: Sequence[float] | NDArray[np.floating[Any]],
+) -> Distribution:
+    """Median, 99th percentile and maximum of at least one time [ms]."""
+    median, p99, most = np.percentile(times_ms, (50.0, 99.0, 100.0)).tolist()
+    return Distribution(median=median, p99=p99, max=most)
 
 
 class TimingLog:
@@ -114,9 +124,7 @@ class RecentTimes:
         """Return median, 99th percentile and maximum [ms]; zeros when empty."""
         if not self._count:
             return NO_TIME
-        kept = MS_PER_NS * self._durations_ns[: self._count]
-        median, p99 = np.percentile(kept, (50.0, 99.0))
-        return Distribution(median=float(median), p99=float(p99), max=float(kept.max()))
+        return distribution_of(MS_PER_NS * self._durations_ns[: self._count])
 
 
 class CommandLatency:

@@ -1,7 +1,4 @@
-"""What long work is given: a place for its files, and a bar for its progress.
-
-Folders and files are claimed at the start, and others' left alone.
-"""
+"""Places for files: claimed before the work begins, and others' left alone."""
 
 from __future__ import annotations
 
@@ -10,9 +7,9 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Protocol, Self
+from typing import IO, Any, BinaryIO, Self
 
 import msgspec
 
@@ -388,28 +385,3 @@ class OutFolder:
         names = (self._marker, *self._ours)
         found = dict.fromkeys(file for name in names for file in folder.glob(name))
         return [file for file in found if file.is_file() or file.is_symlink()]
-
-
-class CountBar(Protocol):
-    """Opens a bar that counts; entering it gives a function to call after each."""
-
-    def __call__(
-        self, title: str, *, total: int, done: int, of: str = "runs"
-    ) -> AbstractContextManager[Callable[[], None]]:
-        """Open the bar.
-
-        Args:
-            title: what is under way.
-            total: of all things.
-            done: already, before now.
-            of: what the things are called.
-        """
-
-
-@contextmanager
-def no_bar(
-    title: str, *, total: int, done: int, of: str = "runs"
-) -> Iterator[Callable[[], None]]:
-    """Provide a bar that shows nothing: the default throughout the library."""
-    del title, total, done, of
-    yield lambda: None

@@ -21,8 +21,9 @@ from surefoot.robot_io.bus.session import (
     unreachable,
 )
 from surefoot.robot_io.errors import RobotUnreachableError
-from surefoot.robot_io.realtime import Pace, StopRequest
+from surefoot.robot_io.realtime import Pace, StopRequest, distribution_of
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import Distribution
 
 GRANULARITY_S = {Pace.REALTIME: 0.005, Pace.LOCKSTEP: 0.02}
 """How late a wait with a deadline may end [s]. In lockstep both sides wait anyway, and
@@ -183,6 +184,11 @@ class Bus:
         )
 
 
+def bytes_of(query: zenoh.Query) -> bytes:
+    """Return what a query carries; empty when it carries nothing."""
+    return b"" if query.payload is None else query.payload.to_bytes()
+
+
 @contextmanager
 def dialed_bus(
     endpoints: Endpoints, *, namespace: str, timeout_s: float
@@ -259,11 +265,11 @@ def _one_host(locator: str) -> Endpoints:
     return Endpoints(listen=[locator], connect=[locator], lease_ms=ONE_HOST_LEASE_MS)
 
 
-def measure_loopback(endpoints: Endpoints) -> tuple[float, float]:
+def measure_loopback(endpoints: Endpoints) -> Distribution:
     """Open both ends of a bus in this process and send messages to and fro.
 
     Returns:
-        Median and 99th percentile of the round trip [ms].
+        Times of the round trip.
 
     Raises:
         EndpointError: cannot listen there.
@@ -295,11 +301,8 @@ def measure_loopback(endpoints: Endpoints) -> tuple[float, float]:
         _wait_for_match(forth, back)
         for _ in range(_WARM_UP):
             round_trip()
-        times = sorted(round_trip() for _ in range(ROUND_TRIPS))
-    return (
-        _MS_PER_S * times[ROUND_TRIPS // 2],
-        _MS_PER_S * times[-ROUND_TRIPS // 100],
-    )
+        times_ms = [_MS_PER_S * round_trip() for _ in range(ROUND_TRIPS)]
+    return distribution_of(times_ms)
 
 
 def _wait_for_match(*publishers: zenoh.Publisher) -> None:

@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 import msgspec
 import zenoh
 
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
@@ -251,10 +251,8 @@ class StabilizerServices:
         """Return the next request; None when there is none, which costs nothing."""
         while self._queue:
             kind, query = self._queue.popleft()
-            payload = query.payload
             try:
-                data = b"" if payload is None else payload.to_bytes()
-                return Asked(decode(data, kind), query)
+                return Asked(decode(bytes_of(query), kind), query)
             except MessageError as error:
                 refusal = RequestRefusal.MALFORMED
                 _reply(query, refusal=refusal, detail=str(error), tick=0, settings={})

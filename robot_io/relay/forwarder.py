@@ -15,16 +15,13 @@ from typing import Generic, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.relay.lane import Lane, Parcel, PlanClock
-from surefoot.schemas.topics import TICK_SENSORS
+from surefoot.schemas.topics import COMMAND, TICK_SENSORS, URGENT
 
 Deed = Callable[[], None]
 _LOG = logging.getLogger(__name__)
 T = TypeVar("T")
-COMMAND = "joint_command"
-URGENT = (*TICK_SENSORS, COMMAND)
-"""Channels of the control loop, sent before everything else as their owners do."""
 ANSWER_S = 5.0
 """How long the service may take to answer [s]."""
 
@@ -232,11 +229,8 @@ class ServiceForwarder:
 
     def _on_query(self, query: zenoh.Query) -> None:
         now_s = time.monotonic()
-        payload = query.payload
         parcels = self._lane.pass_on(
-            b"" if payload is None else payload.to_bytes(),
-            now_s=now_s,
-            elapsed_s=self._clock.elapsed_s(now_s),
+            bytes_of(query), now_s=now_s, elapsed_s=self._clock.elapsed_s(now_s)
         )
         open_query = _OpenQuery(query, asks=len(parcels))
         for parcel in parcels:

@@ -24,13 +24,12 @@ from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import (
     ALIVE_STABILIZER,
     ALL_CHANNELS,
-    TICK_SENSORS,
     TOPICS,
+    URGENT,
     Direction,
 )
 
 REFUSAL = "a replay cannot be commanded"
-URGENT = (*TICK_SENSORS, "joint_command")
 SETTLED_S = 0.2
 """Time without a new subscription after which an audience is complete [s]."""
 POLL_S = 0.01

@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 
 import zenoh
 
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.errors import SecondRobotError
 from surefoot.robot_io.identity import (
@@ -277,9 +277,7 @@ class RobotServices:
         while self._asked:
             asked = self._asked.popleft()
             with asked.query as query:
-                payload = query.payload
-                data = b"" if payload is None else payload.to_bytes()
-                self._reply(query, asked.answer(data, now_s))
+                self._reply(query, asked.answer(bytes_of(query), now_s))
         return True
 
     def _queue_for(

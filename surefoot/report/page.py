@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from surefoot.controllers import compute_margins
-from surefoot.out_folder import CountBar, OutFolder, no_bar, write_json
+from surefoot.out_folder import OutFolder, write_json
+from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of
 from surefoot.report.panels import (
     RUN_COLOURS,
