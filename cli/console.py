@@ -81,6 +81,16 @@ def print_json(
     sys.stdout.flush()
 
 
+def print_result(
+    value: msgspec.Struct, table: Callable[[], RenderableType], *, as_json: bool
+) -> None:
+    """Print a result for scripts, or its table for people."""
+    if as_json:
+        print_json(value)
+    else:
+        print_table(table())
+
+
 @contextmanager
 def progress_bar(
     title: str, *, ticks: int, period_s: float

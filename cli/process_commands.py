@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from surefoot.cli import options
 from surefoot.errors import ExitCode, exit_code_for
-
-if TYPE_CHECKING:
-    from surefoot.outcome import Judgement
-    from surefoot.schemas.result import PlantResult
 
 
 def robot(
@@ -41,6 +37,8 @@ def robot(
     """
     from msgspec.structs import replace
 
+    from surefoot.cli.console import print_result
+    from surefoot.cli.summary import plant_table, with_histograms
     from surefoot.out_folder import write_json
     from surefoot.outcome import judge
     from surefoot.processes.child import begin_process, log_note, progress_reporter
@@ -94,21 +92,14 @@ def robot(
     if child and code is ExitCode.FAILED:
         raise typer.Exit(ExitCode.OK)  # its parent knows of both sides, and judges
     if not child:
-        _show(result, scenario, judgement, as_json=as_json)
+        print_result(
+            result,
+            lambda: with_histograms(
+                plant_table(result, judgement, title=scenario), result.histograms
+            ),
+            as_json=as_json,
+        )
     raise typer.Exit(code)
-
-
-def _show(
-    result: PlantResult, scenario: str, judgement: Judgement, *, as_json: bool
-) -> None:
-    from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.summary import plant_table, with_histograms
-
-    if as_json:
-        print_json(result)
-    else:
-        table = plant_table(result, judgement, title=scenario)
-        print_table(with_histograms(table, result.histograms))
 
 
 def _speed(flag: str, most: float, unit: str, help: str) -> Any:

@@ -86,9 +86,8 @@ def run(
     with 1 when it was held, in fault or not controlled.
     """
     from surefoot.cli.console import (
-        print_json,
         print_note,
-        print_table,
+        print_result,
         progress_bar,
         show_notes,
     )
@@ -138,11 +137,12 @@ def run(
     except (ChildFailedError, RunInterrupted) as cut:
         error, done = cut, cut.run
     if done is not None:
-        if as_json:
-            print_json(done.result)
-        else:
-            table = run_table(done.result)
-            print_table(with_histograms(table, done.result.histograms))
+        result = done.result
+        print_result(
+            result,
+            lambda: with_histograms(run_table(result), result.histograms),
+            as_json=as_json,
+        )
     if error is not None:
         raise error
     raise typer.Exit(exit_code_for(done.result.outcome))
@@ -251,7 +251,7 @@ def stabilizer(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.console import print_result
     from surefoot.cli.summary import controller_table, with_histograms
     from surefoot.out_folder import write_json
     from surefoot.processes.child import begin_process, log_note, log_warning
@@ -308,11 +308,14 @@ def stabilizer(
     if result_file is not None:
         write_json(result_file, result)
     if not child:
-        if as_json:
-            print_json(result)
-        else:
-            table = controller_table(result, controller, is_realtime=not lockstep)
-            print_table(with_histograms(table, result.histograms))
+        print_result(
+            result,
+            lambda: with_histograms(
+                controller_table(result, controller, is_realtime=not lockstep),
+                result.histograms,
+            ),
+            as_json=as_json,
+        )
     if child and result.end in _IN_ORDER:
         raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
     raise typer.Exit(code)

@@ -35,7 +35,8 @@ _LARGEST_GYRATION_M = 3.0
 """Inertia of more than this radius for its mass is in other units."""
 _SHARE = 1e-6
 """Of the largest principal inertia: what rounding in a file may amount to."""
-_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""Attributes of <inertia>."""
 
 
 @dataclass(frozen=True)
@@ -241,7 +242,7 @@ class Urdf:
                 return Inertial(0.0, np.zeros((3, 3)))
             raise self.refused(f"{place}: no <inertia> in it, but a mass of {mass:g}")
         xx, yy, zz, xy, xz, yz = (
-            self.number(tensor, key, f"{place}: inertia") for key in _INERTIA
+            self.number(tensor, key, f"{place}: inertia") for key in INERTIA
         )
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if mass > 0.0:

@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
-from scipy.optimize import approx_fprime
 
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.urdf_check import Urdf
@@ -95,6 +94,8 @@ class Skeleton:
         Returns:
             (n_a,) dz/dq, zero for joints outside the leg [m/rad].
         """
+        from scipy.optimize import approx_fprime
+
         robot = self._robot
 
         def height(q: Array) -> float:
