@@ -6,6 +6,7 @@ There is one platform under both feet, or one under each.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,7 +24,6 @@ from surefoot.sim_robot.motion import MotionLaw, motion_law
 from surefoot.sim_robot.robot_spec import Stance
 
 if TYPE_CHECKING:
-    from surefoot.sim_robot.still_ground import StillGround
     from surefoot.sim_robot.world import World
 
 AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -58,6 +58,7 @@ PLATFORM_INERTIA = 1e6
 
 STILL = -1
 """What ground that stands fast says for its platform."""
+UNTURNED_WXYZ = (1.0, 0.0, 0.0, 0.0)
 
 _SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 
@@ -251,43 +252,31 @@ def ground_blocks(world: World) -> list[GroundBlock]:
     blocks = []
     index = 0
     for plan in world.platforms:
-        blocks.append(_platform(plan, index if plan.in_scenario else STILL))
+        top = plan.box_centre + np.array([0.0, 0.0, plan.half_size[2]])
+        if not plan.in_scenario:
+            top = top + plan.top_centre
+        carrier = index if plan.in_scenario else STILL
+        blocks.append(_block(top, plan.quat_wxyz, 2.0 * plan.half_size, carrier))
         index += plan.in_scenario
     for ground in world.still:
-        blocks.append(_seesaw(ground, index) if ground.tip_rad else _still(ground))
-        index += ground.tip_rad > 0.0
+        if ground.tip_rad > 0.0:  # a seesaw carries itself
+            blocks.append(_block(np.zeros(3), UNTURNED_WXYZ, ground.size, index))
+            index += 1
+        else:
+            place, turn = ground.top_centre, ground.quat_wxyz
+            blocks.append(_block(place, turn, ground.size, STILL))
     return blocks
 
 
-def _platform(plan: PlatformPlan, index: int) -> GroundBlock:
-    top = plan.box_centre + np.array([0.0, 0.0, plan.half_size[2]])
-    if index == STILL:
-        top = top + plan.top_centre
-    w, x, y, z = plan.quat_wxyz
+def _block(
+    position: Vec3, quat_wxyz: Sequence[float], size: Vec3, platform: int
+) -> GroundBlock:
+    w, x, y, z = quat_wxyz
     return GroundBlock(
-        position=top.tolist(),
+        position=position.tolist(),
         quat_xyzw=[x, y, z, w],
-        size=(2.0 * plan.half_size).tolist(),
-        platform=index,
-    )
-
-
-def _still(ground: StillGround) -> GroundBlock:
-    w, x, y, z = ground.quat_wxyz
-    return GroundBlock(
-        position=ground.top_centre.tolist(),
-        quat_xyzw=[x, y, z, w],
-        size=ground.size.tolist(),
-        platform=STILL,
-    )
-
-
-def _seesaw(ground: StillGround, index: int) -> GroundBlock:
-    return GroundBlock(
-        position=[0.0, 0.0, 0.0],
-        quat_xyzw=[0.0, 0.0, 0.0, 1.0],
-        size=ground.size.tolist(),
-        platform=index,
+        size=size.tolist(),
+        platform=platform,
     )
 
 
@@ -319,7 +308,7 @@ class Ground:
         self._force = data.qfrc_applied[first : first + count]
         self._position: Array = np.zeros(count)
         self._velocity: Array = np.zeros(count)
-        self._write()
+        self.arrive()
 
     @property
     def moves(self) -> bool:
@@ -341,9 +330,6 @@ class Ground:
 
     def arrive(self) -> None:
         """Put the platforms exactly where they belong after a step."""
-        self._write()
-
-    def _write(self) -> None:
         self._qpos[:] = self._position
         self._qvel[:] = self._velocity
 

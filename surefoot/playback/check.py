@@ -100,12 +100,8 @@ def replay(
             file=path,
             law=controller,
             until_s=until_s,
-            on_tick=on_tick or _unheard,
+            on_tick=on_tick or (lambda tick: None),
         )
-
-
-def _unheard(tick: int) -> None:
-    del tick
 
 
 def version_notes(recorded: bytes | None, present: Versions) -> list[str]:

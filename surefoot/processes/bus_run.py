@@ -14,7 +14,16 @@ from msgspec.structs import replace
 
 from surefoot.errors import ChildFailedError, ExitCode
 from surefoot.outcome import Sides
-from surefoot.processes.child import Child, Event, Exit, Ready, Said, failure, supervise
+from surefoot.processes.child import (
+    Child,
+    Event,
+    Exit,
+    Ready,
+    Said,
+    failure,
+    how_ended,
+    supervise,
+)
 from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.run_folder import (
     CONTROLLER_TICKS,
@@ -97,9 +106,7 @@ def see_recorder_off(recorder: Child) -> None:
             if " WARNING " in line:
                 _LOG.warning(f"recorder: {line}")
         return
-    how = (
-        f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
-    )
+    how = how_ended(code)
     words = "".join(f"\n  {line}" for line in lines[-3:])
     _LOG.warning(f"recorder: {how}; the run went on, its record is cut off{words}")
 

@@ -298,14 +298,18 @@ def failure(child: Child, code: int) -> ChildFailedError:
     before that is of interest only when it ended without a word.
     """
     known = code in {int(entry) for entry in ExitCode}
-    how = (
-        f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
-    )
     said = child.last_error() if known else ""
     return ChildFailedError(
-        f"{child.name}: {how}{f': {said}' if said else _words(child)}",
+        f"{child.name}: {how_ended(code)}{f': {said}' if said else _words(child)}",
         exit_code=ExitCode(code) if known else ExitCode.FAILED,
     )
+
+
+def how_ended(code: int) -> str:
+    """A failure in words."""
+    if code < 0:
+        return f"was ended by signal {-code}"
+    return f"failed with exit code {code}"
 
 
 def _words(child: Child) -> str:
