@@ -207,7 +207,7 @@ class RodAtWork:
     """
 
     def __init__(self, rod: Rod, body: int, *, mass: float) -> None:
-        """Prepare the rod.
+        """Prepare the rod for a link, MuJoCo's ``body``, of a mass [kg].
 
         Raises:
             ScenarioError: it is too stiff for so light a link, or too fast.

@@ -189,6 +189,8 @@ def check_controller(name: str) -> None:
 def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controller:
     """Hold an object with ``start`` and ``step`` to the controller protocol.
 
+    A controller of ours is given back as it is.
+
     Raises:
         ControllerError: it has no ``start`` or ``step``.
     """

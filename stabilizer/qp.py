@@ -277,7 +277,7 @@ class DenseQp:
 
 
 def save_failure(data: QpData, path: Path) -> None:
-    """Write a problem as .npz, whole or not at all.
+    """Write a problem as .npz, whole or not at all; its names are those of QpData.
 
     Raises:
         OSError: it cannot be written there.

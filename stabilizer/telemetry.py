@@ -179,7 +179,10 @@ class ControllerTelemetry:
         is_stale: bool,
         skipped: int = 0,
     ) -> None:
-        """Add a tick."""
+        """Add a tick, a sensor's message of which was missing if it is stale.
+
+        ``skipped`` of the robot's ticks since the last answer have had none.
+        """
         if self._recorder is not None:
             self._recorder.add(tick, output, duration_ns=duration_ns)
         self._skipped += skipped

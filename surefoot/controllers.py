@@ -115,7 +115,10 @@ def compute_margins(
 
 
 def loop_notice(plan: RunPlan) -> str:
-    """Say that a run's loop is later than robot or stabilizer bear; empty if not."""
+    """Say that a run's loop is later than robot or stabilizer bear; empty if not.
+
+    Of gains, only those of the whole-body stabilizer are judged.
+    """
     tick_ms = MS_PER_S * plan.robot.period_s
     delay = plan.scenario.delay
     command_ms = tick_ms if delay.command_ms is None else delay.command_ms

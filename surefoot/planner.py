@@ -41,7 +41,7 @@ class VelocityPlanner:
     """
 
     def __init__(self, pace: Pace, *, half_width: float) -> None:
-        """Begin."""
+        """Begin, each sole ``half_width`` from the middle when it stands [m]."""
         self.pace = pace
         self._half_width = half_width
 

@@ -195,7 +195,7 @@ def session_config(
     keys: dict[str, str] | None = None,
     wait_before_drop_s: float = WAIT_BEFORE_DROP_S,
 ) -> JsonObject:
-    """Return Zenoh's configuration for a process.
+    """Return Zenoh's configuration for a process, asked as :func:`open_session` is.
 
     Returns:
         What Zenoh's JSON5 file would hold.

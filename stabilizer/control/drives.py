@@ -172,7 +172,10 @@ def needed_stiffness(speed: float, *, delay_ticks: int, period_s: float) -> floa
 
 
 def borne_delay(robot: Robot, settings: ControllerSettings) -> int:
-    """Compute the longest loop delay that leaves the fastest mode calm [ticks]."""
+    """Compute the longest loop delay that leaves the fastest mode calm [ticks].
+
+    K is as large as ``dik.loop_delay_s`` asks for.
+    """
     model = RobotModel(robot)
     dynamics = Dynamics(model)
     dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))

@@ -72,7 +72,7 @@ class Stance:
         self.base_error[:] = pin.log3(R_world_base.T.dot(self.R_base))
 
     def follow(self, reference: Reference | None, model: RobotModel) -> None:
-        """Take over a planner's newest reference, unless that is done already."""
+        """Take over a planner's newest reference, joints in bus order, if it is new."""
         if reference is not None and reference is not self._followed:
             self._followed = reference
             self._set(reference, model)

@@ -128,8 +128,7 @@ def compute_margins(
 ) -> LoopMargins:
     """Compute all margins of the whole-body stabilizer on a robot that stands.
 
-    Returns:
-        What the loop bears.
+    The delay is that from a reading to the step its answer acts in.
     """
     loop = LinearLoop(robot, settings)
     period_s, matrices = loop.period_s, loop.cut(delay_ticks)

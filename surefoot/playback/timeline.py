@@ -286,7 +286,7 @@ class RecordedSensors:
 def between(
     timeline: Timeline, *, period_s: float, from_s: float, until_s: float | None
 ) -> list[Entry]:
-    """Return the messages of a span of time."""
+    """Return the messages of a span, both ends counted from the first tick [s]."""
     first = timeline.first_tick + round(from_s / period_s)
     end = None if until_s is None else timeline.first_tick + round(until_s / period_s)
     return [

@@ -68,7 +68,10 @@ def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
 
 
 def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
-    """Wait until the recorder receives everything, or cannot be waited for."""
+    """Wait until the recorder receives everything, or cannot be waited for.
+
+    Events of other children are kept for later.
+    """
     others: list[Event] = []
     end = time.monotonic() + _READY_S
     while True:

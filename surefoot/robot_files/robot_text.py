@@ -148,7 +148,11 @@ def joint_lines(
     com_height_m: float,
     up: Vec3,
 ) -> list[JointLines]:
-    """Describe all joints, in the order of the URDF."""
+    """Describe all joints, in the order of the URDF.
+
+    Efforts that are no limits are written anew into the draft. The height of the CoM
+    above the soles [m] and up, (3,) in the base link, are those at zero of all joints.
+    """
     model = body.model
     scale = Scale(body.mass, com_height_m)
     in_leg = {
@@ -289,7 +293,7 @@ def robot_text(
     nominal: NominalPosture,
     joints: Sequence[JointLines],
 ) -> str:
-    """Return the TOML."""
+    """Return the TOML; feet are left, then right, joints in the order of the bus."""
     sink, rise = nominal.com_travel_m
     head = toml_text(
         {

@@ -151,7 +151,7 @@ class Asker:
         self._requests = requests
 
     def ask(self, what: str, request: Request, *, by_hand: bool = True) -> None:
-        """Queue a request."""
+        """Queue a request, to be called on the asker's thread."""
         self._queue.put((what, request, by_hand))
 
     def ask_now(self, what: str, request: Request, by_hand: bool = True) -> None:
