@@ -55,6 +55,21 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
         ) from error
 
 
+def is_to_replace(path: Path, *, overwrite: bool) -> bool:
+    """Whether there is a file, which may be replaced.
+
+    Raises:
+        UsageError: it may not.
+    """
+    is_there = path.exists() or path.is_symlink()
+    if is_there and not overwrite:
+        raise UsageError(
+            f"--out {path}: is there already; name another place, or overwrite it "
+            "(--overwrite)"
+        )
+    return is_there
+
+
 def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
     """See that a file is not there, or one that the same command wrote.
 
@@ -66,13 +81,8 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
     Raises:
         UsageError: it is there, and may not be replaced or is somebody else's.
     """
-    if not (path.exists() or path.is_symlink()):
+    if not is_to_replace(path, overwrite=overwrite):
         return
-    if not overwrite:
-        raise UsageError(
-            f"--out {path}: is there already; name another place, or overwrite it "
-            "(--overwrite)"
-        )
     try:
         with path.open("rb") as file:
             is_ours = signature.encode() in file.readline(_LONGEST_LINE)

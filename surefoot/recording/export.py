@@ -18,7 +18,7 @@ from numpy.lib.format import write_array
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.installation import install_command
-from surefoot.out_folder import new_file
+from surefoot.out_folder import is_to_replace, new_file
 from surefoot.recording.read import Record
 from surefoot.schemas.arrays import Array
 from surefoot.signals import Signals
@@ -202,13 +202,8 @@ def _check_place(path: Path, names: Iterable[str], *, overwrite: bool) -> None:
     Raises:
         UsageError: it is neither.
     """
-    if not (path.exists() or path.is_symlink()):
+    if not is_to_replace(path, overwrite=overwrite):
         return
-    if not overwrite:
-        raise UsageError(
-            f"--out {path}: is there already; name another place, or overwrite it "
-            "(--overwrite)"
-        )
     if path.is_symlink() or _names_in(path) != list(names):
         raise UsageError(
             f"--out {path}: is there, and not what an export of this would be; it is "
