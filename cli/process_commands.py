@@ -72,7 +72,7 @@ def robot(
         if record_file is None
         else TickFile(record_file, may_wait=lockstep) as ticks,
     ):
-        done = run_robot(
+        result = run_robot(
             model,
             world,
             seed=seed,
@@ -82,7 +82,6 @@ def robot(
             histogram=histogram,
             on_tick=progress_reporter() if child else None,
         )
-    result = done.result
     if ticks is not None:
         result = replace(result, unrecorded_ticks=ticks.lost_ticks)
     if result_file is not None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import msgspec
 
@@ -184,17 +183,6 @@ class RobotLoop:
             self.latency.taken(result.answers, acts_at=acts_at)
 
 
-@dataclass(frozen=True)
-class RobotRun:
-    """What a run of the simulated robot left behind.
-
-    Attributes:
-        result: figures of the run, over the ticks there were.
-    """
-
-    result: PlantResult
-
-
 def run_robot(
     robot: Robot,
     scenario: Scenario,
@@ -207,7 +195,7 @@ def run_robot(
     wait_s: float | None = None,
     stop: StopRequest | None = None,
     on_tick: Callable[[int], None] | None = None,
-) -> RobotRun:
+) -> PlantResult:
     """Run a scenario on the bus for the commander that takes the lease.
 
     The robot stands at tick 0, in HOLD, until a commander has enabled it: scenarios
@@ -228,7 +216,7 @@ def run_robot(
         on_tick: called with the tick now and then, for a progress bar.
 
     Returns:
-        The run; also when it was stopped or nobody came.
+        Figures over the ticks there were; also when it was stopped or nobody came.
 
     Raises:
         EndpointError: cannot listen there.
@@ -276,10 +264,8 @@ def run_robot(
             gate=report,
             cut_off=cut_off,
         )
-        return RobotRun(
-            result=msgspec.structs.replace(
-                result,
-                end_to_end_ms=loop.latency.log.distribution(),
-                histograms=loop.histograms() if histogram else {},
-            ),
+        return msgspec.structs.replace(
+            result,
+            end_to_end_ms=loop.latency.log.distribution(),
+            histograms=loop.histograms() if histogram else {},
         )
