@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from surefoot.robot_io.realtime import quiet_interpreter
+from surefoot.robot_io.snapshot import Snapshot, sensor_messages
 from surefoot.schemas import codec, messages
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.simulation import Simulation
@@ -29,12 +30,7 @@ US_PER_NS = 1e-3
 
 
 class Stopwatch:
-    """Collects durations of calls by name, and by phase.
-
-    Attributes:
-        phase: of the walk, for the calls to come.
-        durations_ns: by name and phase [ns].
-    """
+    """Collects durations of calls by name, and by phase."""
 
     def __init__(self) -> None:
         """Start with nothing measured."""
@@ -105,24 +101,8 @@ def run(scenario_name: str, *, ticks: int) -> str:
     return "\n\n".join(watch.table(phase) for phase in phases)
 
 
-def _encode_snapshot(snapshot: Any) -> list[tuple[bytes, type[messages.Message]]]:
-    head = {"schema": messages.SCHEMA_VERSION, "tick": snapshot.tick, "stamp_ns": 0}
-    joints = messages.JointState(
-        **head,
-        q=snapshot.q.tolist(),
-        dq=snapshot.dq.tolist(),
-        effort=snapshot.effort.tolist(),
-    )
-    imu = messages.ImuState(
-        **head,
-        quat_xyzw=snapshot.quat_xyzw.tolist(),
-        angular_velocity=snapshot.angular_velocity.tolist(),
-        linear_acceleration=snapshot.linear_acceleration.tolist(),
-    )
-    parts: list[messages.Message] = [joints, imu]
-    for wrench in (snapshot.ft_left, snapshot.ft_right):
-        values = wrench.tolist()
-        parts.append(messages.ForceTorque(**head, force=values[:3], moment=values[3:]))
+def _encode_snapshot(snapshot: Snapshot) -> list[tuple[bytes, type[messages.Message]]]:
+    parts = sensor_messages(snapshot, stamp_ns=0)
     return [(codec.encode(part), type(part)) for part in parts]
 
 

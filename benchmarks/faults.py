@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.shortened import shortened
-from benchmarks.started import run_json
+from benchmarks.started import run_json, shortened
 from surefoot.robot_io.relay.relay import list_plans
 from surefoot.schemas.reasons import Outcome
 from surefoot.signals import read_signals

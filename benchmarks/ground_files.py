@@ -68,11 +68,6 @@ def strong_motion(
     White noise through a layer of soil, under an envelope that rises within a fifth of
     the time and dies away.
 
-    Args:
-        peak_m_s2: largest acceleration.
-        ground_hz: of the layer; lower is softer.
-        seed: of the noise.
-
     Returns:
         Times [s] and accelerations [m/s^2], each (n,).
     """

@@ -57,13 +57,7 @@ class NoWheelError(LookupError):
 
 @dataclass(frozen=True)
 class Humanoid:
-    """A robot of a wheel.
-
-    Attributes:
-        wheel: what to install.
-        urdf: how the path of its URDF ends.
-        options: what is to be said about it.
-    """
+    """A robot of a wheel."""
 
     wheel: str
     urdf: str
@@ -154,12 +148,7 @@ def _share(scaled: Scenario, shipped: Scenario) -> float:
 
 
 class Count(NamedTuple):
-    """Runs of a cell, or of many.
-
-    Attributes:
-        up: that stood to the end.
-        runs: all of them.
-    """
+    """Runs of a cell, or of many."""
 
     up: int = 0
     runs: int = 0

@@ -23,8 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.shortened import shortened
-from benchmarks.started import Started, wait_until
+from benchmarks.started import Started, shortened, wait_until
 from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.robot_io.client_side.observer import Observer
 from surefoot.robot_io.robot import Robot, load_robot

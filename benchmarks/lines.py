@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,18 +24,12 @@ from surefoot.studies.cell import Row, figures_of, plan_in
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
 from surefoot.studies.study import success_interval
+from surefoot.studies.tables import markdown
 
 
 @dataclass(frozen=True)
 class LineRun:
-    """One run of a line; a study says what each of its lines is.
-
-    Attributes:
-        line: its name.
-        number: of the run, and seed of the sensor noise.
-        controller: as studies name it.
-        servo_profile: of the robot file.
-    """
+    """One run of a line; a study says what each of its lines is."""
 
     line: str
     number: int
@@ -92,13 +86,11 @@ class LineRun:
         }
 
 
-def add_options(parser: argparse.ArgumentParser, *, count: int) -> None:
-    """Add what all such studies are asked.
-
-    Args:
-        parser: gets the options.
-        count: runs of each line when nothing is said.
-    """
+def study_options(about: str | None, *, count: int) -> argparse.ArgumentParser:
+    """Return the options of all such studies, to which one adds its own."""
+    parser = argparse.ArgumentParser(
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--only", nargs="+", default=[""], help="parts of lines' names")
     parser.add_argument("--first", type=int, default=0, help="number of the first run")
     parser.add_argument("--count", type=int, default=count, help="runs of each line")
@@ -106,18 +98,13 @@ def add_options(parser: argparse.ArgumentParser, *, count: int) -> None:
     parser.add_argument("--set", action="append", default=[], help="section.name=value")
     parser.add_argument("--jobs", type=int, default=0, help="processes; 0: all cores")
     parser.add_argument("--out", type=Path, help="folder that keeps finished runs")
+    return parser
 
 
 def run_all(
     runs: Sequence[LineRun], options: argparse.Namespace, *, title: str
 ) -> list[Row]:
-    """Do the runs that are not kept yet; return the rows of all, and print who fell.
-
-    Args:
-        runs: of the study.
-        options: as :func:`add_options` has them.
-        title: of the study.
-    """
+    """Do the runs that are not kept yet; return the rows of all, and print who fell."""
     about = {title: sorted(options.set)}
     place = nullcontext(options.out) if options.out else tempfile.TemporaryDirectory()
     with place as folder, StudyStore(Path(folder), about=about) as store:
@@ -145,3 +132,23 @@ def share_in_words(rows: Sequence[Row]) -> str:
     up = sum(map(is_up, rows))
     low, high = success_interval(up, len(rows))
     return f"{up} of {len(rows)} ({100 * low:.0f} to {100 * high:.0f} %)"
+
+
+def pivot(
+    corner: str,
+    cells: dict[tuple[str, str], list[Row]],
+    words: Callable[[list[Row]], str],
+) -> str:
+    """Return a Markdown table of cells in words, by row and column as they first come.
+
+    Args:
+        corner: heads the first column.
+        cells: by row and column; one that is not there has no runs.
+        words: what a cell says.
+    """
+    columns = list(dict.fromkeys(column for _, column in cells))
+    rows = [
+        (row, *(words(cells.get((row, column), [])) for column in columns))
+        for row in dict.fromkeys(row for row, _ in cells)
+    ]
+    return markdown((corner, *columns), rows)

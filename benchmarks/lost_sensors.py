@@ -16,8 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.shortened import shortened
-from benchmarks.started import run_json
+from benchmarks.started import run_json, shortened
 from surefoot.studies.tables import markdown
 
 FELL = 5

@@ -82,10 +82,6 @@ def ratio_of(ours: Sequence[float], theirs: Sequence[float]) -> Ratio:
 
     Of ten pairs the second and the ninth ratio enclose the median with 97.9 %; of
     fewer than eight, the least and the largest are given.
-
-    Args:
-        ours: times of ours, one a pair.
-        theirs: times of theirs.
     """
     ratios = sorted(a / b for a, b in zip(ours, theirs, strict=True))
     cut = 1 if len(ratios) >= 8 else 0
@@ -93,12 +89,7 @@ def ratio_of(ours: Sequence[float], theirs: Sequence[float]) -> Ratio:
 
 
 def table_of(pairs: Sequence[dict[str, float]], absent: dict[str, str]) -> str:
-    """Return the comparisons in Markdown.
-
-    Args:
-        pairs: times by name, of ours and of theirs [us].
-        absent: why others are missing, by name.
-    """
+    """Return the comparisons in Markdown."""
     lines = [
         "| Surefoot | | beside | | ours / theirs | interval |",
         "|---|---|---|---|---|---|",

@@ -14,7 +14,6 @@ told before. A line of your own is an entry of ``LINES``; what random lines draw
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 import tomllib
 from collections.abc import Sequence
@@ -25,9 +24,16 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.lines import LineRun, add_options, is_up, run_all, share_in_words
+from benchmarks.lines import (
+    LineRun,
+    is_up,
+    pivot,
+    run_all,
+    share_in_words,
+    study_options,
+)
 from benchmarks.mounted import Drawing, write_mounted
-from benchmarks.shortened import shortened
+from benchmarks.started import shortened
 from surefoot.robot_io.robot import load_robot
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import Scenario, scenario_from_table
@@ -192,26 +198,16 @@ def table(runs: Sequence[RealRun], rows: Sequence[Row]) -> str:
     cells: dict[tuple[str, str], list[Row]] = {}
     for run, row in zip(runs, rows, strict=True):
         cells.setdefault((run.line, run.ground), []).append(row)
-    grounds = list(dict.fromkeys(ground for _, ground in cells))
-    told = [
-        f"| imperfection | {' | '.join(grounds)} |",
-        "|---" * (len(grounds) + 1) + "|",
-    ]
-    for line in dict.fromkeys(line for line, _ in cells):
-        words = [cell(cells[line, ground]) for ground in grounds]
-        told.append(f"| {line} | {' | '.join(words)} |")
-    for ground in grounds:
+    told = pivot("imperfection", cells, cell)
+    for ground in dict.fromkeys(ground for _, ground in cells):
         of = [row for (_, on), each in cells.items() if on == ground for row in each]
-        told.append(f"\n{ground}: {share_in_words(of)} stood")
-    return "\n".join(told)
+        told += f"\n{ground}: {share_in_words(of)} stood\n"
+    return told.rstrip("\n")
 
 
 def main() -> int:
     """Read the command line, run and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_options(parser, count=1)
+    parser = study_options(__doc__, count=1)
     parser.add_argument("--random", type=int, default=4, help="random lines")
     parser.add_argument("--grounds", nargs="+", default=list(GROUND), choices=GROUND)
     options = parser.parse_args()

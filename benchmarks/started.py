@@ -1,8 +1,9 @@
-"""``surefoot`` commands as processes of a study."""
+"""``surefoot`` commands as processes of a study, and scenarios cut short for them."""
 
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 import time
@@ -10,9 +11,18 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
+from surefoot.sim_robot.catalogue import find_scenario
+
 T = TypeVar("T")
 DEADLINE_S = 120.0
 PAUSE_S = 0.001
+
+
+def shortened(name: str, duration_s: float) -> str:
+    """Return the text of a shipped scenario with another duration [s]."""
+    text = find_scenario(name).read_text(encoding="utf-8")
+    whole = f"duration_s = {duration_s}"  # the first: pushes have theirs behind it
+    return re.sub(r"(?m)^duration_s = .*$", whole, text, count=1)
 
 
 def wait_until(condition: Callable[[], T], *, what: str) -> T:
@@ -31,10 +41,6 @@ def wait_until(condition: Callable[[], T], *, what: str) -> T:
 
 def run_json(*words: object, ended: Collection[int] = (0,)) -> dict[str, Any]:
     """Return the result object of ``surefoot run``.
-
-    Args:
-        words: after ``run``.
-        ended: exit codes of runs that tell how they ended.
 
     Raises:
         RuntimeError: the run told no result; holds its last words.

@@ -27,11 +27,21 @@ from benchmarks.humanoids import HUMANOIDS
 from surefoot.robot_files.scenario_fit import scale_to_robot
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.robot_file import VirtualForceTorque
+from surefoot.studies.tables import markdown
 
 SCENARIOS = ("standing", "moving-platform-slow", "moving-platform-fast")
 SETTLED_S = 1.0
 NORMALS, TILTS = [2, 8], [3, 4, 9, 10]
 """Of both soles' wrenches, stacked."""
+
+COLUMNS = (
+    "scenario",
+    "ankles",
+    "up",
+    "normal force [N]",
+    "moments [N m]",
+    "CoM max [mm]",
+)
 
 
 class Case(NamedTuple):
@@ -107,18 +117,17 @@ def main() -> None:
     by_row: dict[tuple[str, str], list[Figures]] = {}
     for (case, scenario, _), figures in zip(cells, found, strict=True):
         by_row.setdefault((scenario, case.name), []).append(figures)
-    print(
-        "| scenario | ankles | up | normal force [N] | moments [N m] | CoM max [mm] |"
-    )
-    print("|---|---|---|---|---|---|")
+    lines = []
     for (scenario, name), rows in sorted(by_row.items(), key=lambda item: item[0][0]):
         up = sum(row.outcome == "stood" for row in rows)
-        print(
-            f"| {scenario} | {name} | {up} of {len(rows)} "
-            f"| {np.mean([row.normal_n for row in rows]):.1f} "
-            f"| {np.mean([row.moment_nm for row in rows]):.2f} "
-            f"| {np.max([row.com_mm for row in rows]):.1f} |"
+        normal, moment = (
+            np.mean([getattr(row, figure) for row in rows])
+            for figure in ("normal_n", "moment_nm")
         )
+        worst = max(row.com_mm for row in rows)
+        told = (f"{normal:.1f}", f"{moment:.2f}", f"{worst:.1f}")
+        lines.append((scenario, name, f"{up} of {len(rows)}", *told))
+    print(markdown(COLUMNS, lines), end="")
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ a study that was ended goes on. ``--figure`` draws how many were walked,
 
 from __future__ import annotations
 
-import argparse
 import math
 import random
 from collections.abc import Callable, Sequence
@@ -23,7 +22,14 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmarks.lines import LineRun, add_options, is_up, run_all, share_in_words
+from benchmarks.lines import (
+    LineRun,
+    is_up,
+    pivot,
+    run_all,
+    share_in_words,
+    study_options,
+)
 from surefoot import load_scenario
 from surefoot.schemas.motions import PrtsMotion
 from surefoot.schemas.scenario import Platform, Scenario, Tile
@@ -237,12 +243,7 @@ def model_errors(number: int) -> Scenario:
 
 
 class Line(NamedTuple):
-    """One kind of walk.
-
-    Attributes:
-        name: shown in the table.
-        scenario: of the run with a number.
-    """
+    """One kind of walk."""
 
     name: str
     scenario: Callable[[int], Scenario]
@@ -306,13 +307,7 @@ def table(rows: Sequence[Row]) -> str:
     for row in rows:
         column = f"{row['controller']}, {row['servo_profile']}"
         cells.setdefault((row["line"], column), []).append(row)
-    columns = list(dict.fromkeys(column for _, column in cells))
-    lines = list(dict.fromkeys(line for line, _ in cells))
-    told = [f"| walk | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
-    for line in lines:
-        words = [in_words(cells.get((line, column), [])) for column in columns]
-        told.append(f"| {line} | {' | '.join(words)} |")
-    return "\n".join(told)
+    return pivot("walk", cells, in_words).rstrip("\n")
 
 
 def draw_shares(rows: Sequence[Row], path: str) -> None:
@@ -386,10 +381,7 @@ def draw_pushes(rows: Sequence[Row], path: str) -> None:
 
 def main() -> int:
     """Read the command line, run, print and draw."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    add_options(parser, count=16)
+    parser = study_options(__doc__, count=16)
     parser.add_argument("--servo-profiles", nargs="+", default=["ideal", "harmonic"])
     parser.add_argument("--figure", help="of how many were walked")
     parser.add_argument("--push-figure", help="of the first push line that was run")

@@ -52,11 +52,8 @@ def topics(
     )
     from surefoot.cli.console import print_json, print_note, print_table, print_text
     from surefoot.robot_io.client_side.listener import Listener
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
 
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     with Listener(
         model, endpoints=meeting, patterns=["**"], elsewhere=True
     ) as listener:
@@ -137,13 +134,10 @@ def echo(
     from surefoot.cli.bus_messages import Echo, check_fields
     from surefoot.cli.bus_topics import find_channel, tell_absences
     from surefoot.robot_io.client_side.listener import Listener
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
 
-    model = load_robot(robot, servo_profile=servo_profile)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     entry = find_channel(channel, model)
     check_fields(fields or [], entry.message)
-    meeting = choose_endpoints(endpoints, connect=connect)
     shown = Echo(
         entry,
         joint_count=model.n_a,
@@ -233,13 +227,10 @@ def hz(
     from surefoot.robot_io.bus.session import dialed
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.realtime import StopRequest
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.schemas.topics import PUBLISHED
 
-    model = load_robot(robot, servo_profile=servo_profile)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED
-    meeting = choose_endpoints(endpoints, connect=connect)
     has_delay = same_clock(dialed(meeting))
     meters = {
         f"{model.file.namespace}/{model.keys[entry.name]}": TimingMeter(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 from collections import deque
 from collections.abc import Iterable
@@ -10,14 +9,17 @@ from itertools import pairwise
 from typing import Any
 
 import msgspec
+import numpy as np
 from rich.table import Table
 
 from surefoot.errors import UsageError
 from surefoot.robot_io.client_side.listener import RawMessage
+from surefoot.robot_io.realtime import distribution_of
 from surefoot.schemas.codec import decode, decode_head
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.result import Distribution
 from surefoot.schemas.topics import Topic
+from surefoot.schemas.validation import nearest
 
 NS_PER_S = 1e9
 _DIGITS = ".6g"
@@ -45,11 +47,9 @@ def check_fields(paths: Iterable[str], kind: type[msgspec.Struct]) -> None:
     for path in paths:
         name = path.split(".")[0]
         if name not in names:
-            near = difflib.get_close_matches(name, names, n=1)
-            hint = f"did you mean {near[0]!r}? " if near else ""
             raise UsageError(
-                f"--field {path}: {kind.__name__} has no {name!r}; {hint}"
-                f"fields are {', '.join(names)}"
+                f"--field {path}: {kind.__name__} has no {name!r}"
+                f"{nearest(name, names)}; fields are {', '.join(names)}"
             )
 
 
@@ -79,13 +79,7 @@ def _there_is(value: Any) -> str:
 
 
 def message_lines(channel: str, message: dict[str, Any], *, size: int) -> list[str]:
-    """Return a message as lines of text.
-
-    Args:
-        channel: its name.
-        message: as :func:`msgspec.to_builtins` gives it.
-        size: on the bus [bytes].
-    """
+    """Return a message as lines of text."""
     fields = {name: value for name, value in message.items() if name not in _HEADER}
     return [
         f"{channel}  tick {message['tick']}, "
@@ -114,11 +108,7 @@ def text_of(value: Any) -> str:
 
 
 class Echo:
-    """Shows messages of one channel.
-
-    Attributes:
-        count: messages shown, malformed ones included.
-    """
+    """Shows messages of one channel."""
 
     def __init__(
         self,
@@ -129,15 +119,7 @@ class Echo:
         rate_hz: float | None,
         as_json: bool,
     ) -> None:
-        """Keep what to show.
-
-        Args:
-            topic: the channel.
-            joint_count: n_a of the robot.
-            fields: paths; all of the message when there are none.
-            rate_hz: most messages shown in a second; others are passed over.
-            as_json: a JSON object instead of words.
-        """
+        """Keep what to show."""
         self.count = 0
         self._topic, self._joint_count = topic, joint_count
         self._fields = list(fields)
@@ -248,7 +230,7 @@ class TimingMeter:
         received = [time for time, _ in self._recent]
         periods = [(b - a) / NS_PER_MS for a, b in pairwise(received)]
         span_s = (received[-1] - received[0]) / NS_PER_S if periods else 0.0
-        period = _quantile(sorted(periods), 0.5) if periods else None
+        period = float(np.median(periods)) if periods else None
         delays = [delay / NS_PER_MS for _, delay in self._recent]
         counts = self._every_tick
         return ChannelTiming(
@@ -259,9 +241,9 @@ class TimingMeter:
             jitter_ms=(
                 None
                 if period is None
-                else distribution([abs(value - period) for value in periods])
+                else distribution_of([abs(value - period) for value in periods])
             ),
-            delay_ms=distribution(delays) if self._has_delay and delays else None,
+            delay_ms=distribution_of(delays) if self._has_delay and delays else None,
             gaps=self._gaps if counts else None,
             duplicates=self._duplicates if counts else None,
             out_of_order=self._late if counts else None,
@@ -285,19 +267,6 @@ class TimingMeter:
     def _forget_before(self, time_ns: int) -> None:
         while self._recent and self._recent[0][0] < time_ns:
             self._recent.popleft()
-
-
-def distribution(values: list[float]) -> Distribution:
-    """Return median, 99th percentile and maximum of at least one value [ms]."""
-    ordered = sorted(values)
-    return Distribution(
-        median=_quantile(ordered, 0.5), p99=_quantile(ordered, 0.99), max=ordered[-1]
-    )
-
-
-def _quantile(ordered: list[float], share: float) -> float:
-    """Return a quantile of sorted values."""
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
 def hz_table(timings: Iterable[ChannelTiming]) -> Table:

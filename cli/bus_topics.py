@@ -70,14 +70,7 @@ class Topics(msgspec.Struct, kw_only=True):
 def list_topics(
     robot: Robot, heard: Iterable[RawMessage], graph: BusGraph, *, listened_s: float
 ) -> Topics:
-    """Sort what was heard by channel.
-
-    Args:
-        robot: names the keys.
-        heard: everything on the bus.
-        graph: who declared what.
-        listened_s: over what time it was heard [s].
-    """
+    """Sort what was heard by channel."""
     messages: dict[str, list[bytes]] = defaultdict(list)
     for one in heard:
         messages[one.key].append(one.data)
@@ -266,9 +259,6 @@ def same_clock(locators: list[str]) -> bool:
 
 def tell_absences(absences: Absences) -> None:
     """Say when the robot was away.
-
-    Args:
-        absences: of the client; nothing is said when there are none.
 
     Raises:
         Exit: with code 1, when it was away: what was told is not all.

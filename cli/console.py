@@ -56,11 +56,7 @@ class NoteHandler(logging.Handler):
 
 
 def show_notes(logger: str) -> None:
-    """Show what one logger of the library says from now on.
-
-    Args:
-        logger: its name.
-    """
+    """Show what one logger of the library says from now on."""
     log = logging.getLogger(logger)
     log.setLevel(logging.INFO)
     log.handlers[:] = [NoteHandler()]
@@ -85,16 +81,21 @@ def print_json(
     sys.stdout.flush()
 
 
+def print_result(
+    value: msgspec.Struct, table: Callable[[], RenderableType], *, as_json: bool
+) -> None:
+    """Print a result for scripts, or its table for people."""
+    if as_json:
+        print_json(value)
+    else:
+        print_table(table())
+
+
 @contextmanager
 def progress_bar(
     title: str, *, ticks: int, period_s: float
 ) -> Iterator[Callable[[int], None]]:
     """Show how far a run is, on a terminal only.
-
-    Args:
-        title: what is running.
-        ticks: of the whole run.
-        period_s: simulated time of a tick.
 
     Yields:
         A function to be told the present tick.
@@ -112,12 +113,6 @@ def count_bar(
     title: str, *, total: int, done: int, of: str = "runs"
 ) -> Iterator[Callable[[], None]]:
     """Show how many of many things are done, and the time left, on a terminal only.
-
-    Args:
-        title: what is under way.
-        total: of all things.
-        done: already, before now.
-        of: what the things are called.
 
     Yields:
         A function to be called after each.

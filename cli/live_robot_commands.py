@@ -39,24 +39,18 @@ def check_robot(
     Takes command, holds the posture and gives it back; no joint moves by more than
     1 mrad. Exits with 1 when something failed, with 4 when there is no robot.
     """
-    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.console import print_result
     from surefoot.errors import UsageError
     from surefoot.robot_io.conformance.run import SECTIONS, check_conformance
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
 
     unknown = sorted(set(only or ()) - set(SECTIONS))
     if unknown:
         raise UsageError(f"--only {unknown[0]}: expected {', '.join(SECTIONS)}")
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     report = check_conformance(
         model, endpoints=meeting, sections=only or SECTIONS, timeout_s=wait_s
     )
-    if as_json:
-        print_json(report)
-    else:
-        print_table(_checks_table(report))
+    print_result(report, lambda: _checks_table(report), as_json=as_json)
     if not report.passed:
         raise typer.Exit(ExitCode.FAILED)
 

@@ -54,11 +54,8 @@ def relay(
     endpoints: options.EndpointsOption = None,
     listen: Annotated[
         list[str] | None,
-        typer.Option(
-            "--listen",
-            metavar="LOCATOR",
-            help=f"The stabilizer dials here; {LISTEN} when not said otherwise.",
-            rich_help_panel="Bus",
+        options.locators_option(
+            "--listen", f"The stabilizer dials here; {LISTEN} when not said otherwise."
         ),
     ] = None,
     listen_endpoints: Annotated[
@@ -84,7 +81,7 @@ def relay(
     time: in lockstep the robot waits two seconds for each command that is lost. Exits
     with 4 when there is no robot, with 130 after Ctrl-C.
     """
-    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.console import print_result
     from surefoot.cli.summary import relay_table
     from surefoot.out_folder import write_json
     from surefoot.processes.child import begin_process, log_note, report_ready
@@ -121,10 +118,7 @@ def relay(
     if result_file is not None:
         write_json(result_file, result)
     if not child:
-        if as_json:
-            print_json(result)
-        else:
-            print_table(relay_table(result))
+        print_result(result, lambda: relay_table(result), as_json=as_json)
     raise typer.Exit(ExitCode.INTERRUPTED)
 
 

@@ -7,12 +7,16 @@ import math
 import re
 import shutil
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
 
 from surefoot.errors import UsageError
+
+if TYPE_CHECKING:
+    from surefoot.robot_io.robot import Robot
+    from surefoot.schemas.endpoints import Endpoints
 
 _SUFFIX = ".toml"
 NARROW = 72
@@ -238,34 +242,27 @@ EndpointsOption = Annotated[
     ),
 ]
 
+
+def locators_option(flag: str, help: str) -> Any:
+    """An option for places on the network."""
+    return typer.Option(
+        flag,
+        metavar="LOCATOR",
+        help=f"{help} May be repeated.",
+        rich_help_panel=_BUS,
+    )
+
+
 ListenOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--listen",
-        metavar="LOCATOR",
-        help="The robot listens here, such as tcp/127.0.0.1:7447. May be repeated.",
-        rich_help_panel=_BUS,
-    ),
+    locators_option("--listen", "The robot listens here, such as tcp/127.0.0.1:7447."),
 ]
-
 ConnectOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--connect",
-        metavar="LOCATOR",
-        help="Dial the robot here. May be repeated.",
-        rich_help_panel=_BUS,
-    ),
+    list[str] | None, locators_option("--connect", "Dial the robot here.")
 ]
-
 RouterOption = Annotated[
     list[str] | None,
-    typer.Option(
-        "--router",
-        metavar="LOCATOR",
-        help="Dial a router here instead of listening. May be repeated.",
-        rich_help_panel=_BUS,
-    ),
+    locators_option("--router", "Dial a router here instead of listening."),
 ]
 
 InsecureOption = Annotated[
@@ -362,10 +359,6 @@ def claim_processor(*, cpu: int | None, priority: int | None) -> None:
     """Pin this process and set its priority; go on without if not permitted.
 
     Called before anything starts a thread: threads inherit both.
-
-    Args:
-        cpu: processor to stay on; None for any.
-        priority: of SCHED_FIFO; None for an ordinary process.
     """
     from surefoot.robot_io.realtime import pin_to_cpu, take_priority
 
@@ -373,6 +366,20 @@ def claim_processor(*, cpu: int | None, priority: int | None) -> None:
         _tell(pin_to_cpu(cpu), f"on processor {cpu}")
     if priority is not None:
         _tell(take_priority(priority), f"SCHED_FIFO at priority {priority}")
+
+
+def dialed(
+    robot: str,
+    servo_profile: str | None,
+    endpoints: Path | None,
+    connect: list[str] | None,
+) -> tuple[Robot, Endpoints]:
+    """Return the robot that is meant by the options, and where it is dialed."""
+    from surefoot.robot_io.robot import load_robot
+    from surefoot.schemas.endpoints import choose_endpoints
+
+    model = load_robot(robot, servo_profile=servo_profile)
+    return model, choose_endpoints(endpoints, connect=connect)
 
 
 def _tell(refusal: str, done: str) -> None:

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import math
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from surefoot.cli import options
 from surefoot.errors import ExitCode, exit_code_for
-
-if TYPE_CHECKING:
-    from surefoot.outcome import Judgement
-    from surefoot.schemas.result import PlantResult
 
 
 def robot(
@@ -41,7 +37,8 @@ def robot(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.options import check_priority, claim_processor
+    from surefoot.cli.console import print_result
+    from surefoot.cli.summary import plant_table, with_histograms
     from surefoot.out_folder import write_json
     from surefoot.outcome import judge
     from surefoot.processes.child import begin_process, log_note, progress_reporter
@@ -53,7 +50,7 @@ def robot(
     from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 
     begin_process("robot", child=child)
-    check_priority(realtime_priority, lockstep=lockstep)
+    options.check_priority(realtime_priority, lockstep=lockstep)
     model = load_robot(robot, servo_profile=servo_profile)
     path = find_scenario(scenario)
     world = load_scenario(path)
@@ -64,7 +61,7 @@ def robot(
         f"{model.file.name} in {scenario!r} waits for a stabilizer at "
         f"{', '.join(meeting.router or meeting.listen)}"
     )
-    claim_processor(cpu=cpu, priority=realtime_priority)
+    options.claim_processor(cpu=cpu, priority=realtime_priority)
     from surefoot.sim_robot.robot_loop import (
         run_robot,  # slow import; report bad files first
     )
@@ -75,7 +72,7 @@ def robot(
         if record_file is None
         else TickFile(record_file, may_wait=lockstep) as ticks,
     ):
-        done = run_robot(
+        result = run_robot(
             model,
             world,
             seed=seed,
@@ -85,7 +82,6 @@ def robot(
             histogram=histogram,
             on_tick=progress_reporter() if child else None,
         )
-    result = done.result
     if ticks is not None:
         result = replace(result, unrecorded_ticks=ticks.lost_ticks)
     if result_file is not None:
@@ -95,21 +91,14 @@ def robot(
     if child and code is ExitCode.FAILED:
         raise typer.Exit(ExitCode.OK)  # its parent knows of both sides, and judges
     if not child:
-        _show(result, scenario, judgement, as_json=as_json)
+        print_result(
+            result,
+            lambda: with_histograms(
+                plant_table(result, judgement, title=scenario), result.histograms
+            ),
+            as_json=as_json,
+        )
     raise typer.Exit(code)
-
-
-def _show(
-    result: PlantResult, scenario: str, judgement: Judgement, *, as_json: bool
-) -> None:
-    from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.summary import plant_table, with_histograms
-
-    if as_json:
-        print_json(result)
-    else:
-        table = plant_table(result, judgement, title=scenario)
-        print_table(with_histograms(table, result.histograms))
 
 
 def _speed(flag: str, most: float, unit: str, help: str) -> Any:
@@ -165,13 +154,10 @@ def walk(
     from surefoot.processes.child import begin_process, log_note, log_warning
     from surefoot.robot_io.client_side.requests import PlannerClient
     from surefoot.robot_io.realtime import StopRequest
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.stabilizer.walking.footsteps import Pace, half_width_of
 
     begin_process("walk")
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     pace = Pace(
         ahead=velocity,
         lateral=lateral,
@@ -229,15 +215,12 @@ def view(
     from surefoot.installation import install_command
     from surefoot.processes.child import begin_process
     from surefoot.robot_io.realtime import StopRequest
-    from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.security.locators import check_locators
-    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.view.page import free_port
 
     begin_process("view", child=child)
     logging.getLogger("websockets").setLevel(logging.WARNING)
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     check_locators(meeting.connect, verb="dial")
     if find_spec("viser") is None or find_spec("yourdfpy") is None:
         raise EnvironmentFailedError(

@@ -75,16 +75,13 @@ def record(
     from surefoot.recording.write import LogTimes, McapFile
     from surefoot.robot_io.client_side.observer import Observer
     from surefoot.robot_io.realtime import StopRequest
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
     from surefoot.schemas.topics import ALL_CHANNELS
 
     begin_process("recorder", child=child)
     if out.suffix != ".mcap" or not out.absolute().parent.is_dir():
         raise UsageError(f"--out {out}: expected a name .mcap in a folder that exists")
     options.claim_processor(cpu=cpu, priority=realtime_priority)
-    model = load_robot(robot, servo_profile=servo_profile)
-    meeting = choose_endpoints(endpoints, connect=connect)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     kept = attachments(model, attach or [])
     # Status last: whoever receives it has subscribed to all others.
     channels = (*(name for name in ALL_CHANNELS if name != "status"), "status")

@@ -226,7 +226,7 @@ def _play(
     span: tuple[float, float | None],
 ) -> None:
     from surefoot.cli.console import progress_bar
-    from surefoot.playback.replay import between, play
+    from surefoot.playback.timeline import between, play
     from surefoot.processes.child import begin_process, log_note
     from surefoot.robot_io.realtime import StopRequest
     from surefoot.robot_io.robot_side.replay_server import ReplayServer

@@ -86,13 +86,11 @@ def run(
     with 1 when it was held, in fault or not controlled.
     """
     from surefoot.cli.console import (
-        print_json,
         print_note,
-        print_table,
+        print_result,
         progress_bar,
         show_notes,
     )
-    from surefoot.cli.options import check_priority
     from surefoot.cli.summary import run_table, with_histograms
     from surefoot.controllers import loop_notice
     from surefoot.run_plan import make_plan
@@ -120,7 +118,7 @@ def run(
         )
     if inline and view:
         raise UsageError("--inline uses no bus, so a page would see nothing")
-    check_priority(realtime_priority, lockstep=lockstep)
+    options.check_priority(realtime_priority, lockstep=lockstep)
     error: ChildFailedError | RunInterrupted | None = None
     try:
         with progress_bar(
@@ -139,11 +137,12 @@ def run(
     except (ChildFailedError, RunInterrupted) as cut:
         error, done = cut, cut.run
     if done is not None:
-        if as_json:
-            print_json(done.result)
-        else:
-            table = run_table(done.result)
-            print_table(with_histograms(table, done.result.histograms))
+        result = done.result
+        print_result(
+            result,
+            lambda: with_histograms(run_table(result), result.histograms),
+            as_json=as_json,
+        )
     if error is not None:
         raise error
     raise typer.Exit(exit_code_for(done.result.outcome))
@@ -177,19 +176,23 @@ def _meeting(
 def scenarios(as_json: options.JsonOption = False) -> None:
     """List the shipped scenarios."""
     from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.summary import ScenarioRow, scenario_table
-    from surefoot.schemas.scenario import load_scenario
-    from surefoot.sim_robot.catalogue import find_scenario, list_scenarios
+    from surefoot.cli.summary import scenario_table
+    from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 
-    rows = []
-    for name in list_scenarios():
-        scenario = load_scenario(find_scenario(name))
-        text = scenario.description or scenario.name
-        rows.append(ScenarioRow(name, scenario.duration_s, text))
+    shipped = {name: load_scenario(name) for name in list_scenarios()}
     if as_json:
-        print_json([row._asdict() for row in rows])
+        print_json(
+            [
+                {
+                    "name": name,
+                    "duration_s": scenario.duration_s,
+                    "description": scenario.description or scenario.name,
+                }
+                for name, scenario in shipped.items()
+            ]
+        )
     else:
-        print_table(scenario_table(rows))
+        print_table(scenario_table(shipped))
 
 
 _IN_ORDER = (EndReason.SENSOR_LOST, EndReason.LEASE_LOST, EndReason.ROBOT_FAULT)
@@ -248,28 +251,24 @@ def stabilizer(
     """
     from msgspec.structs import replace
 
-    from surefoot.cli.console import print_json, print_table
-    from surefoot.cli.options import check_priority, claim_processor
+    from surefoot.cli.console import print_result
     from surefoot.cli.summary import controller_table, with_histograms
     from surefoot.out_folder import write_json
     from surefoot.processes.child import begin_process, log_note, log_warning
     from surefoot.robot_io.realtime import Pace, StopRequest
-    from surefoot.robot_io.robot import load_robot
     from surefoot.robot_io.ticks.write import TickFile
     from surefoot.run_folder import QP_FAILURE
     from surefoot.run_plan import resolve_settings, steps_of
-    from surefoot.schemas.endpoints import choose_endpoints
 
     begin_process("stabilizer", child=child)
-    check_priority(realtime_priority, lockstep=lockstep)
-    model = load_robot(robot, servo_profile=servo_profile)
+    options.check_priority(realtime_priority, lockstep=lockstep)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     resolved = resolve_settings(settings, overrides=overrides or [])
-    meeting = choose_endpoints(endpoints, connect=connect)
     log_note(
         f"{controller} for {model.file.name} dials "
         f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
     )
-    claim_processor(cpu=cpu, priority=realtime_priority)
+    options.claim_processor(cpu=cpu, priority=realtime_priority)
     # Slow import; report bad files first.
     from surefoot.robot_files.judge import warnings_of
     from surefoot.stabilizer.factory import check_settings, find_controller
@@ -309,11 +308,14 @@ def stabilizer(
     if result_file is not None:
         write_json(result_file, result)
     if not child:
-        if as_json:
-            print_json(result)
-        else:
-            table = controller_table(result, controller, is_realtime=not lockstep)
-            print_table(with_histograms(table, result.histograms))
+        print_result(
+            result,
+            lambda: with_histograms(
+                controller_table(result, controller, is_realtime=not lockstep),
+                result.histograms,
+            ),
+            as_json=as_json,
+        )
     if child and result.end in _IN_ORDER:
         raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
     raise typer.Exit(code)

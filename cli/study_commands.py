@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from surefoot.cli import options
 from surefoot.cli.options import complete_scenario
 from surefoot.errors import UsageError
-
-if TYPE_CHECKING:
-    from surefoot.studies.cell import Cell
 
 MOST_SEED = 2**62
 REPORT_NEEDS = ("viser", "yourdfpy", "plotly")
@@ -74,13 +71,13 @@ def sweep(
     """
     from surefoot.cli.console import count_bar, print_json, print_table
     from surefoot.cli.summary import study_tables
-    from surefoot.studies.study import run_study
+    from surefoot.studies.study import make_cells, run_study
     from surefoot.studies.tables import summary_rows
 
-    cells = all_cells(
+    cells = make_cells(
         scenarios,
-        vary=vary or [],
-        variants=controllers.split(","),
+        levels=[parse_vary(text) for text in vary or []],
+        controllers=controllers.split(","),
         servo_profiles=servo_profiles.split(","),
         seeds=parse_seeds(seeds),
     )
@@ -155,30 +152,6 @@ def _spaced(text: str, values: str) -> list[float]:
             f"{MOST_RUNS}"
         )
     return [low + (high - low) * i / (n - 1) for i in range(n)]
-
-
-def all_cells(
-    scenarios: Sequence[str],
-    *,
-    vary: Sequence[str],
-    variants: Sequence[str],
-    servo_profiles: Sequence[str],
-    seeds: Sequence[int],
-) -> list[Cell]:
-    """Return every combination; a whole round of all cases before the next seed.
-
-    Raises:
-        UsageError: a name or a text that cannot be read.
-    """
-    from surefoot.studies.study import make_cells
-
-    return make_cells(
-        scenarios,
-        levels=[parse_vary(text) for text in vary],
-        controllers=variants,
-        servo_profiles=servo_profiles,
-        seeds=seeds,
-    )
 
 
 def reproduce(

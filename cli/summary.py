@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
+from rich.bar import Bar
 from rich.console import Group as RenderableGroup
 from rich.table import Table
 from rich.text import Text
@@ -26,6 +27,7 @@ from surefoot.schemas.result import (
 if TYPE_CHECKING:
     from surefoot.playback.recompute import Difference, ReplayOutcome
     from surefoot.recording.read import ChannelCount
+    from surefoot.schemas.scenario import Scenario
     from surefoot.studies.study import Summaries
 
 _PASSAGE = ("arrived", "left")
@@ -33,15 +35,8 @@ _PASSAGE = ("arrived", "left")
 
 BAR_WIDTH = 40
 
-_EIGHTHS = " ▏▎▍▌▋▊▉"
-
-
-class ScenarioRow(NamedTuple):
-    """One line of the list of scenarios."""
-
-    name: str
-    duration_s: float
-    description: str
+SLIVER = 0.126 / BAR_WIDTH
+"""Share that still shows: an eighth of a character."""
 
 
 def run_table(result: RunResult) -> Table:
@@ -145,14 +140,15 @@ def study_tables(summaries: Summaries) -> RenderableGroup:
     return RenderableGroup(*tables.values(), note)
 
 
-def scenario_table(rows: Iterable[ScenarioRow]) -> Table:
-    """Return a table of the shipped scenarios."""
+def scenario_table(scenarios: Mapping[str, Scenario]) -> Table:
+    """Return a table of scenarios by name."""
     table = Table(box=None, pad_edge=False)
     table.add_column("scenario", no_wrap=True, style="bold")
     table.add_column("duration", justify="right")
     table.add_column("what happens")
-    for row in rows:
-        table.add_row(row.name, f"{row.duration_s:g} s", row.description)
+    for name, scenario in scenarios.items():
+        text = scenario.description or scenario.name
+        table.add_row(name, f"{scenario.duration_s:g} s", text)
     return table
 
 
@@ -255,10 +251,6 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
 
     Bars are proportional to the share, and whatever happened at all shows at least a
     sliver: the rare late tick is what one looks for.
-
-    Args:
-        name: what was timed.
-        histogram: how often it took how long.
     """
     edges, counts = histogram.edges_ms, histogram.counts
     total = sum(counts)
@@ -275,7 +267,7 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
         count = counts[index]
         table.add_row(
             _range(edges, index),
-            _bar(count / most),
+            Bar(most, 0, max(count, SLIVER * most), width=BAR_WIDTH) if count else "",
             str(count),
             f"{100.0 * count / total:.2f} %",
         )
@@ -295,13 +287,6 @@ def _range(edges: list[float], index: int) -> str:
     if index == len(edges):
         return f"over {edges[-1]:g}"
     return f"{edges[index - 1]:g} to {edges[index]:g}"
-
-
-def _bar(share: float) -> str:
-    eighths = round(8 * BAR_WIDTH * share)
-    if share > 0.0:
-        eighths = max(1, eighths)
-    return "█" * (eighths // 8) + _EIGHTHS[eighths % 8].strip()
 
 
 def counts_table(counts: Iterable[ChannelCount]) -> Table:

@@ -64,11 +64,7 @@ class RobotMismatchError(RobotIoError, ValueError):
 
 
 class SecondRobotError(RobotMismatchError):
-    """There are two robots of one namespace on the bus.
-
-    Attributes:
-        instances: of those that are there.
-    """
+    """There are two robots of one namespace on the bus."""
 
     def __init__(
         self, message: str, *, namespace: str, instances: Iterable[str]

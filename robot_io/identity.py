@@ -18,6 +18,7 @@ import numpy as np
 
 from surefoot.robot_io.errors import RobotMismatchError
 from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.urdf_check import INERTIA
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.topics import ALIVE_ROBOT
 
@@ -79,12 +80,7 @@ def describe(robot: Robot) -> str:
 
 
 def differing(ours: str, theirs: str) -> list[str]:
-    """Names of the parts in which two descriptions differ; empty when in none.
-
-    Args:
-        ours: digest of our robot.
-        theirs: of the other one's.
-    """
+    """Names of the parts in which two descriptions differ; empty when in none."""
     told = theirs.split(_SEPARATOR)
     if len(told) != len(PARTS):
         return [UNKNOWN]
@@ -94,11 +90,6 @@ def differing(ours: str, theirs: str) -> list[str]:
 
 def check_description(robot: Robot, ours: str, theirs: str) -> None:
     """Hold the description of a robot on the bus against our own.
-
-    Args:
-        robot: ours, for its namespace.
-        ours: digest of our robot.
-        theirs: of the one on the bus.
 
     Raises:
         RobotMismatchError: they differ; the message says in what.
@@ -123,17 +114,9 @@ def check_description(robot: Robot, ours: str, theirs: str) -> None:
     )
 
 
-def _joints(robot: Robot) -> Any:
-    return robot.joint_names
-
-
 def _limits(robot: Robot) -> Any:
     arrays = robot.lower, robot.upper, robot.velocity_limit, robot.torque_limit
     return _by_joint(robot, *arrays)
-
-
-def _rate(robot: Robot) -> Any:
-    return robot.file.rate_hz
 
 
 def _posture(robot: Robot) -> Any:
@@ -144,10 +127,6 @@ def _feet(robot: Robot) -> Any:
     feet = [msgspec.to_builtins(foot) for foot in robot.file.foot]
     virtual = robot.file.virtual_ft
     return feet if virtual is None else [*feet, msgspec.to_builtins(virtual)]
-
-
-def _imu(robot: Robot) -> Any:
-    return msgspec.to_builtins(robot.file.imu)
 
 
 def _servo(robot: Robot) -> Any:
@@ -162,10 +141,6 @@ def _by_joint(robot: Robot, *columns: Array) -> dict[str, list[float]]:
     """By name, so that another order of the joints differs in ``joints`` alone."""
     rows = np.stack(columns, axis=1).tolist()
     return dict(zip(robot.joint_names, rows, strict=True))
-
-
-def _keys(robot: Robot) -> Any:
-    return robot.keys
 
 
 def _model(robot: Robot) -> Any:
@@ -191,11 +166,8 @@ def _link(link: ElementTree.Element) -> list[Any]:
         link.get("name"),
         _origin(inertial),
         _words(inertial.find("mass"), "value", "0"),
-        {name: _words(inertia, name, "0") for name in _INERTIA},
+        {name: _words(inertia, name, "0") for name in INERTIA},
     ]
-
-
-_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 def _joint(joint: ElementTree.Element) -> list[Any]:
@@ -233,14 +205,14 @@ def _number(word: str) -> float | str:
 
 
 _CONTENT: dict[str, Callable[[Robot], Any]] = {
-    "joints": _joints,
+    "joints": lambda robot: robot.joint_names,
     "limits": _limits,
-    "rate": _rate,
+    "rate": lambda robot: robot.file.rate_hz,
     "posture": _posture,
     "feet": _feet,
-    "imu": _imu,
+    "imu": lambda robot: msgspec.to_builtins(robot.file.imu),
     "servo": _servo,
-    "keys": _keys,
+    "keys": lambda robot: robot.keys,
     "model": _model,
 }
 PARTS = tuple(_CONTENT)

@@ -11,15 +11,17 @@ import sys
 import threading
 import time
 from bisect import bisect_right
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from types import FrameType
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from surefoot.schemas.reasons import SIGNALS
-from surefoot.schemas.result import Distribution, Histogram
+from surefoot.schemas.result import NO_TIME, Distribution, Histogram
 
 MS_PER_NS = 1e-6
 EDGES_MS = (
@@ -44,6 +46,14 @@ NS_PER_S = 1e9
 MAX_LAG_PERIODS = 5
 """A loop that is late by more does not try to catch up: a burst of ticks in no time
 would ask the impossible of whoever answers them."""
+
+
+def distribution_of(
+    times_ms: Sequence[float] | NDArray[np.floating[Any]],
+) -> Distribution:
+    """Median, 99th percentile and maximum of at least one time [ms]."""
+    median, p99, most = np.percentile(times_ms, (50.0, 99.0, 100.0)).tolist()
+    return Distribution(median=median, p99=p99, max=most)
 
 
 class TimingLog:
@@ -78,7 +88,7 @@ class TimingLog:
     def distribution(self) -> Distribution:
         """Median, 99th percentile and maximum [ms]; zeros when there is nothing."""
         if not self._count:
-            return Distribution(median=0.0, p99=0.0, max=0.0)
+            return NO_TIME
         return Distribution(
             median=self._percentile_ms(0.5),
             p99=self._percentile_ms(0.99),
@@ -101,11 +111,7 @@ class RecentTimes:
     """The newest durations of something that happens every tick."""
 
     def __init__(self, capacity: int) -> None:
-        """Start empty.
-
-        Args:
-            capacity: how many are kept; the oldest make room.
-        """
+        """Start empty."""
         self._durations_ns = np.zeros(capacity, dtype=np.int64)
         self._count = 0
 
@@ -117,10 +123,8 @@ class RecentTimes:
     def distribution(self) -> Distribution:
         """Return median, 99th percentile and maximum [ms]; zeros when empty."""
         if not self._count:
-            return Distribution(median=0.0, p99=0.0, max=0.0)
-        kept = MS_PER_NS * self._durations_ns[: self._count]
-        median, p99 = np.percentile(kept, (50.0, 99.0))
-        return Distribution(median=float(median), p99=float(p99), max=float(kept.max()))
+            return NO_TIME
+        return distribution_of(MS_PER_NS * self._durations_ns[: self._count])
 
 
 class CommandLatency:
@@ -234,9 +238,6 @@ class Pacer:
 
 def pin_to_cpu(cpu: int) -> str:
     """Keep this thread, and those it starts, on one processor.
-
-    Args:
-        cpu: its number, from 0.
 
     Returns:
         Why that was not done; empty when it was.

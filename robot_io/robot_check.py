@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,6 +16,7 @@ from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, Joint, RobotFile
 from surefoot.schemas.sensors import SENSORS
 from surefoot.schemas.topics import is_key
+from surefoot.schemas.validation import nearest
 
 EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
@@ -28,12 +28,7 @@ HEIGHT_SHARE, LEAST_HEIGHT_M = 0.1, 0.1
 class UrdfFacts(NamedTuple):
     """What a robot's URDF says, in the order of its TOML; read-only.
 
-    Attributes:
-        lower: (n_a,) lower end of the joint ranges [rad].
-        upper: (n_a,) upper end [rad].
-        sole_normals: (2, 3) upward normal of each sole, in its force sensor's frame.
-        R_upright_base: (3, 3) the base link in the nominal posture, seen from a frame
-            with z up and x ahead, as the soles point.
+    For shapes and units see :class:`surefoot.robot_io.robot.Robot`.
     """
 
     lower: Array
@@ -44,11 +39,6 @@ class UrdfFacts(NamedTuple):
 
 def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
     """Compare a robot's TOML with itself and with its URDF.
-
-    Args:
-        file: the TOML.
-        path: where it stands, for messages.
-        urdf_path: the URDF it names.
 
     Returns:
         What the URDF says.
@@ -132,10 +122,9 @@ def _check_links(file: RobotFile, path: Path, urdf: Urdf) -> None:
         wanted[f"foot[{index}].sole_frame"] = foot.sole_frame
     for key, link in wanted.items():
         if link not in urdf.links:
-            near = difflib.get_close_matches(link, urdf.links, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
             raise RobotFileError(
-                f"{path}: {key}: {file.urdf} has no link {link!r}{hint}"
+                f"{path}: {key}: {file.urdf} has no link {link!r}"
+                f"{nearest(link, urdf.links)}"
             )
     if file.base_link != urdf.root:
         raise RobotFileError(

@@ -76,11 +76,7 @@ class SnapshotLayout:
     """
 
     def __init__(self, joint_count: int) -> None:
-        """Lay out a block.
-
-        Args:
-            joint_count: n_a.
-        """
+        """Lay out a block."""
         sizes = dict.fromkeys(SNAPSHOT_FIELDS, 0)
         for entry in SENSORS:
             for quantity in entry.quantities:
@@ -199,9 +195,6 @@ _messages_of: Callable[[Snapshot, list[int]], tuple[Message, ...]] = eval(
 
 def _stamps(stamps: list[int | None]) -> tuple[int | None, tuple[int, ...]]:
     """Stamp of a snapshot, and when its readings were measured.
-
-    Args:
-        stamps: of the messages; None for one that did not come.
 
     Returns:
         The newest stamp, None without any; and all, or nothing where they are the same.

@@ -10,7 +10,7 @@ import copy
 import math
 import xml.etree.ElementTree as ElementTree
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +35,8 @@ _LARGEST_GYRATION_M = 3.0
 """Inertia of more than this radius for its mass is in other units."""
 _SHARE = 1e-6
 """Of the largest principal inertia: what rounding in a file may amount to."""
-_INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+"""Attributes of <inertia>."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +48,7 @@ class Inertial:
 
 
 class Urdf:
-    """A URDF whose links form a tree with numbers that mean something.
-
-    Attributes:
-        path: of the file.
-        root: name of the link that nothing is above.
-        links: by name.
-        joints: by name.
-    """
+    """A URDF whose links form a tree with numbers that mean something."""
 
     def __init__(self, path: Path, element: ElementTree.Element | None = None) -> None:
         """Read and check.
@@ -72,8 +66,8 @@ class Urdf:
             raise self.refused(f"begins with <{element.tag}>, expected <robot>")
         self.links = self._named(element, "link")
         self.joints = self._named(element, "joint")
-        self._above = self._parents()
-        self.root = self._find_root()
+        self._above = joints_above(path, self.links, self.joints.values())
+        self.root = next(link for link in self.links if link not in self._above)
         for name, joint in self.joints.items():
             self._check_joint(name, joint)
         self._inertials = {
@@ -86,14 +80,13 @@ class Urdf:
 
     def joint_above(self, link: str) -> ElementTree.Element | None:
         """The joint that carries a link; None for the root."""
-        name = self._above.get(link)
-        return None if name is None else self.joints[name]
+        return self._above.get(link)
 
     def up(self, link: str) -> list[str]:
         """A link and all above it, the root last."""
         chain = [link]
         while (joint := self.joint_above(chain[-1])) is not None:
-            chain.append(_end(joint, "parent"))
+            chain.append(end(joint, "parent"))
         return chain
 
     def origin(self, joint: ElementTree.Element) -> tuple[Vec3, Mat]:
@@ -108,7 +101,7 @@ class Urdf:
         chain = [link]
         joint = self.joint_above(link)
         while joint is not None and joint.get("type") == _FIXED:
-            chain.append(_end(joint, "parent"))
+            chain.append(end(joint, "parent"))
             joint = self.joint_above(chain[-1])
         return chain
 
@@ -130,7 +123,9 @@ class Urdf:
             if mass > 0.0:
                 continue
             joint = self._above.get(top)
-            what = f"joint {joint!r} moves" if joint else "the base is"
+            what = (
+                "the base is" if joint is None else f"joint {joint.get('name')!r} moves"
+            )
             raise self.refused(
                 f"{what} link {top!r}, which has no mass, nor has what is fixed to "
                 "it; give it an <inertial>"
@@ -183,43 +178,6 @@ class Urdf:
         if not found:
             raise self.refused(f"no <{tag}> in it; is it the URDF of a robot?")
         return found
-
-    def _parents(self) -> dict[str, str]:
-        above: dict[str, str] = {}
-        for name, joint in self.joints.items():
-            for end in ("parent", "child"):
-                link = _end(joint, end)
-                if link not in self.links:
-                    raise self.refused(
-                        f"joint {name!r}: {end} is link {link!r}, which is not there"
-                    )
-            child = _end(joint, "child")
-            if child in above:
-                raise self.refused(
-                    f"link {child!r} hangs on two joints, {above[child]!r} and "
-                    f"{name!r}; a robot's links must form a tree"
-                )
-            above[child] = name
-        return above
-
-    def _find_root(self) -> str:
-        roots = [link for link in self.links if link not in self._above]
-        if len(roots) != 1:
-            names = ", ".join(map(repr, roots)) or "none: they form a ring"
-            raise self.refused(f"expected one link that hangs on no joint, got {names}")
-        for link in self.links:
-            self._check_no_ring(link)
-        return roots[0]
-
-    def _check_no_ring(self, link: str) -> None:
-        seen = {link}
-        joint = self.joint_above(link)
-        while joint is not None:
-            parent = _end(joint, "parent")
-            if parent in seen:
-                raise self.refused(f"link {link!r} hangs on itself, in a ring")
-            seen.add(parent)
-            joint = self.joint_above(parent)
 
     def _check_joint(self, name: str, joint: ElementTree.Element) -> None:
         place, kind = f"joint {name!r}", joint.get("type", "")
@@ -284,7 +242,7 @@ class Urdf:
                 return Inertial(0.0, np.zeros((3, 3)))
             raise self.refused(f"{place}: no <inertia> in it, but a mass of {mass:g}")
         xx, yy, zz, xy, xz, yz = (
-            self.number(tensor, key, f"{place}: inertia") for key in _INERTIA
+            self.number(tensor, key, f"{place}: inertia") for key in INERTIA
         )
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if mass > 0.0:
@@ -382,8 +340,51 @@ def read_urdf_element(path: Path) -> ElementTree.Element:
         raise RobotFileError(f"{path}: not valid XML: {error}") from error
 
 
-def _end(joint: ElementTree.Element, end: str) -> str:
-    element = joint.find(end)
+def joints_above(
+    path: Path, links: Collection[str], joints: Iterable[ElementTree.Element]
+) -> dict[str, ElementTree.Element]:
+    """Each link but the root, and the joint that carries it.
+
+    Raises:
+        RobotFileError: the links form no tree; names the file and what is wrong.
+    """
+    above: dict[str, ElementTree.Element] = {}
+    for joint in joints:
+        for which in ("parent", "child"):
+            link = end(joint, which)
+            if link not in links:
+                raise RobotFileError(
+                    f"{path}: joint {joint.get('name')!r}: {which} is link {link!r}, "
+                    "which is not there"
+                )
+        other = above.setdefault(end(joint, "child"), joint)
+        if other is not joint:
+            raise RobotFileError(
+                f"{path}: link {end(joint, 'child')!r} hangs on two joints, "
+                f"{other.get('name')!r} and {joint.get('name')!r}; a robot's links "
+                "must form a tree"
+            )
+    roots = [link for link in links if link not in above]
+    if len(roots) != 1:
+        names = ", ".join(map(repr, roots)) or "none: they form a ring"
+        raise RobotFileError(
+            f"{path}: expected one link that hangs on no joint, got {names}"
+        )
+    for link in links:
+        seen, top = {link}, link
+        while top in above:
+            top = end(above[top], "parent")
+            if top in seen:
+                raise RobotFileError(
+                    f"{path}: link {link!r} hangs on itself, in a ring"
+                )
+            seen.add(top)
+    return above
+
+
+def end(joint: ElementTree.Element, which: str) -> str:
+    """Name of a joint's parent or child link."""
+    element = joint.find(which)
     return "" if element is None else element.get("link", "")
 
 

@@ -34,9 +34,6 @@ _UNREADABLE = (ValueError, TypeError, RecursionError, msgpack.UnpackException)
 def encode(message: msgspec.Struct) -> bytes:
     """Pack a message.
 
-    Args:
-        message: any struct of :mod:`surefoot.schemas.messages`.
-
     Returns:
         MessagePack bytes.
     """
@@ -73,10 +70,6 @@ def decode(data: bytes, kind: type[_T], *, joint_count: int | None = None) -> _T
 
 def decode_fields(data: bytes, kind: type[_T]) -> _T:
     """Unpack a message whose numbers are judged by who reads it.
-
-    Args:
-        data: bytes from the bus.
-        kind: the struct that the topic carries.
 
     Returns:
         The message; its numbers may be NaN or infinite, and of any count.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 
@@ -83,9 +83,6 @@ class Endpoints(FileStruct, frozen=True, kw_only=True):
 def load_endpoints(path: Path) -> Endpoints:
     """Read an endpoint file; paths in it become absolute.
 
-    Args:
-        path: of the TOML.
-
     Raises:
         FileFormatError: malformed, a certificate is missing, or others can read the
             private key.
@@ -138,16 +135,16 @@ def choose_endpoints(
         FileFormatError: the file cannot be used.
     """
     endpoints = Endpoints() if file is None else load_endpoints(file)
+    changes: dict[str, Any] = {}
     if listen:
-        endpoints = msgspec.structs.replace(endpoints, listen=list(listen))
+        changes["listen"] = list(listen)
     if connect:
-        endpoints = msgspec.structs.replace(endpoints, connect=list(connect))
-        endpoints = msgspec.structs.replace(endpoints, router=[])
+        changes |= {"connect": list(connect), "router": []}
     if router:
-        endpoints = msgspec.structs.replace(endpoints, router=list(router))
+        changes["router"] = list(router)
     if insecure:
-        endpoints = msgspec.structs.replace(endpoints, insecure=True)
-    return endpoints
+        changes["insecure"] = True
+    return msgspec.structs.replace(endpoints, **changes)
 
 
 def write_endpoints(path: Path, endpoints: Endpoints) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import msgspec.inspect
+import msgspec.inspect as types
 
 from surefoot.schemas import messages
 from surefoot.schemas.arrays import JsonObject
@@ -48,9 +48,6 @@ _DROPPED = ("$ref", "discriminator")
 def field_docs(kind: type[msgspec.Struct]) -> dict[str, str]:
     """Collect what is written under each field of a struct and its bases.
 
-    Args:
-        kind: a struct class whose source is at hand.
-
     Returns:
         Field name to its text on one line; fields without one are left out.
     """
@@ -80,9 +77,6 @@ def _own_docs(kind: type[msgspec.Struct]) -> dict[str, str]:
 def json_schema(kind: type[msgspec.Struct]) -> JsonObject:
     """Describe a message or file format.
 
-    Args:
-        kind: a struct of this package.
-
     Returns:
         A JSON Schema (2020-12) without references; descriptions are the
         docstrings, followed by the channels that carry the message.
@@ -90,7 +84,7 @@ def json_schema(kind: type[msgspec.Struct]) -> JsonObject:
     (root,), definitions = msgspec.json.schema_components(
         [kind], ref_template=_REF + "{name}"
     )
-    for struct in _structs_within(kind):
+    for struct in structs_within(kind):
         _describe(definitions[struct.__name__], struct)
     schema: JsonObject = _inline(root, definitions)
     channels = [
@@ -145,25 +139,33 @@ def _describe(schema: JsonObject, struct: type[msgspec.Struct]) -> None:
         schema["properties"]["schema"]["const"] = SCHEMA_VERSION
 
 
-def _structs_within(kind: type[msgspec.Struct]) -> list[type[msgspec.Struct]]:
-    """Return a struct and all structs at any depth of its fields."""
-    found: dict[type[msgspec.Struct], None] = {}
+def structs_within(kind: type[msgspec.Struct]) -> dict[type[msgspec.Struct], str]:
+    """A struct and all structs at any depth of its fields, outer ones first.
 
-    def visit(info: object) -> None:
-        if isinstance(info, msgspec.inspect.StructType):
-            found[info.cls] = None
-            for field in info.fields:
-                visit(field.type)
-        elif isinstance(info, msgspec.inspect.ListType):
-            visit(info.item_type)
-        elif isinstance(info, msgspec.inspect.DictType):
-            visit(info.value_type)
-        elif isinstance(info, msgspec.inspect.UnionType):
-            for option in info.types:
-                visit(option)
+    Returns:
+        Struct to the head of its table in TOML, such as ``[[platform.motion]]``;
+        empty for the outermost.
+    """
+    found: dict[type[msgspec.Struct], str] = {}
 
-    visit(msgspec.inspect.type_info(kind))
-    return list(found)
+    def visit(info: types.Type, path: str, brackets: str) -> None:
+        match info:
+            case types.StructType(cls=cls, fields=fields):
+                head = f"{brackets[:2]}{path}{brackets[2:]}" if path else ""
+                found.setdefault(cls, head.replace(" ", ""))
+                for field in fields:
+                    inner = f"{path}.{field.encode_name}" if path else field.encode_name
+                    visit(field.type, inner, "[ ]")
+            case types.ListType(item_type=inner):
+                visit(inner, path, "[[]]")
+            case types.DictType(value_type=inner):
+                visit(inner, f"{path}.NAME", "[ ]")
+            case types.UnionType(types=options):
+                for option in options:
+                    visit(option, path, brackets)
+
+    visit(types.type_info(kind), "", "[ ]")
+    return found
 
 
 def _inline(node: Any, definitions: JsonObject) -> Any:

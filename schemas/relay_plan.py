@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import msgspec
 
 from surefoot.schemas.robot_file import NonNegative
-from surefoot.schemas.toml_file import FileStruct, convert, read_toml
+from surefoot.schemas.toml_file import FileStruct, load
 from surefoot.schemas.topics import TOPICS, Direction
+from surefoot.schemas.validation import nearest_or_all
 
 Probability = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 Milliseconds = Annotated[float, msgspec.Meta(gt=0.0, le=10000.0)]
@@ -48,7 +47,9 @@ class _Fault(FileStruct, frozen=True, kw_only=True):
         known = [entry.name for entry in TOPICS]
         for name in self.topics:
             if name not in known:
-                raise ValueError(f"topics: no channel {name!r}{_nearest(name, known)}")
+                raise ValueError(
+                    f"topics: no channel {name!r}{nearest_or_all(name, known)}"
+                )
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -166,23 +167,10 @@ class RelayPlan(FileStruct, frozen=True, kw_only=True):
         ]
 
 
-def relay_plan_from_table(raw: dict[str, Any], *, source: str) -> RelayPlan:
-    """Build a plan from a TOML table.
+def load_relay_plan(path: Path) -> RelayPlan:
+    """Read a plan file.
 
     Raises:
         FileFormatError: with the path of the offending key.
     """
-    return convert(raw, RelayPlan, source=source)
-
-
-def load_relay_plan(path: Path) -> RelayPlan:
-    """Read a plan file; see :func:`relay_plan_from_table`."""
-    return relay_plan_from_table(read_toml(path), source=str(path))
-
-
-def _nearest(name: str, known: Iterable[str]) -> str:
-    names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=1)
-    if near:
-        return f"; did you mean {near[0]!r}?"
-    return f"; valid are {', '.join(names)}"
+    return load(path, RelayPlan)

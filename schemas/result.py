@@ -104,7 +104,8 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the simulated robot measured of its own truth.
 
     CoM errors count from 1 s on: x and y against the reference offset from the
-    midpoint of the true soles, z against the reference height in the world.
+    midpoint of the true soles, z against the reference height in the world. Figures
+    without a word are those of :class:`RunResult`.
     """
 
     fell: bool
@@ -121,37 +122,25 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the robot's gate was doing at the end."""
     duration_s: float
     com_error_rms_mm: Floats3 | None
-    """None for a run that ended within its first second, like all that counts from
-    there."""
     com_error_max_mm: Floats3 | None
     base_tilt_max_deg: float
     force_deviation_rms_n: Pair | None
-    """True vertical force against half the robot's weight, left and right."""
     force_peak_n: Pair | None
-    """None for a run that ended within its first 0.2 s, from where peaks count."""
     contact_lost_s: Pair
     contact_gap_s: Pair
-    """Longest time at a stretch without the ground, left and right."""
     real_time_factor: float
     round_trip_ms: Distribution
-    """Sensors sent to command received, per tick."""
     period_jitter_ms: Distribution
-    """Real time only: how late each tick began; zero in lockstep."""
     deadline_misses: int
     ticks: int
     refused: dict[str, int]
     clipped: dict[str, int]
     log_sha256: str
     pushes: list[PushEvent] = []
-    """Pushes asked for during the run, besides the scenario's."""
     recorded_ground: list[RecordedGround] = []
-    """Recorded motions of the scenario, as the ground did them."""
     end_to_end_ms: Distribution = NO_TIME
-    """Stamp of the sensors to command applied, on the robot's side."""
     histograms: dict[str, Histogram] = {}
-    """Times of the robot's side, when asked for."""
     unrecorded_ticks: int = 0
-    """Ticks that its ticks file lacks."""
     distance_m: float | None = None
     """How far the middle of the true soles has come, in a walk; else None."""
     touchdown_peak_n: Pair | None = None
@@ -159,18 +148,15 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What the stabilizer measured of itself."""
+    """What the stabilizer measured of itself; the rest is as in :class:`RunResult`."""
 
     ticks: int
     tick_ms: Distribution
     force_error_rms_n: Pair | None
-    """Measured against desired normal force, left and right; null when nobody did."""
     qp_failures: int
     stale_snapshots: int
     degraded_ticks: int
-    """Ticks answered without a sensor, or while giving up."""
     lost_sensors: dict[str, SensorTrouble]
-    """Sensors that were lost at any time, by channel, and why at first."""
     balancing_ticks: int
     """Ticks answered after the calibration of its start."""
     balancing_failures: int
@@ -180,17 +166,12 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     end_detail: str
     """The same in words; may be empty."""
     settings_changes: list[SettingsChange] = []
-    """Changes of settings during the run."""
     skipped_ticks: int = 0
-    """The robot's ticks that went by without an answer, in real time."""
     slow_ticks: int = 0
-    """Answers that took longer than a period to compute."""
     restarts: int = 0
     """Times it began anew from a held posture: the robot came back, or had held."""
     histograms: dict[str, Histogram] = {}
-    """Times of the stabilizer's side, when asked for."""
     unrecorded_ticks: int = 0
-    """Ticks that its ticks file lacks."""
     walk: WalkReport | None = None
     """Of a robot that was given steps; else None."""
 

@@ -234,12 +234,7 @@ def recordings(scenario: Scenario) -> list[RecordedMotion]:
 def with_recordings(
     scenario: Scenario, name_of: Callable[[RecordedMotion], str]
 ) -> Scenario:
-    """Return a scenario whose recordings are read from elsewhere.
-
-    Args:
-        scenario: stays as it is.
-        name_of: says which file a recorded motion is read from.
-    """
+    """Return a scenario whose recordings are read from elsewhere."""
     if not recordings(scenario):
         return scenario
     return replace(

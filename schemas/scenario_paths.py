@@ -110,10 +110,6 @@ def scenario_paths(scenario: Scenario) -> list[str]:
 def parse_override(text: str, *, option: str) -> tuple[str, Any]:
     """Take ``PATH=VALUE`` apart; the value is written as in TOML.
 
-    Args:
-        text: as typed.
-        option: named in errors.
-
     Raises:
         FileFormatError: there is no ``=``, or the value is no TOML value.
     """

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from enum import StrEnum
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 
@@ -171,13 +171,7 @@ class Sensor(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _imu(prefix: str, *, gyro_stream: int, accel_stream: int) -> tuple[Quantity, ...]:
-    """What an IMU measures.
-
-    Args:
-        prefix: put before the names of the message to make those of the snapshot.
-        gyro_stream: of the gyroscope's noise.
-        accel_stream: of the accelerometer's noise.
-    """
+    """What an IMU measures."""
     return (
         Quantity(
             attribute="quat_xyzw",
@@ -208,12 +202,7 @@ def _imu(prefix: str, *, gyro_stream: int, accel_stream: int) -> tuple[Quantity,
 
 
 def _force_torque(field: str, *, stream: int) -> tuple[Quantity, ...]:
-    """What a six-axis sensor measures.
-
-    Args:
-        field: of the snapshot.
-        stream: of its noise.
-    """
+    """What a six-axis sensor measures."""
     return tuple(
         Quantity(
             attribute=kind,
@@ -259,27 +248,19 @@ SENSORS: tuple[Sensor, ...] = (
         offset=Offset(attribute="angular_velocity", axis=0, size=5.0),
         quantities=_imu("", gyro_stream=2, accel_stream=3),
     ),
-    Sensor(
-        name="left_ankle_ft",
-        key="state/ft/left_ankle",
-        description="left ankle force-torque sensor",
-        message=messages.ForceTorque,
-        frame="foot[0].ft_link",
-        side="left",
-        loss=Loss.DEGRADE,
-        offset=Offset(attribute="force", axis=2, size=2500.0),
-        quantities=_force_torque("ft_left", stream=0),
-    ),
-    Sensor(
-        name="right_ankle_ft",
-        key="state/ft/right_ankle",
-        description="right ankle force-torque sensor",
-        message=messages.ForceTorque,
-        frame="foot[1].ft_link",
-        side="right",
-        loss=Loss.DEGRADE,
-        offset=Offset(attribute="force", axis=2, size=2500.0),
-        quantities=_force_torque("ft_right", stream=1),
+    *(
+        Sensor(
+            name=f"{side}_ankle_ft",
+            key=f"state/ft/{side}_ankle",
+            description=f"{side} ankle force-torque sensor",
+            message=messages.ForceTorque,
+            frame=f"foot[{index}].ft_link",
+            side=side,
+            loss=Loss.DEGRADE,
+            offset=Offset(attribute="force", axis=2, size=2500.0),
+            quantities=_force_torque(f"ft_{side}", stream=index),
+        )
+        for index, side in enumerate(get_args(Side))
     ),
 )
 """In the order in which the messages of a tick are sent, and of everything that is

@@ -77,11 +77,6 @@ def find_toml(
 def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
     """Turn a table into a struct.
 
-    Args:
-        raw: what was read.
-        kind: struct to build.
-        source: named in errors, usually the path of the file.
-
     Raises:
         FileFormatError: a key is unknown, missing, of the wrong type, out of
             range or not finite; the message holds its path and, for an unknown

@@ -87,6 +87,9 @@ ALL_CHANNELS = tuple(entry.name for entry in PUBLISHED)
 """Their names."""
 TICK_SENSORS = tuple(entry.name for entry in SENSORS)
 """Channels that make up one snapshot, in the order they are sent."""
+COMMAND = "joint_command"
+URGENT = (*TICK_SENSORS, COMMAND)
+"""Channels of the control loop, sent before everything else."""
 
 
 def topic(name: str) -> Topic:

@@ -126,6 +126,17 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
+def nearest_or_all(name: str, known: Iterable[str], *, all_are: str = "valid") -> str:
+    """Word a hint for an unknown name: the nearest known one, or else all of them.
+
+    Returns:
+        ``; did you mean 'standing'?`` or ``; valid are ...``.
+    """
+    names = sorted(set(known))
+    others = f"; {all_are} are {', '.join(names)}" if names else ""
+    return nearest(name, names) or others
+
+
 def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
     """Word a hint for an unknown key.
 
@@ -138,11 +149,7 @@ def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
         near, otherwise the list of the valid ones, each starting with ``;``.
     """
     structs, name = _structs_around(field, kind)
-    names = sorted(set(_key_names(structs)))
-    near = difflib.get_close_matches(name, names, n=1)
-    if near:
-        return f"; did you mean {near[0]!r}?"
-    return f"; valid are {', '.join(names)}" if names else ""
+    return nearest_or_all(name, _key_names(structs))
 
 
 def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
@@ -278,11 +285,6 @@ def explain(
 ) -> tuple[str, str]:
     """Take a validation error apart.
 
-    Args:
-        error: what msgspec said.
-        raw: what was to be turned into a struct.
-        kind: the struct.
-
     Returns:
         Path of the offending field, such as ``platform[0].motion[1].axis`` (empty
         when the whole is at fault), and the complaint without the path: what came,
@@ -345,9 +347,8 @@ def _is_lone_table(expected: str, got: Any) -> bool:
 def _choices(valid: list[str], got: Any) -> str:
     if not valid:
         return ""
-    words = f", expected one of {', '.join(map(repr, valid))}"
-    near = difflib.get_close_matches(got, valid, n=1) if isinstance(got, str) else []
-    return f"{words}; did you mean {near[0]!r}?" if near else words
+    hint = nearest(got, valid) if isinstance(got, str) else ""
+    return f", expected one of {', '.join(map(repr, valid))}{hint}"
 
 
 def _value_at(raw: Any, path: str) -> tuple[Any, bool]:

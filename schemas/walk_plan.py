@@ -161,11 +161,7 @@ class WalkStep(FileStruct, frozen=True, kw_only=True):
 
 
 def out_of_turn(sides: Sequence[Side]) -> int | None:
-    """Return which is the first step that moves the foot of the one before it.
-
-    Args:
-        sides: of the steps of a plan or a scenario, in order.
-    """
+    """Return which is the first step that moves the foot of the one before it."""
     for index, (before, side) in enumerate(itertools.pairwise(sides), 1):
         if side == before:
             return index
@@ -222,11 +218,7 @@ class Walk(FileStruct, frozen=True, kw_only=True):
         return math.radians(self.yaw_rate_deg_s)
 
     def reach_m(self, duration_s: float) -> float:
-        """How far from its start a robot may get, by this plan or another's [m].
-
-        Args:
-            duration_s: of the scenario.
-        """
+        """How far from its start a robot may get, by this plan or another's [m]."""
         speed = max(math.hypot(self.velocity_m_s, self.lateral_m_s), PLANNED_M_S)
         written = [math.hypot(*step.position_m) for step in self.step]
         return max(speed * duration_s, *written, 0.0)

@@ -48,9 +48,6 @@ def naming_scenario(path: Path) -> Iterator[None]:
 
     Bodies, ticks and ranges are checked where robot and scenario come together, which
     know nothing of files.
-
-    Args:
-        path: of the scenario.
     """
     try:
         yield

@@ -36,11 +36,6 @@ def wxyz(quat_xyzw: Array) -> Array:
 def whole_ticks(span_s: float, tick_s: float, *, what: str) -> int:
     """Convert a time span to whole ticks.
 
-    Args:
-        span_s: the span [s].
-        tick_s: one tick [s].
-        what: named in the error.
-
     Raises:
         ScenarioError: the span is not a whole multiple of the tick.
     """

@@ -25,11 +25,7 @@ class ScenarioError(SimulationError, ValueError):
 
 @contextmanager
 def within(path: str) -> Iterator[None]:
-    """Put a path before the key that a :class:`ScenarioError` raised inside names.
-
-    Args:
-        path: such as ``platform[0].motion[1]``.
-    """
+    """Put a path before the key that a :class:`ScenarioError` raised inside names."""
     try:
         yield
     except ScenarioError as error:

@@ -6,6 +6,7 @@ There is one platform under both feet, or one under each.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,7 +24,6 @@ from surefoot.sim_robot.motion import MotionLaw, motion_law
 from surefoot.sim_robot.robot_spec import Stance
 
 if TYPE_CHECKING:
-    from surefoot.sim_robot.still_ground import StillGround
     from surefoot.sim_robot.world import World
 
 AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
@@ -58,6 +58,7 @@ PLATFORM_INERTIA = 1e6
 
 STILL = -1
 """What ground that stands fast says for its platform."""
+UNTURNED_WXYZ = (1.0, 0.0, 0.0, 0.0)
 
 _SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
 
@@ -110,10 +111,6 @@ class PlatformPlan:
 
 def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...]:
     """Lay out the ground so that every foot has a box under it.
-
-    Args:
-        scenario: which feet have a platform of their own.
-        start: where the robot stands at first.
 
     Returns:
         The platforms of the scenario in its order, then fixed ground for the feet
@@ -207,14 +204,7 @@ def _plan(
 def add_platform(
     spec: mujoco.MjSpec, plan: PlatformPlan, *, robot: Robot, friction: float
 ) -> None:
-    """Add a box that only the soles touch, with a joint for each axis that moves.
-
-    Args:
-        spec: the world, with the robot in it.
-        plan: the platform.
-        robot: whose soles touch it.
-        friction: between them.
-    """
+    """Add a box that only the soles touch, with a joint for each axis that moves."""
     body = spec.worldbody.add_body(
         name=plan.name,
         pos=plan.top_centre,
@@ -248,14 +238,7 @@ def add_platform(
 def let_soles_touch(
     spec: mujoco.MjSpec, geom: str, *, robot: Robot, friction: float
 ) -> None:
-    """Let both soles, and nothing else, touch a geom of the ground firmly.
-
-    Args:
-        spec: the world, with the robot and the geom in it.
-        geom: its name.
-        robot: whose soles touch it.
-        friction: between them.
-    """
+    """Let both soles, and nothing else, touch a geom of the ground firmly."""
     for foot in (robot.left, robot.right):
         pair = spec.add_pair(geomname1=geom, geomname2=foot.sole_frame, condim=3)
         pair.name = f"{geom} {foot.sole_frame}"
@@ -265,51 +248,35 @@ def let_soles_touch(
 
 
 def ground_blocks(world: World) -> list[GroundBlock]:
-    """Return all blocks, platforms first.
-
-    Args:
-        world: of the run.
-    """
+    """Return all blocks, platforms first."""
     blocks = []
     index = 0
     for plan in world.platforms:
-        blocks.append(_platform(plan, index if plan.in_scenario else STILL))
+        top = plan.box_centre + np.array([0.0, 0.0, plan.half_size[2]])
+        if not plan.in_scenario:
+            top = top + plan.top_centre
+        carrier = index if plan.in_scenario else STILL
+        blocks.append(_block(top, plan.quat_wxyz, 2.0 * plan.half_size, carrier))
         index += plan.in_scenario
     for ground in world.still:
-        blocks.append(_seesaw(ground, index) if ground.tip_rad else _still(ground))
-        index += ground.tip_rad > 0.0
+        if ground.tip_rad > 0.0:  # a seesaw carries itself
+            blocks.append(_block(np.zeros(3), UNTURNED_WXYZ, ground.size, index))
+            index += 1
+        else:
+            place, turn = ground.top_centre, ground.quat_wxyz
+            blocks.append(_block(place, turn, ground.size, STILL))
     return blocks
 
 
-def _platform(plan: PlatformPlan, index: int) -> GroundBlock:
-    top = plan.box_centre + np.array([0.0, 0.0, plan.half_size[2]])
-    if index == STILL:
-        top = top + plan.top_centre
-    w, x, y, z = plan.quat_wxyz
+def _block(
+    position: Vec3, quat_wxyz: Sequence[float], size: Vec3, platform: int
+) -> GroundBlock:
+    w, x, y, z = quat_wxyz
     return GroundBlock(
-        position=top.tolist(),
+        position=position.tolist(),
         quat_xyzw=[x, y, z, w],
-        size=(2.0 * plan.half_size).tolist(),
-        platform=index,
-    )
-
-
-def _still(ground: StillGround) -> GroundBlock:
-    w, x, y, z = ground.quat_wxyz
-    return GroundBlock(
-        position=ground.top_centre.tolist(),
-        quat_xyzw=[x, y, z, w],
-        size=ground.size.tolist(),
-        platform=STILL,
-    )
-
-
-def _seesaw(ground: StillGround, index: int) -> GroundBlock:
-    return GroundBlock(
-        position=[0.0, 0.0, 0.0],
-        quat_xyzw=[0.0, 0.0, 0.0, 1.0],
-        size=ground.size.tolist(),
-        platform=index,
+        size=size.tolist(),
+        platform=platform,
     )
 
 
@@ -341,7 +308,7 @@ class Ground:
         self._force = data.qfrc_applied[first : first + count]
         self._position: Array = np.zeros(count)
         self._velocity: Array = np.zeros(count)
-        self._write()
+        self.arrive()
 
     @property
     def moves(self) -> bool:
@@ -349,11 +316,7 @@ class Ground:
         return bool(self._laws)
 
     def aim(self, time_s: float) -> None:
-        """Push the platforms towards where they will be after the next step.
-
-        Args:
-            time_s: end of the step.
-        """
+        """Push the platforms towards where they will be after the next step."""
         for index, laws in enumerate(self._laws):
             position = velocity = 0.0
             for law in laws:
@@ -367,9 +330,6 @@ class Ground:
 
     def arrive(self) -> None:
         """Put the platforms exactly where they belong after a step."""
-        self._write()
-
-    def _write(self) -> None:
         self._qpos[:] = self._position
         self._qvel[:] = self._velocity
 

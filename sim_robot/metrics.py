@@ -5,8 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,63 +33,7 @@ FALL_TILT_RAD = math.radians(60.0)
 FALL_CLEARANCE_M = 0.03
 """Links above the ankles this close to the height of the lower sole are down."""
 _UPRIGHT = math.cos(FALL_TILT_RAD)
-
-
-@dataclass(frozen=True, slots=True)
-class StandingFigures:
-    """Figures of a run; see :class:`surefoot.schemas.result.PlantResult`.
-
-    Attributes:
-        has_counted: whether the run got to where errors and deviations count.
-        has_peaks: whether it got to where force peaks count.
-        com_error_rms: (3,) [m].
-        com_error_max: (3,) largest magnitude [m].
-        base_tilt_max: [rad].
-        force_deviation_rms: (2,) vertical force, in the world, against half the weight
-            [N]. Not the normal force: on ground that stays tilted that one is less
-            than half the weight when all is well.
-        force_peak: (2,) normal force [N].
-        contact_lost_s: (2,) in all [s].
-        contact_gap_s: (2,) longest at a stretch: how long the ground was searched [s].
-    """
-
-    has_counted: bool
-    has_peaks: bool
-    com_error_rms: Vec3
-    com_error_max: Vec3
-    base_tilt_max: float
-    force_deviation_rms: Array
-    force_peak: Array
-    contact_lost_s: Array
-    contact_gap_s: Array
-
-
-class StandingState(Protocol):
-    """What the figures are made of; see PlantTruth and PlantView."""
-
-    @property
-    def com(self) -> Vec3:
-        """(3,) centre of mass, world [m]."""
-
-    @property
-    def sole_left(self) -> Vec3:
-        """(3,) origin of the sole, world [m]."""
-
-    @property
-    def sole_right(self) -> Vec3:
-        """(3,) the same of the right foot."""
-
-    @property
-    def upright(self) -> float:
-        """Cosine of the base's tilt."""
-
-    @property
-    def normal_forces(self) -> tuple[float, float]:
-        """Of the ground on the left and right sole [N]."""
-
-    @property
-    def vertical_forces(self) -> tuple[float, float]:
-        """The same along the world's vertical [N]."""
+MM_PER_M = 1e3
 
 
 class PlantMetrics:
@@ -121,7 +64,7 @@ class PlantMetrics:
         self._gap_ticks = [0, 0]
         self._longest_gap = [0, 0]
 
-    def update(self, state: StandingState, *, tick: int) -> None:
+    def update(self, state: PlantTruth | PlantView, *, tick: int) -> None:
         """Take in one tick; each tick once."""
         self._least_upright = min(self._least_upright, state.upright)
         forces = state.normal_forces
@@ -139,22 +82,33 @@ class PlantMetrics:
         if tick >= self._com_from:
             self._count_errors(state)
 
-    def figures(self) -> StandingFigures:
-        """Return the figures so far; zero where nothing has counted yet."""
-        count = max(self._counted, 1)
-        return StandingFigures(
-            has_counted=self._counted > 0,
-            has_peaks=self._has_peaks,
-            com_error_rms=np.sqrt(np.array(self._squares) / count),
-            com_error_max=np.array(self._largest),
-            base_tilt_max=math.acos(max(-1.0, self._least_upright)),
-            force_deviation_rms=np.sqrt(np.array(self._force_squares) / count),
-            force_peak=np.array(self._force_peak),
-            contact_lost_s=np.array(self._lost_ticks) * self._period_s,
-            contact_gap_s=np.array(self._longest_gap) * self._period_s,
-        )
+    def figures(self) -> dict[str, Any]:
+        """Return the figures so far, by their names in PlantResult.
 
-    def _count_errors(self, state: StandingState) -> None:
+        Deviations are of the vertical force in the world, not of the normal force: on
+        ground that stays tilted that one is less than half the weight when all is well.
+        """
+        count = self._counted
+
+        def counted(values: Array, unit: float = 1.0) -> list[float] | None:
+            return (unit * values).tolist() if count else None
+
+        def rms(squares: list[float]) -> Array:
+            return np.sqrt(np.array(squares) / max(count, 1))
+
+        return {
+            "com_error_rms_mm": counted(rms(self._squares), MM_PER_M),
+            "com_error_max_mm": counted(np.array(self._largest), MM_PER_M),
+            "base_tilt_max_deg": math.degrees(
+                math.acos(max(-1.0, self._least_upright))
+            ),
+            "force_deviation_rms_n": counted(rms(self._force_squares)),
+            "force_peak_n": list(self._force_peak) if self._has_peaks else None,
+            "contact_lost_s": (np.array(self._lost_ticks) * self._period_s).tolist(),
+            "contact_gap_s": (np.array(self._longest_gap) * self._period_s).tolist(),
+        }
+
+    def _count_errors(self, state: PlantTruth | PlantView) -> None:
         self._counted += 1
         for axis, value in enumerate(_com_over_soles(state)):
             error = abs(value - self._reference[axis])
@@ -175,11 +129,7 @@ class WalkMetrics:
     """
 
     def __init__(self, *, period_s: float) -> None:
-        """Start where the robot stands.
-
-        Args:
-            period_s: control period.
-        """
+        """Start where the robot stands."""
         self._airborne = AIRBORNE_S / period_s
         self._touchdown = round(TOUCHDOWN_S / period_s)
         self._begin: tuple[float, float] | None = None
@@ -188,7 +138,7 @@ class WalkMetrics:
         self.distance = 0.0
         self.touchdown_peak = [0.0, 0.0]
 
-    def update(self, state: StandingState) -> None:
+    def update(self, state: PlantTruth | PlantView) -> None:
         """Take in one tick; each tick once."""
         left_x, left_y, _ = state.sole_left.tolist()
         right_x, right_y, _ = state.sole_right.tolist()
@@ -208,7 +158,7 @@ class WalkMetrics:
                 self.touchdown_peak[foot] = peak
 
 
-def _com_over_soles(state: StandingState) -> tuple[float, float, float]:
+def _com_over_soles(state: PlantTruth | PlantView) -> tuple[float, float, float]:
     """Return the CoM: x and y from the midpoint of the soles, z in the world [m]."""
     # Three numbers at a time: plain floats are quicker than arrays here.
     x, y, z = state.com.tolist()
@@ -293,14 +243,7 @@ class RobotRecorder:
     def __init__(
         self, sink: TickSink, *, joints: Sequence[str], platforms: int, period_s: float
     ) -> None:
-        """Begin.
-
-        Args:
-            sink: gets the ticks.
-            joints: names, in the order of the robot file.
-            platforms: of the scenario.
-            period_s: control period.
-        """
+        """Begin."""
         names = [*SENSED, *TRUE, *([PLATFORM_POSE] if platforms else [])]
         layouts = [
             lay_out(name, joints=joints, platforms=platforms)
@@ -352,11 +295,7 @@ class RunDigest:
     """
 
     def __init__(self, *, joints: int) -> None:
-        """Start with nothing.
-
-        Args:
-            joints: n_a.
-        """
+        """Start with nothing."""
         self._sha = hashlib.sha256()
         width = SnapshotLayout(joints).size + joints
         self._rows = np.empty((BLOCK_ROWS, width), dtype="<f8")

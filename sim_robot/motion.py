@@ -39,9 +39,6 @@ LOWEST, HIGHEST = 0.5, 4.0
 def motion_law(motion: Motion) -> MotionLaw:
     """Turn a motion of the scenario file into a function of time.
 
-    Args:
-        motion: of any kind; its axis does not matter here.
-
     Raises:
         ScenarioError: a free fall that does not go down, a motion faster than the
             simulation can show, or a record that cannot be used; ``field`` is the key
@@ -80,15 +77,9 @@ def _sine(motion: SineMotion) -> MotionLaw:
 
     def law(since: float) -> tuple[float, float]:
         angle = omega * since + phase
-        position = amplitude * math.sin(angle)
-        velocity = amplitude * omega * math.cos(angle)
-        u = since * per_fade
-        if u >= 1.0:
-            return position, velocity
-        share, rate = fade(u)
-        return share * position, share * velocity + rate * per_fade * position
+        return amplitude * math.sin(angle), amplitude * omega * math.cos(angle)
 
-    return law
+    return _faded_in(law, per_fade)
 
 
 def _ramp(
@@ -164,6 +155,20 @@ def fade(u: float) -> tuple[float, float]:
     """
     share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
     return share, 30.0 * u * u * (1.0 - u) * (1.0 - u)
+
+
+def _faded_in(law: MotionLaw, per_fade: float) -> MotionLaw:
+    """Fade a motion in over ``1 / per_fade`` [s]."""
+
+    def faded(since: float) -> tuple[float, float]:
+        position, velocity = law(since)
+        u = since * per_fade
+        if u >= 1.0:
+            return position, velocity
+        share, rate = fade(u)
+        return share * position, share * velocity + rate * per_fade * position
+
+    return faded
 
 
 def check_blend(motion: Motion) -> None:
@@ -305,11 +310,6 @@ def _spectrum(motion: SpectrumMotion) -> MotionLaw:
         angle = omega * since
         angle += phase
         position = float(amplitude @ np.cos(angle))
-        velocity = float(amplitude_rate @ np.sin(angle))
-        u = since * per_fade
-        if u >= 1.0:
-            return position, velocity
-        share, rate = fade(u)
-        return share * position, share * velocity + rate * per_fade * position
+        return position, float(amplitude_rate @ np.sin(angle))
 
-    return law
+    return _faded_in(law, per_fade)

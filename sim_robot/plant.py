@@ -232,9 +232,6 @@ class Plant:
     def push(self, push: PushRequest) -> int:
         """Push the robot from the next tick on.
 
-        Args:
-            push: body, force and duration.
-
         Returns:
             The first tick in which it acts.
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -39,13 +40,7 @@ class CaptureLimit:
     """
 
     def __init__(self, robot: Robot, world: World, data: mujoco.MjData) -> None:
-        """Take the stance of the moment.
-
-        Args:
-            robot: sizes of its soles.
-            world: the robot in it.
-            data: at rest.
-        """
+        """Take the stance of the moment."""
         com = data.subtree_com[world.base_body].copy()
         corners = [
             data.xpos[body]
@@ -89,9 +84,6 @@ class Pushes:
     """Applies the scenario's pushes at the centres of mass, in world axes.
 
     A push acts on whole simulation steps; pushes that overlap add up.
-
-    Attributes:
-        rods: of the scenario, at work.
     """
 
     def __init__(
@@ -103,12 +95,6 @@ class Pushes:
         capture: CaptureLimit,
     ) -> None:
         """Look up the bodies.
-
-        Args:
-            pushes: of the scenario.
-            world: with the robot.
-            rods: of the scenario; their forces are added.
-            capture: how hard a blow the soles can catch.
 
         Raises:
             ScenarioError: a body does not exist or has no mass.
@@ -130,10 +116,6 @@ class Pushes:
 
     def add(self, push: PushRequest, *, first_step: int) -> None:
         """Add a push that somebody asks for during the run.
-
-        Args:
-            push: body, force and duration.
-            first_step: simulation step in which it begins.
 
         Raises:
             ScenarioError: the body does not exist or has no mass, or the push is
@@ -210,17 +192,9 @@ class RodState(NamedTuple):
     peak_n: float = 0.0
 
 
-class _Law(Protocol):
-    """What a kind of rod does."""
-
-    def force(self, since_s: float, position: float, speed: float) -> float:
-        """Force on the link, asked once in each step [N].
-
-        Args:
-            since_s: time since it began [s].
-            position: of the link, from where it was then [m].
-            speed: of the link [m/s].
-        """
+RodLaw = Callable[[float, float, float], float]
+"""Time since a rod began [s], position of its link from where it was then [m] and speed
+[m/s] to the force on the link [N]; asked once in each step."""
 
 
 class RodAtWork:
@@ -233,12 +207,7 @@ class RodAtWork:
     """
 
     def __init__(self, rod: Rod, body: int, *, mass: float) -> None:
-        """Prepare the rod.
-
-        Args:
-            rod: of the scenario.
-            body: MuJoCo's id of the link.
-            mass: of the link [kg].
+        """Prepare the rod for a link, MuJoCo's ``body``, of a mass [kg].
 
         Raises:
             ScenarioError: it is too stiff for so light a link, or too fast.
@@ -268,7 +237,7 @@ class RodAtWork:
         self._last = place
         since_s = (step - self._first_step) * SIM_STEP_S
         before = self.state
-        force = self._law.force(since_s, position, moved / SIM_STEP_S)
+        force = self._law(since_s, position, moved / SIM_STEP_S)
         self.state = RodState(
             force_n=force,
             position_m=position,
@@ -283,21 +252,12 @@ class RodAtWork:
 
 
 class Rods:
-    """All rods of a scenario.
-
-    Attributes:
-        at_work: in the order of the scenario.
-    """
+    """All rods of a scenario."""
 
     def __init__(
         self, rods: list[Rod], model: mujoco.MjModel, bodies: dict[str, int]
     ) -> None:
         """Look up the links.
-
-        Args:
-            rods: of the scenario.
-            model: of the world.
-            bodies: links with mass, by name.
 
         Raises:
             ScenarioError: a link does not exist, or a rod does not fit it.
@@ -316,12 +276,39 @@ class Rods:
             data.xfrc_applied[rod.body, :3] += force * rod.direction
 
 
-def _law(rod: Rod) -> _Law:
+def _law(rod: Rod) -> RodLaw:
+    if isinstance(rod, StrikeRod):
+        return _strike(rod)
     if isinstance(rod, ForceRod):
-        return _Force(_course(rod, rod.amplitude_n))
-    if isinstance(rod, DisplacementRod):
-        return _Displacement(rod, _course(rod, rod.amplitude_m))
-    return _Strike(rod)
+        push = _course(rod, rod.amplitude_n)
+        return lambda since_s, position, speed: push(since_s)[0]
+    course = _course(rod, rod.amplitude_m)
+    stiffness, damping = rod.stiffness_n_m, rod.damping_n_s_m
+
+    def lead(since_s: float, position: float, speed: float) -> float:
+        aim, aim_speed = course(since_s)
+        return stiffness * (aim - position) + damping * (aim_speed - speed)
+
+    return lead
+
+
+def _strike(rod: StrikeRod) -> RodLaw:
+    """Strike with a mass with a pad, until it flies off."""
+    place, own_speed, is_over = 0.0, rod.speed_m_s, False
+
+    def law(since_s: float, position: float, speed: float) -> float:
+        nonlocal place, own_speed, is_over
+        del since_s
+        if is_over:
+            return 0.0
+        pressed = place - position
+        is_over = pressed < 0.0 and own_speed < speed
+        force = rod.stiffness_n_m * max(pressed, 0.0)
+        own_speed -= force / rod.mass_kg * SIM_STEP_S
+        place += own_speed * SIM_STEP_S
+        return force
+
+    return law
 
 
 def _course(rod: ForceRod | DisplacementRod, amplitude: float) -> MotionLaw:
@@ -355,42 +342,3 @@ def _check_steady(rod: Rod, mass: float) -> None:
             "lower stiffness_n_m and damping_n_s_m, or name a heavier link",
             field="stiffness_n_m",
         )
-
-
-class _Force:
-    def __init__(self, course: MotionLaw) -> None:
-        self._course = course
-
-    def force(self, since_s: float, position: float, speed: float) -> float:
-        del position, speed
-        return self._course(since_s)[0]
-
-
-class _Displacement:
-    def __init__(self, rod: DisplacementRod, course: MotionLaw) -> None:
-        self._course = course
-        self._stiffness, self._damping = rod.stiffness_n_m, rod.damping_n_s_m
-
-    def force(self, since_s: float, position: float, speed: float) -> float:
-        aim, aim_speed = self._course(since_s)
-        return self._stiffness * (aim - position) + self._damping * (aim_speed - speed)
-
-
-class _Strike:
-    """A mass with a pad, until it flies off."""
-
-    def __init__(self, rod: StrikeRod) -> None:
-        self._mass, self._stiffness = rod.mass_kg, rod.stiffness_n_m
-        self._place, self._speed = 0.0, rod.speed_m_s
-        self._is_over = False
-
-    def force(self, since_s: float, position: float, speed: float) -> float:
-        del since_s
-        if self._is_over:
-            return 0.0
-        pressed = self._place - position
-        self._is_over = pressed < 0.0 and self._speed < speed
-        force = self._stiffness * max(pressed, 0.0)
-        self._speed -= force / self._mass * SIM_STEP_S
-        self._place += self._speed * SIM_STEP_S
-        return force

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import msgspec
 
@@ -65,16 +64,7 @@ class RobotLoop:
         period_s: float,
         on_tick: Callable[[int], None] | None = None,
     ) -> None:
-        """Join plant, gate and bus.
-
-        Args:
-            simulated: the run.
-            gate: judges commands.
-            server: the bus.
-            pace: lockstep or real time.
-            period_s: from tick to tick [s].
-            on_tick: told the tick now and then, for a progress bar.
-        """
+        """Join plant, gate and bus."""
         self.round_trip = TimingLog()
         self.lateness = TimingLog()
         self._simulated, self._gate, self._server = simulated, gate, server
@@ -183,12 +173,7 @@ class RobotLoop:
             self._server.deadline_misses += 1
 
     def _take_in(self, result: CommandResult, *, acts_as: int) -> None:
-        """Hand a posture on.
-
-        Args:
-            result: what the gate made of a command.
-            acts_as: the tick whose answer it stands for.
-        """
+        """Hand a posture on."""
         sent_ns = self.latency.stamp_ns(result.answers)
         self.round_trip.add(time.monotonic_ns() - sent_ns)
         self._is_answered = True
@@ -196,17 +181,6 @@ class RobotLoop:
             self._simulated.apply(result.posture, tick=acts_as)
             acts_at = acts_as + self._simulated.command_delay_ticks
             self.latency.taken(result.answers, acts_at=acts_at)
-
-
-@dataclass(frozen=True)
-class RobotRun:
-    """What a run of the simulated robot left behind.
-
-    Attributes:
-        result: figures of the run, over the ticks there were.
-    """
-
-    result: PlantResult
 
 
 def run_robot(
@@ -221,7 +195,7 @@ def run_robot(
     wait_s: float | None = None,
     stop: StopRequest | None = None,
     on_tick: Callable[[int], None] | None = None,
-) -> RobotRun:
+) -> PlantResult:
     """Run a scenario on the bus for the commander that takes the lease.
 
     The robot stands at tick 0, in HOLD, until a commander has enabled it: scenarios
@@ -242,7 +216,7 @@ def run_robot(
         on_tick: called with the tick now and then, for a progress bar.
 
     Returns:
-        The run; also when it was stopped or nobody came.
+        Figures over the ticks there were; also when it was stopped or nobody came.
 
     Raises:
         EndpointError: cannot listen there.
@@ -290,10 +264,8 @@ def run_robot(
             gate=report,
             cut_off=cut_off,
         )
-        return RobotRun(
-            result=msgspec.structs.replace(
-                result,
-                end_to_end_ms=loop.latency.log.distribution(),
-                histograms=loop.histograms() if histogram else {},
-            ),
+        return msgspec.structs.replace(
+            result,
+            end_to_end_ms=loop.latency.log.distribution(),
+            histograms=loop.histograms() if histogram else {},
         )

@@ -152,11 +152,6 @@ def refusing(robot: Robot) -> Iterator[None]:
 def robot_spec(robot: Robot, scenario: Scenario, *, visuals: bool) -> mujoco.MjSpec:
     """Make the robot alone: free base, servos, soles and sensors.
 
-    Args:
-        robot: what its files say.
-        scenario: its model error scales the servos.
-        visuals: keep the URDF's visuals, for pictures.
-
     Returns:
         The model, not compiled; actuators are in bus order.
     """
@@ -295,11 +290,6 @@ class Stance:
 
 def stand(spec: mujoco.MjSpec, robot: Robot, start: Start) -> tuple[Stance, Stance]:
     """Put the robot where a scenario wants it, nominal and in its own posture.
-
-    Args:
-        spec: the robot alone; not changed.
-        robot: nominal posture and feet.
-        start: of the scenario.
 
     Returns:
         The nominal stance and the one it begins in, both turned and moved.

@@ -121,12 +121,6 @@ def sensor_lines(
 ) -> list[SensorLine]:
     """Make the lines of a scenario.
 
-    Args:
-        settings: rates.
-        delay: delays and jitter.
-        period_s: from tick to tick [s].
-        seed: of the run.
-
     Returns:
         One for each kind of sensor; none at all where every reading is taken every tick
         and reported at once.

@@ -283,9 +283,6 @@ class SensorSuite:
     def read(self, tick: int) -> Snapshot:
         """Take one reading; to be called once per tick, in order.
 
-        Args:
-            tick: the robot's counter.
-
         Returns:
             What the robot reports at ``tick``; ``stamp_ns`` is simulated time.
         """

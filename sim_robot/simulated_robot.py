@@ -27,17 +27,12 @@ from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.sim_robot.sensor_lines import SensorFaults
 from surefoot.sim_robot.state_view import PlantTruth
 
-MM_PER_M = 1e3
 MS_PER_S = 1e3
 _RUN_LENGTH_TOLERANCE = 1e-9
 
 
 class CommandDelay:
-    """Holds answers back for a fixed number of ticks.
-
-    Attributes:
-        ticks: the delay d.
-    """
+    """Holds answers back for a fixed number of ticks."""
 
     def __init__(self, ticks: int, *, posture: Array) -> None:
         """Start without answers.
@@ -110,12 +105,6 @@ class SimulatedRobot:
         ticks: TickSink | None = None,
     ) -> None:
         """Build the plant; it stands at rest at tick 0.
-
-        Args:
-            robot: what its files say.
-            scenario: the run.
-            seed: of the sensor noise.
-            ticks: gets the signals of every tick; None for a run that keeps none.
 
         Raises:
             ScenarioError: the scenario fits neither the robot nor its ticks.
@@ -320,11 +309,6 @@ class SimulatedRobot:
                 when the scenario was over, or the robot fell.
         """
         end, end_detail = cut_off or self.own_end
-        figures = self._metrics.figures()
-
-        def counted(values: Array, unit: float = 1.0) -> list[float] | None:
-            return (unit * values).tolist() if figures.has_counted else None
-
         return PlantResult(
             fell=self.fell,
             fell_at_s=self._fell_at_s,
@@ -334,13 +318,7 @@ class SimulatedRobot:
             end_detail=end_detail,
             gate=gate,
             duration_s=self.time_s,
-            com_error_rms_mm=counted(figures.com_error_rms, MM_PER_M),
-            com_error_max_mm=counted(figures.com_error_max, MM_PER_M),
-            base_tilt_max_deg=math.degrees(figures.base_tilt_max),
-            force_deviation_rms_n=counted(figures.force_deviation_rms),
-            force_peak_n=figures.force_peak.tolist() if figures.has_peaks else None,
-            contact_lost_s=figures.contact_lost_s.tolist(),
-            contact_gap_s=figures.contact_gap_s.tolist(),
+            **self._metrics.figures(),
             real_time_factor=real_time_factor,
             round_trip_ms=round_trip_ms,
             period_jitter_ms=period_jitter_ms,

@@ -173,13 +173,7 @@ class PlantTruth:
 def truth_message(
     truth: PlantTruth, *, stamp_ns: int, ground: list[GroundBlock]
 ) -> Truth:
-    """Pack the true state at a tick.
-
-    Args:
-        truth: what the plant says.
-        stamp_ns: the robot's monotonic clock [ns].
-        ground: all blocks of it.
-    """
+    """Pack the true state at a tick."""
     return Truth(
         schema=SCHEMA_VERSION,
         tick=truth.tick,

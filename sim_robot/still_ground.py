@@ -42,12 +42,7 @@ CORNERS = 4
 
 
 def add_scenery(spec: mujoco.MjSpec, platforms: tuple[PlatformPlan, ...]) -> None:
-    """Add lights, a sky, a floor that nothing touches, and mats on the platforms.
-
-    Args:
-        spec: the world, before it is compiled.
-        platforms: the ground in it.
-    """
+    """Add lights, a sky, a floor that nothing touches, and mats on the platforms."""
     _add_sky_and_floor(spec)
     for plan in platforms:
         _add_mat(spec, plan)
@@ -241,13 +236,7 @@ def _add_seesaw(spec: mujoco.MjSpec, ground: StillGround) -> mujoco.MjsBody:
 def rise_under(
     grounds: tuple[StillGround, ...], start: Stance, *, robot: Robot
 ) -> float:
-    """How much higher the robot must start so that neither sole is in the ground [m].
-
-    Args:
-        grounds: tiles and floor.
-        start: where the soles are.
-        robot: sizes of its soles.
-    """
+    """How much higher the robot must start for its soles to clear the ground [m]."""
     cos, sin = math.cos(start.yaw), math.sin(start.yaw)
     soles = start.soles_in_world
     heights = [
@@ -280,11 +269,6 @@ def soften(
     accelerates. With k = K R and b = C R that is a force of K r + C v and a mass 1 / R
     that moves along. The impedance makes this mass as small as is stable with steps of
     the simulation. All is shared by the sole's corners.
-
-    Args:
-        model: compiled, with its final masses; changed in place.
-        grounds: tiles and floor.
-        robot: whose soles stand on them.
     """
     half_mass = 0.5 * float(model.body(robot.file.base_link).subtreemass[0])
     for ground in grounds:

@@ -51,11 +51,6 @@ def add_payloads(
 ) -> None:
     """Fix a ball to each link that carries one.
 
-    Args:
-        spec: the robot, not compiled.
-        robot: names its file in errors.
-        payloads: of the scenario.
-
     Raises:
         ScenarioError: no such link.
     """
@@ -109,13 +104,7 @@ class Grasps:
         *,
         renew: Callable[[mujoco.MjModel], None],
     ) -> None:
-        """Look up the loads that are not carried from the start.
-
-        Args:
-            payloads: of the scenario.
-            model: changed when a load is grasped.
-            renew: works out anew what of the model follows from its masses.
-        """
+        """Look up the loads that are not carried from the start."""
         self._model, self._renew = model, renew
         self._coming = [
             _Grasp(
@@ -197,12 +186,6 @@ class World:
 
 def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> World:
     """Build the world of one run.
-
-    Args:
-        robot: what its files say.
-        scenario: ground, friction and model error.
-        scenery: keep the URDF's visuals, and add light, sky and a floor far below:
-            for pictures.
 
     Returns:
         The world; the state is not set up in it.
@@ -329,13 +312,7 @@ def _upper_bodies(
 
 
 def renew(model: mujoco.MjModel, world: World, robot: Robot) -> None:
-    """Work out anew what follows from the masses of the model.
-
-    Args:
-        model: of the world, its masses changed.
-        world: its ground.
-        robot: that it holds.
-    """
+    """Work out anew what follows from the masses of the model."""
     mujoco.mj_setConst(model, mujoco.MjData(model))
     _forget_platform_inertia(model, robot)
     soften(model, world.still, robot=robot)

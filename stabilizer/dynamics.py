@@ -146,9 +146,6 @@ class Dynamics:
     def frame_placement(self, frame_id: int) -> tuple[Mat, Vec3]:
         """Return where a frame is in the world, which is the stance frame.
 
-        Args:
-            frame_id: from :meth:`RobotModel.frame_id`.
-
         Returns:
             (3, 3) rotation and (3,) position [m]; copies.
         """
@@ -157,9 +154,6 @@ class Dynamics:
 
     def frame_jacobian(self, frame_id: int) -> Mat:
         """Return the Jacobian of a frame's twist, in world axes.
-
-        Args:
-            frame_id: from :meth:`RobotModel.frame_id`.
 
         Returns:
             (6, n_v) J with J v = [velocity of the frame's origin; angular velocity].
@@ -171,9 +165,6 @@ class Dynamics:
 
     def frame_drift(self, frame_id: int) -> Array:
         """Return Jdot v of :meth:`frame_jacobian`.
-
-        Args:
-            frame_id: from :meth:`RobotModel.frame_id`.
 
         Returns:
             (6,) acceleration of the frame while vdot is zero [m/s^2, rad/s^2].

@@ -117,11 +117,6 @@ def make_controller(
 ) -> Controller:
     """Make a controller, ready to be started.
 
-    Args:
-        name: as for :func:`find_controller`.
-        robot: what its files say.
-        settings: of all controllers.
-
     Raises:
         ControllerError: there is no such controller, or it cannot be made.
     """
@@ -156,9 +151,6 @@ def find_controller(name: str) -> ControllerMaker:
 
 def find_target(name: str) -> Any:
     """Find the class of a controller from outside, or what else makes one.
-
-    Args:
-        name: as for :func:`find_controller`, but of no shipped one.
 
     Raises:
         ControllerError: there is no such controller.
@@ -197,11 +189,7 @@ def check_controller(name: str) -> None:
 def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controller:
     """Hold an object with ``start`` and ``step`` to the controller protocol.
 
-    Args:
-        controller: a controller of ours is given back as it is.
-        robot: gives the number of joints.
-        name: for status and results; the object's own ``name``, or its class's,
-            when None.
+    A controller of ours is given back as it is.
 
     Raises:
         ControllerError: it has no ``start`` or ``step``.
@@ -233,10 +221,6 @@ def _shipped(name: str) -> ControllerMaker:
 
 def maker_of(name: str, target: Any) -> ControllerMaker:
     """What makes a controller from a class or a function of robot and settings.
-
-    Args:
-        name: for status and results.
-        target: called with as many of the two as it takes.
 
     Raises:
         ControllerError: it cannot be called.

@@ -103,13 +103,7 @@ class IdentifyController:
     def __init__(
         self, robot: Robot, joints: Sequence[int], *, amplitude_rad: float
     ) -> None:
-        """Plan the motions.
-
-        Args:
-            robot: what its files say.
-            joints: which to move, in bus order.
-            amplitude_rad: of the large step [rad].
-        """
+        """Plan the motions."""
         self._robot, self._joints = robot, list(joints)
         self._amplitude = amplitude_rad
         self._shapes = [self._motion(joint) for joint in self._joints]

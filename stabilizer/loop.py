@@ -330,10 +330,6 @@ def told_end(cause: ModeCause, detail: str) -> tuple[EndReason, str]:
     """Why a robot that is off ends its stabilizer, and the same in words.
 
     A robot that has done its run says so; any other end is the robot's own.
-
-    Args:
-        cause: of its mode.
-        detail: the same in words.
     """
     if cause is ModeCause.RUN_OVER:
         return EndReason.RUN_OVER, detail

@@ -68,9 +68,6 @@ class RobotModel:
     def __init__(self, robot: Robot) -> None:
         """Read the URDF.
 
-        Args:
-            robot: loaded and checked robot files.
-
         Raises:
             RobotFileError: Pinocchio refuses it, or sees other joints than the robot
                 file lists.
@@ -156,9 +153,6 @@ class RobotModel:
 
     def frame_id(self, name: str) -> int:
         """Return the id of a link's or joint's frame.
-
-        Args:
-            name: as in the URDF.
 
         Raises:
             ValueError: there is no such frame.

@@ -257,11 +257,7 @@ class DenseQp:
         return QpSolution(x, status, True, z, z_box, self)
 
     def failed(self, status: QpStatus) -> QpSolution:
-        """Make the solution that says why there is none.
-
-        Args:
-            status: what went wrong.
-        """
+        """Make the solution that says why there is none."""
         return QpSolution(
             self._no_z_box, status, True, self._no_z, self._no_z_box, self
         )
@@ -281,11 +277,7 @@ class DenseQp:
 
 
 def save_failure(data: QpData, path: Path) -> None:
-    """Write a problem as .npz, whole or not at all.
-
-    Args:
-        data: the problem; ``np.load(path)`` gives its matrices by the same names.
-        path: file to write; an older one is replaced.
+    """Write a problem as .npz, whole or not at all; its names are those of QpData.
 
     Raises:
         OSError: it cannot be written there.

@@ -5,7 +5,6 @@ Of the settings, gains may change while the controller runs; none of the limits.
 
 from __future__ import annotations
 
-import difflib
 import logging
 import time
 from typing import Any
@@ -26,6 +25,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.toml_file import convert
+from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller, Tunable
 
 RAMP_S = 0.5
@@ -106,11 +106,9 @@ def between(before: Values, after: Values, *, share: float) -> Values:
 def _check_name(name: str) -> None:
     if name in LIVE_SETTINGS:
         return
-    near = difflib.get_close_matches(name, LIVE_SETTINGS, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
     raise FileFormatError(
-        f"{name}: cannot be changed during a run{hint}; these can: "
-        f"{', '.join(LIVE_SETTINGS)}",
+        f"{name}: cannot be changed during a run{nearest(name, LIVE_SETTINGS)}; these "
+        f"can: {', '.join(LIVE_SETTINGS)}",
         field=name,
     )
 
@@ -125,20 +123,10 @@ def _numbers(value: Any) -> list[float]:
 
 
 class SettingsRamp:
-    """Settings of a running controller. Pure: counts ticks, knows no clock.
-
-    Attributes:
-        settings: in use at this tick.
-        changes: all there were, in order.
-    """
+    """Settings of a running controller. Pure: counts ticks, knows no clock."""
 
     def __init__(self, settings: ControllerSettings, *, period_s: float) -> None:
-        """Begin with the settings the controller was made with.
-
-        Args:
-            settings: resolved.
-            period_s: control period [s].
-        """
+        """Begin with the settings the controller was made with."""
         self.settings = settings
         self.changes: list[SettingsChange] = []
         self._ticks = max(1, round(RAMP_S / period_s))
@@ -230,13 +218,7 @@ class RequestHandler:
         *,
         period_s: float,
     ) -> None:
-        """Answer what comes in on a connection.
-
-        Args:
-            client: where requests come from.
-            settings: controllers are made with, until others are asked for.
-            period_s: control period [s].
-        """
+        """Answer what comes in on a connection."""
         self.holding = ""
         self.q_held: Array | None = None
         self._client, self._name = client, ""
@@ -266,11 +248,7 @@ class RequestHandler:
         return self._ramp.changes
 
     def serve(self, tick: int) -> None:
-        """Answer all that has come in, then move the settings on by a tick.
-
-        Args:
-            tick: the one about to be answered.
-        """
+        """Answer all that has come in, then move the settings on by a tick."""
         while (asked := self._client.next_request()) is not None:
             if isinstance(asked.request, SettingsRequest):
                 self._change(asked, asked.request, tick)

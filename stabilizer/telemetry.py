@@ -13,7 +13,7 @@ from surefoot.robot_io.ticks.recorder import TickRecorder, TickSink
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
-from surefoot.schemas.result import ControllerResult, Distribution
+from surefoot.schemas.result import NO_TIME, ControllerResult
 from surefoot.schemas.signals import MISSING, QP_WORDS, WALK_SIGNALS, lay_out
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.walking.feet import FootState, WalkState
@@ -51,14 +51,7 @@ class ControllerRecorder:
         period_s: float,
         walks: bool = False,
     ) -> None:
-        """Begin.
-
-        Args:
-            sink: gets the ticks.
-            joints: names, in the order of the robot file.
-            period_s: of the robot [s].
-            walks: whether to keep what only a walk has.
-        """
+        """Begin."""
         names = (*_ARRAYS, *WALK_SIGNALS) if walks else _ARRAYS
         self._walks = walks
         arrays = [lay_out(name, joints=joints) for name in names]
@@ -71,13 +64,7 @@ class ControllerRecorder:
         self._numbers = np.zeros(sum(len(x.labels) for x in others))
 
     def add(self, tick: int, output: ControllerOutput, *, duration_ns: int) -> None:
-        """Take in an answer.
-
-        Args:
-            tick: the robot's counter that it answers.
-            output: the answer; copied.
-            duration_ns: time it took [ns].
-        """
+        """Take in an answer."""
         self._time_s[0] = tick * self._period_s
         left, right = output.in_contact or _NO_CONTACTS
         self._numbers[:] = (
@@ -126,13 +113,7 @@ def _of_walk(walk: WalkState | None) -> tuple[Array | None, ...]:
 def recorder_to(
     sink: TickSink | None, robot: Robot, *, walks: bool = False
 ) -> ControllerRecorder | None:
-    """A recorder for a robot's controller; None without a sink.
-
-    Args:
-        sink: gets the ticks.
-        robot: names the joints.
-        walks: whether to keep what only a walk has.
-    """
+    """A recorder for a robot's controller; None without a sink."""
     if sink is None:
         return None
     return ControllerRecorder(
@@ -141,11 +122,7 @@ def recorder_to(
 
 
 class ControllerTelemetry:
-    """Counts and times a controller's ticks; the same on the bus and in one process.
-
-    Attributes:
-        restarts: times the controller began anew, from a held posture.
-    """
+    """Counts and times a controller's ticks; the same on the bus and in one process."""
 
     def __init__(
         self,
@@ -168,7 +145,7 @@ class ControllerTelemetry:
         self._settled_ticks = SETTLED_S / period_s
         self._durations = TimingLog()
         self._recent = RecentTimes(TICKS_IN_STATUS)
-        self._recent_ms = Distribution(median=0.0, p99=0.0, max=0.0)
+        self._recent_ms = NO_TIME
         self._ticks = self._qp_failures = self._stale = self._statuses = 0
         self._skipped = self._slow = 0
         self._period_ns = round(period_s * NS_PER_S)
@@ -202,14 +179,9 @@ class ControllerTelemetry:
         is_stale: bool,
         skipped: int = 0,
     ) -> None:
-        """Add a tick.
+        """Add a tick, a sensor's message of which was missing if it is stale.
 
-        Args:
-            output: the controller's answer.
-            tick: the tick answered.
-            duration_ns: time it took, snapshot to command [ns].
-            is_stale: whether a sensor's message was missing.
-            skipped: the robot's ticks since the last answer that had none.
+        ``skipped`` of the robot's ticks since the last answer have had none.
         """
         if self._recorder is not None:
             self._recorder.add(tick, output, duration_ns=duration_ns)
@@ -246,14 +218,7 @@ class ControllerTelemetry:
         *,
         lost: dict[str, SensorTrouble],
     ) -> None:
-        """Note what the safety layer is doing, once per tick.
-
-        Args:
-            state: of the safety layer.
-            end: why it gives up; ``none`` while it goes on.
-            detail: why it is not active, in words.
-            lost: sensors lost since the start, by channel, and why at first.
-        """
+        """Note what the safety layer is doing, once per tick."""
         self._state, self._end, self._detail = state, end, detail
         if lost:
             self._lost = {**lost, **self._lost}
@@ -268,15 +233,7 @@ class ControllerTelemetry:
         stale: tuple[str, ...],
         lost: dict[str, SensorTrouble],
     ) -> StabilizerStatus:
-        """What to tell everyone of the present tick.
-
-        Args:
-            output: the controller's answer.
-            tick: the tick answered.
-            stamp_ns: monotonic clock [ns].
-            stale: channels whose message was missing.
-            lost: sensors that are not believed, by channel.
-        """
+        """What to tell everyone of the present tick."""
         if self._statuses % TIMING_EVERY_STATUSES == 0:
             self._recent_ms = self._recent.distribution()
         self._statuses += 1
@@ -309,13 +266,7 @@ class ControllerTelemetry:
     def result(
         self, end: EndReason, detail: str, *, histogram: bool = False
     ) -> ControllerResult:
-        """The whole run.
-
-        Args:
-            end: why it ended.
-            detail: the same in words.
-            histogram: whether to add one of the ticks' times.
-        """
+        """The whole run."""
         ticks = {"controller tick": self._durations} if histogram else {}
         squares = (self._squares_left, self._squares_right)
         return ControllerResult(

@@ -64,7 +64,7 @@ _HOMES = {
     "runs": ("Run", "simulate", "run", "load_run"),
     "recording.read": ("Record", "read_record"),
     "playback.recompute": ("ReplayOutcome",),
-    "playback.replay": ("replay",),
+    "playback.check": ("replay",),
     "studies.study": ("Study", "study"),
     "tuning.outcome": ("Tuned",),
     "tuning.tune": ("tune",),
@@ -103,8 +103,8 @@ if TYPE_CHECKING:
     from surefoot.errors import TuneInterrupted as TuneInterrupted
     from surefoot.errors import UnknownSignalError as UnknownSignalError
     from surefoot.errors import UsageError as UsageError
+    from surefoot.playback.check import replay as replay
     from surefoot.playback.recompute import ReplayOutcome as ReplayOutcome
-    from surefoot.playback.replay import replay as replay
     from surefoot.recording.read import Record as Record
     from surefoot.recording.read import read_record as read_record
     from surefoot.robot_io.errors import RobotFileError as RobotFileError

@@ -115,10 +115,9 @@ def compute_margins(
 
 
 def loop_notice(plan: RunPlan) -> str:
-    """Say that a run's loop is later than robot or stabilizer bear; empty if it is not.
+    """Say that a run's loop is later than robot or stabilizer bear; empty if not.
 
-    Args:
-        plan: of the run; of gains, only those of the whole-body stabilizer are judged.
+    Of gains, only those of the whole-body stabilizer are judged.
     """
     tick_ms = MS_PER_S * plan.robot.period_s
     delay = plan.scenario.delay

@@ -107,9 +107,6 @@ def exit_code_for(outcome: Outcome) -> ExitCode:
 def exit_code_of(error: BaseException) -> ExitCode | None:
     """Return the exit code of an error.
 
-    Args:
-        error: what ended a command.
-
     Returns:
         Its code; None for an error nobody foresaw, which deserves its traceback.
     """
@@ -165,11 +162,7 @@ def foreseen(error: BaseException) -> BaseException:
 
 
 def complain(program: Callable[[], object]) -> None:
-    """Run the program of a driver; an error that was foreseen is one line and its code.
-
-    Args:
-        program: the whole of it; what it returns is dropped.
-    """
+    """Run the program of a driver; a foreseen error is one line and its exit code."""
     try:
         program()
     except (Exception, KeyboardInterrupt) as error:  # those without a code go on below

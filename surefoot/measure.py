@@ -16,6 +16,7 @@ import tomli_w
 from surefoot.errors import ChildFailedError, ExitCode, UsageError
 from surefoot.out_folder import check_replaceable, new_file
 from surefoot.robot_io.client_side.observer import Observer
+from surefoot.robot_io.conformance.evidence import Recording
 from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import EXTENDS, Robot, Tare, load_tare, save_tare
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout
@@ -24,6 +25,7 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.reasons import EndReason, Outcome, in_words
 from surefoot.schemas.robot_file import ServoProfile, Side
 from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.sensors import ankle_sensor
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.toml_file import read_toml
 from surefoot.schemas.validation import nearest
@@ -41,7 +43,6 @@ LARGEST_OFFSET_N, LARGEST_OFFSET_WEIGHTS = 100.0, 0.25
 LARGEST_SCATTER_N = 20.0
 """Standard deviation of a foot that is moved [N]."""
 FEWEST_READINGS = 20
-_FIELDS = ("q", "linear_acceleration", "ft_left", "ft_right")
 PROFILE = "identified"
 SIGNATURE = "by surefoot identify"
 AMPLITUDE_RAD = 0.02
@@ -99,22 +100,22 @@ def measure_tare(
         )
     model = RobotModel(robot)
     limit_n = min(LARGEST_OFFSET_N, LARGEST_OFFSET_WEIGHTS * model.weight)
-    readings: dict[str, list[Array]] = {}
+    heard = Recording(joint_count=robot.n_a)
     with Observer(robot, endpoints=endpoints, channels=CHANNELS, depth=64) as observer:
         observer.connect(timeout_s=timeout_s)
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s and not observer.has_left():
             for sample in observer.take(timeout_s=0.1):
-                for name, values in _numbers(observer.decode(sample), sample.channel):
-                    readings.setdefault(name, []).append(values)
+                heard.add(sample.channel, sample.data)
         instance = observer.robot_instance
-    fewest = min((len(readings.get(name, [])) for name in _FIELDS), default=0)
+    fewest = min(len(heard.read(channel).messages) for channel in CHANNELS)
     if fewest < FEWEST_READINGS:
         raise UsageError(
             f"tare: got {fewest} readings of every sensor in {duration_s:g} s, "
             f"expected {FEWEST_READINGS} or more; measure for longer"
         )
-    found = foot_offsets(model, _mean(robot, readings))
+    wrenches = {side: _wrenches(heard, side) for side in SIDES}
+    found = foot_offsets(model, _mean(robot, heard, wrenches))
     measured: dict[Side, Vec6] = {}
     for side, name in enumerate(SIDES):
         if foot not in (name, "both"):
@@ -122,7 +123,7 @@ def measure_tare(
             continue
         measured[name] = found[side]
         force = float(np.linalg.norm(found[side, :3]))
-        scatter = float(np.std(readings[f"ft_{name}"], axis=0)[:3].max())
+        scatter = float(np.std(wrenches[name], axis=0)[:3].max())
         if force > limit_n or scatter > LARGEST_SCATTER_N:
             raise UsageError(
                 f"tare: the {name} foot feels {force:.0f} N, changing by {scatter:.0f} "
@@ -139,21 +140,21 @@ def measure_tare(
     return TareFound(save_tare(robot.path, tare), found, tare, fewest)
 
 
-def _numbers(message: Any, channel: str) -> list[tuple[str, Array]]:
-    """Return the fields of a snapshot that a message fills."""
-    if channel == "joints":
-        return [("q", np.array(message.q))]
-    if channel == "imu":
-        return [("linear_acceleration", np.array(message.linear_acceleration))]
-    name = "ft_left" if channel == "left_ankle_ft" else "ft_right"
-    return [(name, np.array([*message.force, *message.moment]))]
+def _wrenches(heard: Recording, side: Side) -> Array:
+    """(readings, 6) forces and moments that an ankle sensor has told."""
+    name = ankle_sensor(side).name
+    return np.hstack([heard.column(name, part) for part in ("force", "moment")])
 
 
-def _mean(robot: Robot, readings: dict[str, list[Array]]) -> Snapshot:
+def _mean(robot: Robot, heard: Recording, wrenches: dict[Side, Array]) -> Snapshot:
     layout = SnapshotLayout(robot.n_a)
-    empty = layout.view(0, 0, np.zeros(layout.size))
-    means: dict[str, Any] = {name: np.mean(readings[name], axis=0) for name in _FIELDS}
-    return replace(empty, **means)
+    return replace(
+        layout.view(0, 0, np.zeros(layout.size)),
+        q=heard.mean("joints", "q"),
+        linear_acceleration=heard.mean("imu", "linear_acceleration"),
+        ft_left=wrenches["left"].mean(axis=0),
+        ft_right=wrenches["right"].mean(axis=0),
+    )
 
 
 def choose_joints(robot: Robot, names: Sequence[str]) -> list[int]:
@@ -333,12 +334,6 @@ def write_profile(
     """Write a robot file that extends the robot's by what was identified.
 
     A file that itself extends another one is written anew, with all it says.
-
-    Args:
-        robot: whose drives they are.
-        drives: at least one.
-        out: the file.
-        overwrite: whether it may replace one.
 
     Raises:
         UsageError: the file is there.

@@ -1,7 +1,4 @@
-"""What long work is given: a place for its files, and a bar for its progress.
-
-Folders and files are claimed at the start, and others' left alone.
-"""
+"""Places for files: claimed before the work begins, and others' left alone."""
 
 from __future__ import annotations
 
@@ -10,9 +7,9 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterator
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Protocol, Self
+from typing import IO, Any, BinaryIO, Self
 
 import msgspec
 
@@ -36,10 +33,6 @@ place is worth keeping, and while it is removed."""
 def make_out_folder(folder: Path, *, out: Path) -> None:
     """Make a folder, with those above it, and see that files can be written there.
 
-    Args:
-        folder: to be made; may be there already.
-        out: what the user gave, for the message.
-
     Raises:
         UsageError: something on the way is a file, or a link to nothing.
         EnvironmentFailedError: it cannot be made or written to.
@@ -62,6 +55,21 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
         ) from error
 
 
+def is_to_replace(path: Path, *, overwrite: bool) -> bool:
+    """Whether there is a file, which may be replaced.
+
+    Raises:
+        UsageError: it may not.
+    """
+    is_there = path.exists() or path.is_symlink()
+    if is_there and not overwrite:
+        raise UsageError(
+            f"--out {path}: is there already; name another place, or overwrite it "
+            "(--overwrite)"
+        )
+    return is_there
+
+
 def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
     """See that a file is not there, or one that the same command wrote.
 
@@ -73,13 +81,8 @@ def check_replaceable(path: Path, *, signature: str, overwrite: bool) -> None:
     Raises:
         UsageError: it is there, and may not be replaced or is somebody else's.
     """
-    if not (path.exists() or path.is_symlink()):
+    if not is_to_replace(path, overwrite=overwrite):
         return
-    if not overwrite:
-        raise UsageError(
-            f"--out {path}: is there already; name another place, or overwrite it "
-            "(--overwrite)"
-        )
     try:
         with path.open("rb") as file:
             is_ours = signature.encode() in file.readline(_LONGEST_LINE)
@@ -120,10 +123,6 @@ def atomic_file(path: Path, *, overwrite: bool = True) -> Iterator[IO[bytes]]:
     Until then it has a name of its own, ``NAME.<random>.partial``, so that two writers
     of one name do not write into one another's file.
 
-    Args:
-        path: its final name.
-        overwrite: whether it replaces a file that has the name by then.
-
     Yields:
         The file, binary, to be written.
 
@@ -159,10 +158,6 @@ def write_json(path: Path, value: Any) -> None:
 @contextmanager
 def new_file(path: Path, *, overwrite: bool) -> Iterator[IO[bytes]]:
     """Open a file that takes its name once it is complete.
-
-    Args:
-        path: its final name, found free or replaceable when the command began.
-        overwrite: whether it may replace a file.
 
     Raises:
         UsageError: another command took the name meanwhile.
@@ -223,9 +218,6 @@ class FolderLock:
 
     def __init__(self, folder: Path) -> None:
         """Lock the folder itself: the system forgets that when this process ends.
-
-        Args:
-            folder: there already.
 
         Raises:
             UsageError: another command has it.
@@ -403,28 +395,3 @@ class OutFolder:
         names = (self._marker, *self._ours)
         found = dict.fromkeys(file for name in names for file in folder.glob(name))
         return [file for file in found if file.is_file() or file.is_symlink()]
-
-
-class CountBar(Protocol):
-    """Opens a bar that counts; entering it gives a function to call after each."""
-
-    def __call__(
-        self, title: str, *, total: int, done: int, of: str = "runs"
-    ) -> AbstractContextManager[Callable[[], None]]:
-        """Open the bar.
-
-        Args:
-            title: what is under way.
-            total: of all things.
-            done: already, before now.
-            of: what the things are called.
-        """
-
-
-@contextmanager
-def no_bar(
-    title: str, *, total: int, done: int, of: str = "runs"
-) -> Iterator[Callable[[], None]]:
-    """Provide a bar that shows nothing: the default throughout the library."""
-    del title, total, done, of
-    yield lambda: None

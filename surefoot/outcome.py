@@ -20,13 +20,13 @@ or not at all.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause, Outcome, in_words, plain
 from surefoot.schemas.result import (
+    NO_TIME,
     ControllerResult,
-    Distribution,
     PlantResult,
     RelayResult,
     RunResult,
@@ -44,12 +44,7 @@ _TO_THE_END = (EndReason.NONE, EndReason.RUN_OVER)
 
 
 class Judgement(NamedTuple):
-    """How a run went.
-
-    Attributes:
-        outcome: in one word.
-        detail: when and why, in words.
-    """
+    """How a run went."""
 
     outcome: Outcome
     detail: str
@@ -202,7 +197,7 @@ class Sides(NamedTuple):
 
 _NOTHING = ControllerResult(
     ticks=0,
-    tick_ms=Distribution(median=0.0, p99=0.0, max=0.0),
+    tick_ms=NO_TIME,
     force_error_rms_n=None,
     qp_failures=0,
     stale_snapshots=0,
@@ -217,13 +212,7 @@ _NOTHING = ControllerResult(
 
 
 def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunResult:
-    """Join both sides of a run into the object scripts read.
-
-    Args:
-        plan: what was run.
-        sides: what was measured.
-        out: folder of the run, if it is kept.
-    """
+    """Join both sides of a run into the object scripts read."""
     plant, answered, relay = sides
     outcome, detail = judge(
         plant,
@@ -232,7 +221,18 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         period_s=plan.robot.period_s,
     )
     controller = answered or _NOTHING
-    walk = controller.walk
+    measured = [side for side in (controller.walk, controller, plant) if side]
+    figures: dict[str, Any] = {  # of a name that both sides have, the plant's
+        name: getattr(side, name)
+        for side in measured
+        for name in set(RunResult.__struct_fields__) & set(side.__struct_fields__)
+    }
+    figures |= {
+        "end": controller.end,
+        "end_detail": controller.end_detail,
+        "histograms": {**plant.histograms, **controller.histograms},
+        "unrecorded_ticks": max(plant.unrecorded_ticks, controller.unrecorded_ticks),
+    }
     return RunResult(
         scenario=plan.scenario_name,
         controller=plan.controller,
@@ -241,46 +241,7 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         mode=plan.mode,
         outcome=outcome,
         outcome_detail=detail,
-        fell=plant.fell,
-        fell_at_s=plant.fell_at_s,
-        duration_s=plant.duration_s,
-        com_error_rms_mm=plant.com_error_rms_mm,
-        com_error_max_mm=plant.com_error_max_mm,
-        base_tilt_max_deg=plant.base_tilt_max_deg,
-        force_error_rms_n=controller.force_error_rms_n,
-        force_deviation_rms_n=plant.force_deviation_rms_n,
-        force_peak_n=plant.force_peak_n,
-        contact_lost_s=plant.contact_lost_s,
-        contact_gap_s=plant.contact_gap_s,
-        real_time_factor=plant.real_time_factor,
-        tick_ms=controller.tick_ms,
-        round_trip_ms=plant.round_trip_ms,
-        period_jitter_ms=plant.period_jitter_ms,
-        deadline_misses=plant.deadline_misses,
-        qp_failures=controller.qp_failures,
-        degraded_ticks=controller.degraded_ticks,
-        lost_sensors=controller.lost_sensors,
-        end=controller.end,
-        end_detail=controller.end_detail,
-        refused=plant.refused,
-        clipped=plant.clipped,
-        ticks=plant.ticks,
-        log_sha256=plant.log_sha256,
         out=None if out is None else str(out),
-        pushes=plant.pushes,
-        recorded_ground=plant.recorded_ground,
-        settings_changes=controller.settings_changes,
-        end_to_end_ms=plant.end_to_end_ms,
-        skipped_ticks=controller.skipped_ticks,
-        slow_ticks=controller.slow_ticks,
-        histograms={**plant.histograms, **controller.histograms},
         relay=relay,
-        unrecorded_ticks=max(plant.unrecorded_ticks, controller.unrecorded_ticks),
-        steps_done=None if walk is None else walk.steps_done,
-        steps_planned=None if walk is None else walk.steps_planned,
-        distance_m=plant.distance_m,
-        dcm_error_rms_mm=None if walk is None else walk.dcm_error_rms_mm,
-        dcm_error_max_mm=None if walk is None else walk.dcm_error_max_mm,
-        placement_error_max_mm=None if walk is None else walk.placement_error_max_mm,
-        touchdown_peak_n=plant.touchdown_peak_n,
+        **figures,
     )

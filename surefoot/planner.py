@@ -41,12 +41,7 @@ class VelocityPlanner:
     """
 
     def __init__(self, pace: Pace, *, half_width: float) -> None:
-        """Begin.
-
-        Args:
-            pace: velocity and times.
-            half_width: sole to middle, standing [m].
-        """
+        """Begin, each sole ``half_width`` from the middle when it stands [m]."""
         self.pace = pace
         self._half_width = half_width
 
@@ -169,13 +164,7 @@ def _run_is_over(client: PlannerClient) -> bool:
 def _missing(
     client: PlannerClient, silence_s: float, last_word: WalkStatus | None
 ) -> str:
-    """What a walk lacks, in words; empty while there is hope.
-
-    Args:
-        client: connected.
-        silence_s: since something new was heard of the walk.
-        last_word: of the walk; None before the first.
-    """
+    """What a walk lacks, in words; empty while there is hope."""
     said = client.robot_status()
     if said is not None:
         why = in_words(said.cause, said.detail)

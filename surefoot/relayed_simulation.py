@@ -16,7 +16,7 @@ from surefoot.outcome import Sides
 from surefoot.robot_io.bus.channel import NEVER, M
 from surefoot.robot_io.client_side.assembler import SnapshotReading
 from surefoot.robot_io.client_side.client import PATIENCE_S
-from surefoot.robot_io.relay.forwarder import COMMAND, Schedule
+from surefoot.robot_io.relay.forwarder import Schedule
 from surefoot.robot_io.relay.lane import Lane, Parcel, PlanClock
 from surefoot.robot_io.robot_side.server import read_command
 from surefoot.robot_io.snapshot import SnapshotLayout, ages_of, sensor_messages
@@ -24,17 +24,15 @@ from surefoot.run_plan import RunPlan
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import (
-    SCHEMA_VERSION,
-    JointCommand,
     Reference,
     RobotMode,
 )
 from surefoot.schemas.reasons import EndReason, ModeCause
-from surefoot.schemas.result import RelayResult
+from surefoot.schemas.result import NO_TIME, RelayResult
 from surefoot.schemas.sensors import SENSORS
-from surefoot.schemas.topics import TICK_SENSORS
+from surefoot.schemas.topics import COMMAND, TICK_SENSORS
 from surefoot.signals import TickSinks
-from surefoot.simulation import COMMANDER, NO_TIME, Simulation
+from surefoot.simulation import COMMANDER, Simulation, command_of
 from surefoot.stabilizer.control.controller import ControllerOutput
 
 NS_PER_S = 1e9
@@ -127,21 +125,12 @@ class RelayedSimulation(Simulation):
             return None
         safety = self._safety_around(controller, reading.snapshot)
         output = safety.step(reading.snapshot, reading.ages, reference)
-        self._telemetry.add(
+        tick = reading.snapshot.tick
+        self._note(output, tick, is_stale=bool(reading.stale), duration_ns=0)
+        command = command_of(
             output,
-            tick=reading.snapshot.tick,
-            duration_ns=0,
-            is_stale=bool(reading.stale),
-        )
-        self._telemetry.note(
-            safety.state, safety.end, safety.detail, lost=safety.losses
-        )
-        command = JointCommand(
-            schema=SCHEMA_VERSION,
-            tick=reading.snapshot.tick,
+            tick,
             stamp_ns=round(now_s * NS_PER_S),
-            q=output.q_command.tolist(),
-            commander=COMMANDER,
             sequence=self._sequence,
         )
         self._sequence += 1
@@ -196,12 +185,7 @@ class HeardSensor(Generic[M]):
     """
 
     def __init__(self, kind: type[M], *, joint_count: int) -> None:
-        """Nothing has come.
-
-        Args:
-            kind: its messages.
-            joint_count: n_a.
-        """
+        """Nothing has come."""
         self.latest: M | None = None
         self.is_lost = False
         self._kind = kind
@@ -250,11 +234,7 @@ class DelayedSensors:
     """
 
     def __init__(self, *, joint_count: int) -> None:
-        """Nothing has come.
-
-        Args:
-            joint_count: n_a.
-        """
+        """Nothing has come."""
         self.sensors: dict[str, HeardSensor[Any]] = {
             entry.name: HeardSensor(entry.message, joint_count=joint_count)
             for entry in SENSORS
@@ -265,11 +245,7 @@ class DelayedSensors:
         self._is_waiting = False
 
     def next(self, now_s: float) -> SnapshotReading | None:
-        """Return the snapshot to answer now; None while there is none.
-
-        Args:
-            now_s: the time, never going back [s].
-        """
+        """Return the snapshot to answer now; None while there is none."""
         for sensor in self.sensors.values():
             sensor.hear(now_s)
         if max(sensor.newest for sensor in self.sensors.values()) <= self._answered:

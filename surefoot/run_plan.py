@@ -185,11 +185,6 @@ def make_plan(
 def steps_of(name: str, robot: Robot, settings: ControllerSettings) -> WalkPlan:
     """Return the steps of a scenario's walk.
 
-    Args:
-        name: shipped scenario or the path of one.
-        robot: that walks.
-        settings: of its controller.
-
     Raises:
         ScenarioError: no such scenario.
         FileFormatError: it is malformed, or nobody walks in it.
@@ -208,12 +203,6 @@ def steps_in(
     table: dict[str, Any], robot: Robot, settings: ControllerSettings, *, source: str
 ) -> WalkPlan | None:
     """Return the steps of a scenario given as a table; None where nobody walks.
-
-    Args:
-        table: as its TOML is read.
-        robot: that walks.
-        settings: of its controller.
-        source: named in errors.
 
     Raises:
         FileFormatError: it is malformed.

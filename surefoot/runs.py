@@ -289,7 +289,7 @@ def execute(
         UsageError: the folder cannot be used.
     """
     check_controller(plan.controller)
-    on_tick = on_tick or _unheard
+    on_tick = on_tick or (lambda tick: None)
     with run_folder(out, reads=plan.files, overwrite=overwrite) as folder:
         write_inputs(folder.path, plan)
         result: RunResult | None
@@ -372,7 +372,3 @@ def _made(controller: Any, plan: RunPlan) -> Any:
     if hasattr(controller, "step") and not isinstance(controller, type):
         return controller
     return maker_of(_name_of(controller), controller)(plan.robot, plan.settings)
-
-
-def _unheard(tick: int) -> None:
-    del tick

@@ -23,6 +23,7 @@ from surefoot.run_plan import RunPlan, Settings, make_plan
 from surefoot.schemas.messages import SCHEMA_VERSION, JointCommand, Reference
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import (
+    NO_TIME,
     ControllerResult,
     Distribution,
     PlantResult,
@@ -41,7 +42,6 @@ from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry, recorder_to
 
 COMMANDER = "inline"
-NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
 
 
 class Simulation:
@@ -304,24 +304,29 @@ class Simulation:
             self.simulated.sense(), self.simulated.unread_sensors
         )
         output = safety.step(snapshot, ages, reference)
-        self._telemetry.add(
+        self._note(
             output,
-            tick=tick,
-            duration_ns=time.perf_counter_ns() - began_ns,
+            tick,
             is_stale=any(ages),
+            duration_ns=time.perf_counter_ns() - began_ns,
+        )
+        self._commands[tick] = command_of(
+            output, tick, stamp_ns=began_ns, sequence=tick
+        )
+        return output
+
+    def _note(
+        self, output: ControllerOutput, tick: int, *, is_stale: bool, duration_ns: int
+    ) -> None:
+        """Count an answer, and note what the safety layer is doing."""
+        safety = self._safety
+        assert safety is not None
+        self._telemetry.add(
+            output, tick=tick, duration_ns=duration_ns, is_stale=is_stale
         )
         self._telemetry.note(
             safety.state, safety.end, safety.detail, lost=safety.losses
         )
-        self._commands[tick] = JointCommand(
-            schema=SCHEMA_VERSION,
-            tick=tick,
-            stamp_ns=began_ns,
-            q=output.q_command.tolist(),
-            commander=COMMANDER,
-            sequence=tick,
-        )
-        return output
 
     def _leave(self, now_s: float) -> None:
         """At rest: have the robot hold, and give the lease back, as on the bus."""
@@ -367,3 +372,17 @@ class Simulation:
             gate=self.gate.report(),
             cut_off=self._cut_off,
         )
+
+
+def command_of(
+    output: ControllerOutput, tick: int, *, stamp_ns: int, sequence: int
+) -> JointCommand:
+    """An answer to a tick as it goes to the robot."""
+    return JointCommand(
+        schema=SCHEMA_VERSION,
+        tick=tick,
+        stamp_ns=stamp_ns,
+        q=output.q_command.tolist(),
+        commander=COMMANDER,
+        sequence=sequence,
+    )

@@ -13,9 +13,9 @@ from docs.site_build.struct_table import (
     literals,
     table,
 )
-from docs.site_build.structs import structs_within
 from surefoot.robot_io.identity import PARTS
 from surefoot.schemas import messages
+from surefoot.schemas.json_schema import structs_within
 from surefoot.schemas.messages import SCHEMA_VERSION, Message
 from surefoot.schemas.topics import (
     ALIVE_OBSERVER,

@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 
 from docs.site_build.struct_table import field_rows, literals, table
-from docs.site_build.structs import structs_within
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Endpoints
+from surefoot.schemas.json_schema import structs_within
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.robot_file import RobotFile
 from surefoot.schemas.scenario import Scenario

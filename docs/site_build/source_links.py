@@ -36,9 +36,6 @@ _SHOWN_ELSEWHERE = {"CHANGELOG.md": "changelog.md"}
 def linked_paths(pages: dict[str, str]) -> set[str]:
     """Files and folders of the repository that pages link to.
 
-    Args:
-        pages: page, relative to docs, to its text.
-
     Raises:
         FileNotFoundError: a link leads to nothing.
     """
@@ -115,10 +112,6 @@ def point_at_lines(content: str) -> str:
 
 def line_of(path: str, name: str) -> int:
     """Line at which a function, class, method or constant is defined.
-
-    Args:
-        path: Python file in the repository.
-        name: such as ``Tsid.solve``.
 
     Raises:
         LookupError: no such name there.

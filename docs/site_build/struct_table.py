@@ -10,6 +10,7 @@ import msgspec
 import msgspec.inspect as inspect
 
 from surefoot.schemas.json_schema import field_docs
+from surefoot.studies.tables import markdown
 
 _UNIT = re.compile(r"\s*\[([^\]]+)\]")
 _SUFFIXES = {
@@ -74,14 +75,8 @@ def field_rows(kind: type[msgspec.Struct]) -> list[FieldRow]:
 def table(rows: list[FieldRow], columns: tuple[str, ...]) -> str:
     """Markdown table of some attributes of rows; empty columns are left out."""
     kept = [name for name in columns if any(getattr(row, name) != "" for row in rows)]
-    lines = [
-        "| " + " | ".join(_HEADINGS.get(name, name) for name in kept) + " |",
-        "|" + "---|" * len(kept),
-    ]
-    for row in rows:
-        cells = [_cell(name, getattr(row, name)) for name in kept]
-        lines.append("| " + " | ".join(cells) + " |")
-    return "\n".join(lines) + "\n"
+    rows_shown = [[_cell(name, getattr(row, name)) for name in kept] for row in rows]
+    return markdown([_HEADINGS.get(name, name) for name in kept], rows_shown)
 
 
 def first_line(kind: type) -> str:

@@ -21,8 +21,9 @@ from surefoot.robot_io.bus.session import (
     unreachable,
 )
 from surefoot.robot_io.errors import RobotUnreachableError
-from surefoot.robot_io.realtime import Pace, StopRequest
+from surefoot.robot_io.realtime import Pace, StopRequest, distribution_of
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import Distribution
 
 GRANULARITY_S = {Pace.REALTIME: 0.005, Pace.LOCKSTEP: 0.02}
 """How late a wait with a deadline may end [s]. In lockstep both sides wait anyway, and
@@ -54,10 +55,6 @@ class Bus:
     """An open session with what client and server have in common.
 
     A context manager; leaving it closes everything declared on it.
-
-    Attributes:
-        session: the Zenoh session.
-        waker: ends waits of its channels.
     """
 
     session: zenoh.Session
@@ -187,6 +184,11 @@ class Bus:
         )
 
 
+def bytes_of(query: zenoh.Query) -> bytes:
+    """Return what a query carries; empty when it carries nothing."""
+    return b"" if query.payload is None else query.payload.to_bytes()
+
+
 @contextmanager
 def dialed_bus(
     endpoints: Endpoints, *, namespace: str, timeout_s: float
@@ -218,14 +220,6 @@ def dial(
     stop: StopRequest | None = None,
 ) -> Bus | None:
     """Open the bus as :func:`dialed_bus` does, unless asked to stop meanwhile.
-
-    Args:
-        stack: closes it.
-        endpoints: where to dial.
-        namespace: put before every key.
-        timeout_s: how long in all [s].
-        pace: see :class:`Bus`.
-        stop: ends the dialing, after half a second at most.
 
     Returns:
         The bus; None when it was stopped.
@@ -271,14 +265,11 @@ def _one_host(locator: str) -> Endpoints:
     return Endpoints(listen=[locator], connect=[locator], lease_ms=ONE_HOST_LEASE_MS)
 
 
-def measure_loopback(endpoints: Endpoints) -> tuple[float, float]:
+def measure_loopback(endpoints: Endpoints) -> Distribution:
     """Open both ends of a bus in this process and send messages to and fro.
 
-    Args:
-        endpoints: where the two meet; must be free.
-
     Returns:
-        Median and 99th percentile of the round trip [ms].
+        Times of the round trip.
 
     Raises:
         EndpointError: cannot listen there.
@@ -310,11 +301,8 @@ def measure_loopback(endpoints: Endpoints) -> tuple[float, float]:
         _wait_for_match(forth, back)
         for _ in range(_WARM_UP):
             round_trip()
-        times = sorted(round_trip() for _ in range(ROUND_TRIPS))
-    return (
-        _MS_PER_S * times[ROUND_TRIPS // 2],
-        _MS_PER_S * times[-ROUND_TRIPS // 100],
-    )
+        times_ms = [_MS_PER_S * round_trip() for _ in range(ROUND_TRIPS)]
+    return distribution_of(times_ms)
 
 
 def _wait_for_match(*publishers: zenoh.Publisher) -> None:

@@ -193,13 +193,7 @@ class MessageReader(Generic[T]):
     def __init__(
         self, channel: Channel, kind: type[T], *, joint_count: int | None = None
     ) -> None:
-        """Read from a channel.
-
-        Args:
-            channel: where the bytes come from.
-            kind: what they must be.
-            joint_count: n_a, when the message holds per-joint fields.
-        """
+        """Read from a channel."""
         self.malformed = 0
         self._channel = channel
         self._kind = kind

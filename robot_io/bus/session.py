@@ -195,15 +195,7 @@ def session_config(
     keys: dict[str, str] | None = None,
     wait_before_drop_s: float = WAIT_BEFORE_DROP_S,
 ) -> JsonObject:
-    """Return Zenoh's configuration for a process.
-
-    Args:
-        endpoints: both sides of the bus.
-        role: robot, client or router.
-        namespace: put before every key on the wire.
-        timeout_s: how long who dials does so before it gives up [s].
-        keys: channel name to key, for access control; the usual ones when None.
-        wait_before_drop_s: how long a message may wait for a busy link [s].
+    """Return Zenoh's configuration for a process, asked as :func:`open_session` is.
 
     Returns:
         What Zenoh's JSON5 file would hold.
@@ -381,11 +373,6 @@ def unreachable(
 
 def run_router(robot: Robot, *, endpoints: Endpoints, stop: StopRequest) -> None:
     """Route until asked to stop.
-
-    Args:
-        robot: its keys and namespace are what access control is about.
-        endpoints: where to listen.
-        stop: ends it, besides signals.
 
     Raises:
         EndpointError: cannot listen there.

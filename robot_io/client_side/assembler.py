@@ -57,11 +57,7 @@ class SensorReader(Generic[M]):
         self.patience_s = min(self.patience_s, KNOWN_PATIENCE_S)
 
     def reach(self, tick: int) -> None:
-        """Take messages up to one of a tick, waiting for it unless it is lost.
-
-        Args:
-            tick: the tick wanted.
-        """
+        """Take messages up to one of a tick, waiting for it unless it is lost."""
         head = self.inbox.peek()
         if head is not None and head.tick == tick:  # nearly always
             self.latest = head

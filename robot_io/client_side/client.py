@@ -12,7 +12,6 @@ import numpy as np
 
 from surefoot.robot_io.bus.bus import Bus, dial
 from surefoot.robot_io.bus.channel import Inbox, Latest
-from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.client_side.assembler import (
     SensorReader,
     SnapshotAssembler,
@@ -24,7 +23,7 @@ from surefoot.robot_io.client_side.requests import (
     StabilizerServices,
 )
 from surefoot.robot_io.client_side.robot_watch import RobotWatch
-from surefoot.robot_io.errors import RobotIoError, RobotUnreachableError
+from surefoot.robot_io.errors import RobotIoError
 from surefoot.robot_io.realtime import Pace, StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
@@ -49,7 +48,6 @@ SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
 RELEASE_TIMEOUT_S = 1.0
 """Short: if the robot is gone, its lease expires by itself [s]."""
-STOP_POLL_S = 0.05
 PATIENCE_S = 0.005
 """How long the sensors of a tick wait for a missing one [s]."""
 LOCKSTEP_PATIENCE_S = 0.5
@@ -124,9 +122,6 @@ class RobotClient:
     def connect(self, *, timeout_s: float) -> bool:
         """Dial, and wait until the robot is ready.
 
-        Args:
-            timeout_s: how long in all [s].
-
         Returns:
             Whether it is; False when the wait was stopped.
 
@@ -152,7 +147,10 @@ class RobotClient:
             self._declare()
             self._stack = stack.pop_all()
         self._stop.waking(bus.waker.interrupt)
-        return self._wait_for_robot(end, timeout_s)
+        found = self._watch.find_within(
+            end, endpoints=self._endpoints, timeout_s=timeout_s, stop=self._stop
+        )
+        return found is not None
 
     @property
     def robot_is_here(self) -> bool:
@@ -227,9 +225,6 @@ class RobotClient:
 
     def wait_snapshot(self, *, timeout_s: float) -> SnapshotReading | None:
         """Wait for the next snapshot: the next tick, or the newest one.
-
-        Args:
-            timeout_s: how long [s].
 
         Returns:
             None when the time is up, the robot is gone or the wait was stopped.
@@ -326,17 +321,6 @@ class RobotClient:
         )
         bus.announce(f"{ALIVE_STABILIZER}/{self.identity}")
         self._watch.follow(bus)
-
-    def _wait_for_robot(self, end: float, timeout_s: float) -> bool:
-        while not (self._watch.wait(STOP_POLL_S) and self._watch.find()):
-            if self._stop.is_set:
-                return False
-            if time.monotonic() >= end:
-                what = f"no robot {self._robot.file.namespace!r} is ready"
-                raise RobotUnreachableError(
-                    unreachable(self._endpoints, what, timeout_s)
-                )
-        return True
 
     def _ask_lease(self, action: str, timeout_s: float | None = None) -> ServiceReply:
         request = self._watch.lease_request(action, self.identity)

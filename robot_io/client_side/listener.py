@@ -14,7 +14,7 @@ from typing import NamedTuple
 import zenoh
 from zenoh.handlers import Callback
 
-from surefoot.robot_io.bus.bus import dialed_bus
+from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.realtime import SWITCH_INTERVAL_S
 from surefoot.robot_io.robot import Robot
@@ -193,6 +193,8 @@ class Listener(ReadOnlyClient):
         lost: messages that gave way to newer ones before they were taken.
     """
 
+    _hears_all = True  # only so are other keys and the graph to be seen
+
     def __init__(
         self,
         robot: Robot,
@@ -211,7 +213,6 @@ class Listener(ReadOnlyClient):
         """
         super().__init__(robot, endpoints=endpoints)
         self.lost = 0
-        self._status_key = robot.keys["status"]
         self._patterns = [f"{self._namespace}/{pattern}" for pattern in patterns]
         self._elsewhere = elsewhere
         self._heard: deque[RawMessage] = deque()
@@ -219,9 +220,6 @@ class Listener(ReadOnlyClient):
 
     def take(self, *, timeout_s: float = 0.0) -> list[RawMessage]:
         """Return all messages that have come, in the order in which they came.
-
-        Args:
-            timeout_s: how long to wait for the first one [s].
 
         Returns:
             Nothing when none came in time.
@@ -245,19 +243,14 @@ class Listener(ReadOnlyClient):
         # Other threads get short turns, so that stamps are not late.
         stack.callback(sys.setswitchinterval, sys.getswitchinterval())
         sys.setswitchinterval(SWITCH_INTERVAL_S)
-        # Without namespace: only so are other keys and the graph to be seen.
-        bus = stack.enter_context(
-            dialed_bus(self._endpoints, namespace="", timeout_s=timeout_s)
-        )
+        super()._open(stack, timeout_s)
+
+    def _declare(self, bus: Bus) -> None:
         self._session = bus.session
         for pattern in self._patterns:
             self._subscribe(pattern, self._on_sample)
         if self._elsewhere:
             self._subscribe("**", self._on_foreign_sample)
-        bus.announce(f"{self._namespace}/{self._token()}")
-        self._follow_robot(
-            bus, f"{self._namespace}/{self._status_key}", prefix=f"{self._namespace}/"
-        )
 
     def _subscribe(
         self, pattern: str, on_sample: Callable[[zenoh.Sample], None]

@@ -5,12 +5,11 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import ExitStack
 from typing import NamedTuple
 
 import msgspec
 
-from surefoot.robot_io.bus.bus import dialed_bus
+from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import Channel
 from surefoot.robot_io.client_side.requests import Requests, ServiceCaller
 from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
@@ -110,7 +109,7 @@ class Observer(ReadOnlyClient):
         super().__init__(robot, endpoints=endpoints)
         self._identity = identity
         self.channels = tuple(channels)
-        self._robot, self._depth = robot, depth
+        self._depth = depth
         self._kinds: dict[str, type[msgspec.Struct]] = {
             name: topic(name).message for name in self.channels
         }
@@ -120,9 +119,6 @@ class Observer(ReadOnlyClient):
 
     def take(self, *, timeout_s: float = 0.0) -> list[Sample]:
         """Return all messages that have come, channel by channel, each in its order.
-
-        Args:
-            timeout_s: how long to wait for the first one [s].
 
         Returns:
             Nothing when none came in time.
@@ -180,15 +176,7 @@ class Observer(ReadOnlyClient):
                     break
                 yield Sample(name, data, time.monotonic_ns())
 
-    def _open(self, stack: ExitStack, timeout_s: float) -> None:
-        """Open the bus and declare everything, the liveliness token last.
-
-        Declarations reach the robot in this order: a process that sees the token, or
-        receives something on the last channel, knows that the robot sends the others.
-        """
-        bus = stack.enter_context(
-            dialed_bus(self._endpoints, namespace=self._namespace, timeout_s=timeout_s)
-        )
+    def _declare(self, bus: Bus) -> None:
         keys = self._robot.keys
         self._rings = {
             name: bus.channel(keys[name], depth=self._depth) for name in self.channels
@@ -201,6 +189,3 @@ class Observer(ReadOnlyClient):
             check=self._watch.check_reply,
         )
         self.requests = Requests(caller, self._robot, source=self._identity)
-        bus.announce(self._token())
-        self._follow_robot(bus, keys["status"])
-        self._watch_stabilizers(bus)

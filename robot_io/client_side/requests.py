@@ -6,13 +6,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from contextlib import ExitStack
 from typing import NamedTuple, TypeVar
 
 import msgspec
 import zenoh
 
-from surefoot.robot_io.bus.bus import Bus, dialed_bus
+from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
@@ -143,13 +142,7 @@ class Requests:
     """
 
     def __init__(self, caller: ServiceCaller, robot: Robot, *, source: str) -> None:
-        """Ask through a caller.
-
-        Args:
-            caller: of an open session.
-            robot: names the keys.
-            source: who asks, for the log of who is asked.
-        """
+        """Ask through a caller."""
         self._caller, self._robot, self._source = caller, robot, source
 
     def stop_robot(self) -> ServiceReply:
@@ -213,12 +206,7 @@ class Requests:
 
 
 class Asked(NamedTuple):
-    """A request that waits for its answer.
-
-    Attributes:
-        request: what is asked.
-        query: to be answered through :meth:`reply`.
-    """
+    """A request that waits for its answer."""
 
     request: Request
     query: zenoh.Query
@@ -249,12 +237,7 @@ class StabilizerServices:
     """
 
     def __init__(self, bus: Bus, robot: Robot) -> None:
-        """Declare the services.
-
-        Args:
-            bus: the stabilizer's.
-            robot: names the keys.
-        """
+        """Declare the services."""
         self._queue: deque[tuple[type[Request], zenoh.Query]]
         self._queue = deque(maxlen=REQUESTS_KEPT)
         bus.queryable(
@@ -268,10 +251,8 @@ class StabilizerServices:
         """Return the next request; None when there is none, which costs nothing."""
         while self._queue:
             kind, query = self._queue.popleft()
-            payload = query.payload
             try:
-                data = b"" if payload is None else payload.to_bytes()
-                return Asked(decode(data, kind), query)
+                return Asked(decode(bytes_of(query), kind), query)
             except MessageError as error:
                 refusal = RequestRefusal.MALFORMED
                 _reply(query, refusal=refusal, detail=str(error), tick=0, settings={})
@@ -306,14 +287,8 @@ class PlannerClient(ReadOnlyClient):
     """
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
-        """Prepare; :meth:`connect` dials.
-
-        Args:
-            robot: whose keys are used.
-            endpoints: where to dial.
-        """
+        """Prepare; :meth:`connect` dials."""
         super().__init__(robot, endpoints=endpoints)
-        self._keys = robot.keys
         self._status: Latest[WalkStatus] | None = None
         self._plan: zenoh.Publisher | None = None
 
@@ -337,13 +312,8 @@ class PlannerClient(ReadOnlyClient):
         if self._plan is not None:
             self._plan.put(encode(plan))
 
-    def _open(self, stack: ExitStack, timeout_s: float) -> None:
-        bus = stack.enter_context(
-            dialed_bus(self._endpoints, namespace=self._namespace, timeout_s=timeout_s)
-        )
-        status = bus.channel(self._keys["walk_status"], depth=1)
+    def _declare(self, bus: Bus) -> None:
+        keys = self._robot.keys
+        status = bus.channel(keys["walk_status"], depth=1)
         self._status = Latest(status, WalkStatus)
-        self._plan = bus.publisher(self._keys["walk"], urgent=False)
-        bus.announce(self._token())
-        self._follow_robot(bus, self._keys["status"])
-        self._watch_stabilizers(bus)
+        self._plan = bus.publisher(keys["walk"], urgent=False)

@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from functools import partial
 from typing import NamedTuple, Self
 
-from surefoot.robot_io.bus.bus import DIAL_S, Bus
+from surefoot.robot_io.bus.bus import DIAL_S, Bus, dialed_bus
 from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import unreachable
 from surefoot.robot_io.errors import RobotUnreachableError, SecondRobotError
@@ -24,6 +24,7 @@ from surefoot.robot_io.identity import (
     describe,
     parse_token,
 )
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
@@ -41,6 +42,8 @@ RETURN_S = 10.0
 CROWD_S = 2.0
 """Of two robots that start at once, one has given way by then."""
 _POLL_S = 0.02
+STOP_POLL_S = 0.05
+"""So often it is looked whether somebody asks to stop a wait."""
 
 
 class RobotWatch:
@@ -49,10 +52,6 @@ class RobotWatch:
     There must be one, with the description that this process goes by. Whoever has a
     part in the bus holds what it finds against that: at the start (:meth:`find`), now
     and then (:meth:`check`), and at every answer (:meth:`check_reply`).
-
-    Attributes:
-        description: digest of our robot's description.
-        found: who the robot is; None until it was found.
     """
 
     def __init__(
@@ -119,6 +118,38 @@ class RobotWatch:
         self._hold_against_ours(there)
         self.found = there[0] if there else None
         return self.found
+
+    def find_within(
+        self,
+        end_s: float,
+        *,
+        endpoints: Endpoints,
+        timeout_s: float,
+        stop: StopRequest | None = None,
+    ) -> RobotIdentity | None:
+        """Wait until a robot is ready, and find out who it is.
+
+        Args:
+            end_s: until when, by the monotonic clock [s].
+            endpoints: where it was dialed, for the error.
+            timeout_s: how long in all, for the error [s].
+            stop: ends the wait.
+
+        Returns:
+            Its identity; None when the wait was stopped.
+
+        Raises:
+            RobotUnreachableError: none was ready in time.
+            RobotMismatchError: see :meth:`find`.
+        """
+        while stop is None or not stop.is_set:
+            left_s = max(0.0, end_s - time.monotonic())
+            if self.wait(min(STOP_POLL_S, left_s)) and (found := self.find()):
+                return found
+            if left_s == 0.0:
+                what = f"no robot {self._robot.file.namespace!r} is ready"
+                raise RobotUnreachableError(unreachable(endpoints, what, timeout_s))
+        return None
 
     def check(self) -> None:
         """Hold who is there now against ours, as far as tokens have come.
@@ -236,16 +267,13 @@ class ReadOnlyClient(ABC):
     of a robot with another description than ours.
     """
 
-    def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
-        """Prepares; :meth:`connect` dials.
+    _hears_all = False
+    """Whether keys are as on the wire: other namespaces than the robot's, too."""
 
-        Args:
-            robot: whose presence counts.
-            endpoints: where to dial.
-        """
+    def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
+        """Prepare to dial the robot; :meth:`connect` does."""
+        self._robot, self._endpoints = robot, endpoints
         self._namespace = robot.file.namespace
-        self._endpoints = endpoints
-        self._joint_count = robot.n_a
         self._watch = RobotWatch(robot, on_change=self._on_change)
         self._was_here = False
         self._farewell: Latest[RobotStatus] | None = None
@@ -267,9 +295,6 @@ class ReadOnlyClient(ABC):
     def connect(self, *, timeout_s: float) -> None:
         """Dial until the robot is alive there.
 
-        Args:
-            timeout_s: how long in all [s].
-
         Raises:
             EndpointError: a locator is malformed.
             RobotUnreachableError: no robot was ready in time.
@@ -280,15 +305,11 @@ class ReadOnlyClient(ABC):
         with ExitStack() as stack:
             self._open(stack, timeout_s)
             self._stack = stack.pop_all()
-        while self._watch.wait(max(0.0, end - time.monotonic())):
-            if self._watch.find() is not None:
-                return
-        what = f"no robot {self._namespace!r} is ready"
-        raise RobotUnreachableError(unreachable(self._endpoints, what, timeout_s))
+        self._watch.find_within(end, endpoints=self._endpoints, timeout_s=timeout_s)
 
     @property
     def stabilizers(self) -> tuple[str, ...]:
-        """Identities of the stabilizers on the bus; of those that watch for them."""
+        """Identities of the stabilizers on the bus."""
         return tuple(sorted(self._stabilizers))
 
     @property
@@ -369,22 +390,6 @@ class ReadOnlyClient(ABC):
             )
         return self._is_over
 
-    def _follow_robot(self, bus: Bus, status_key: str, *, prefix: str = "") -> None:
-        """Keep the newest status, and whether the robot is there.
-
-        Args:
-            bus: open.
-            status_key: of the robot's status, on this bus.
-            prefix: the namespace and a slash on a bus without one.
-        """
-        status = bus.channel(status_key, depth=1)
-        self._farewell = Latest(status, RobotStatus, joint_count=self._joint_count)
-        self._watch.follow(bus, prefix=prefix)
-
-    def _watch_stabilizers(self, bus: Bus) -> None:
-        """Know from now on which stabilizers there are."""
-        bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_stabilizer)
-
     def _on_stabilizer(self, key: str, is_there: bool) -> None:
         identity = key.rsplit("/", 1)[-1]
         if is_there:
@@ -392,19 +397,32 @@ class ReadOnlyClient(ABC):
         else:
             self._stabilizers.discard(identity)
 
-    @abstractmethod
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
-        """Open the bus and declare everything, :meth:`_token` last.
+        """Open the bus and declare everything, the liveliness token of our own last.
 
-        Args:
-            stack: closes what is opened, now or at the end.
-            timeout_s: how long to dial [s].
+        Declarations reach the robot in this order: a process that sees the token, or
+        receives something on the last channel, knows that the robot sends the others.
+        What is known of the robot and its stabilizers is followed from then on.
         """
+        prefix = f"{self._namespace}/" if self._hears_all else ""
+        bus = stack.enter_context(
+            dialed_bus(
+                self._endpoints,
+                namespace="" if self._hears_all else self._namespace,
+                timeout_s=timeout_s,
+            )
+        )
+        self._declare(bus)
+        token = f"{os.getpid()}-{secrets.token_hex(4)}"
+        bus.announce(f"{prefix}{ALIVE_OBSERVER}/{token}")
+        status = bus.channel(f"{prefix}{self._robot.keys['status']}", depth=1)
+        self._farewell = Latest(status, RobotStatus, joint_count=self._robot.n_a)
+        self._watch.follow(bus, prefix=prefix)
+        bus.watch_presence(f"{prefix}{ALIVE_STABILIZER}/*", self._on_stabilizer)
 
-    @staticmethod
-    def _token() -> str:
-        """Key of a liveliness token of its own."""
-        return f"{ALIVE_OBSERVER}/{os.getpid()}-{secrets.token_hex(4)}"
+    @abstractmethod
+    def _declare(self, bus: Bus) -> None:
+        """Declare what is heard and said, on an open bus."""
 
     def _on_change(self) -> None:
         """Take in that a robot has come or gone; on Zenoh's thread."""

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 
 from surefoot.robot_io.robot import Robot
-from surefoot.robot_io.urdf_check import Urdf, rotation
-from surefoot.schemas.arrays import Array, Vec3
+from surefoot.robot_io.urdf_check import Urdf
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.robot_file import Foot
@@ -69,11 +69,7 @@ class Findings:
 
 
 class Skeleton:
-    """Reads masses and joint chains from a robot's URDF.
-
-    Attributes:
-        mass_kg: of the whole robot.
-    """
+    """Reads masses and joint chains from a robot's URDF."""
 
     def __init__(self, robot: Robot) -> None:
         """Read the URDF, which the loader has checked."""
@@ -98,24 +94,16 @@ class Skeleton:
         Returns:
             (n_a,) dz/dq, zero for joints outside the leg [m/rad].
         """
+        from scipy.optimize import approx_fprime
+
         robot = self._robot
-        index = {name: i for i, name in enumerate(robot.joint_names)}
-        turned, p = np.eye(3), np.zeros(3)
-        moved: list[tuple[int, Vec3, Vec3]] = []
-        for link in reversed(self._urdf.up(foot.sole_frame)):
-            joint = self._urdf.joint_above(link)
-            if joint is None:
-                continue
-            offset, turn = self._urdf.origin(joint)
-            p, turned = p + turned @ offset, turned @ turn
-            i = index.get(str(joint.get("name")))
-            if i is not None:
-                axis = self._urdf.axis(joint)
-                moved.append((i, turned @ axis, p.copy()))
-                turned = turned @ rotation(axis, float(q[i]))
-        rates = np.zeros(robot.n_a)
-        for i, axis_in_base, p_joint in moved:
-            rates[i] = robot.R_upright_base[2] @ np.cross(axis_in_base, p - p_joint)
+
+        def height(q: Array) -> float:
+            posture = dict(zip(robot.joint_names, q.tolist(), strict=True))
+            place, _ = self._urdf.pose_below_root(foot.sole_frame, posture)
+            return float(robot.R_upright_base[2] @ place)
+
+        rates: Array = approx_fprime(q, height)
         return rates
 
 
@@ -141,11 +129,7 @@ class Recording:
     """
 
     def __init__(self, *, joint_count: int) -> None:
-        """Begin empty.
-
-        Args:
-            joint_count: n_a.
-        """
+        """Begin empty."""
         self._joint_count = joint_count
         self._payloads: dict[str, list[bytes]] = {name: [] for name in TICK_SENSORS}
         self._read: dict[str, Read] = {}

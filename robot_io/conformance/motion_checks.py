@@ -157,7 +157,7 @@ def check_watchdog(probe: Probe, findings: Findings) -> None:
         RunBrokenOffError: the robot cannot be brought back.
     """
     gate = probe.robot.file.gate
-    _enable(probe, findings, "watchdog.enable")
+    enable(probe, findings, "watchdog.enable")
     begin = probe.now()
     held_s = probe.wait_status(
         lambda s: s.mode is not RobotMode.ACTIVE,
@@ -199,7 +199,7 @@ def check_estop(probe: Probe, findings: Findings) -> None:
     Raises:
         RunBrokenOffError: the robot cannot be brought back.
     """
-    _enable(probe, findings, "estop.enable")
+    enable(probe, findings, "estop.enable")
     begin = probe.now()
     stopped = probe.ask("estop", "", who="a-bystander")
     is_fault = probe.is_mode(RobotMode.FAULT, timeout_s=STOP_S)
@@ -222,7 +222,12 @@ def check_estop(probe: Probe, findings: Findings) -> None:
     _recover(probe, findings, "estop.reset")
 
 
-def _enable(probe: Probe, findings: Findings, name: str) -> None:
+def enable(probe: Probe, findings: Findings, name: str) -> None:
+    """Enable the robot.
+
+    Raises:
+        RunBrokenOffError: it does not follow.
+    """
     enabled = probe.start()
     follows = probe.stream_until_active()
     mode = probe.status.mode if probe.status is not None else "silent"
@@ -230,7 +235,7 @@ def _enable(probe: Probe, findings: Findings, name: str) -> None:
         name,
         enabled.accepted and follows,
         got=enabled.detail or str(mode),
-        expected="active",
+        expected="active, once the holder of the lease asks",
     )
 
 

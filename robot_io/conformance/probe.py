@@ -230,10 +230,6 @@ class Probe:
     ) -> float | None:
         """Wait for a status without commanding.
 
-        Args:
-            condition: what it must fulfil.
-            timeout_s: how long, by this clock and by the robot's ticks [s].
-
         Returns:
             How long it took, as :meth:`since` tells it [s]; None when it did not come.
         """
@@ -340,9 +336,8 @@ def probing(
     ) as bus:
         watch = RobotWatch(robot)
         watch.follow(bus)
-        if not watch.wait(timeout_s) or watch.find() is None:
-            what = f"no robot {robot.file.namespace!r} is ready"
-            raise RobotUnreachableError(unreachable(endpoints, what, timeout_s))
+        end_s = time.monotonic() + timeout_s
+        watch.find_within(end_s, endpoints=endpoints, timeout_s=timeout_s)
         probe = Probe(robot, bus, watch, identity=identity)
         if not probe.wait_for_robot(timeout_s=timeout_s):
             what = f"no status of a robot {robot.file.namespace!r}"

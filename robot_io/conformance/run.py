@@ -24,6 +24,7 @@ from surefoot.robot_io.conformance.motion_checks import (
     check_joint_order,
     check_motion,
     check_watchdog,
+    enable,
 )
 from surefoot.robot_io.conformance.probe import Probe, probing
 from surefoot.robot_io.identity import PARTS
@@ -104,7 +105,7 @@ def check_conformance(
 
 def _try_all(probe: Probe, findings: Findings, sections: Collection[str]) -> None:
     check_lease(probe, findings)
-    check_enabling(probe, findings)
+    enable(probe, findings, "mode.enable")
     if "sensors" in sections:
         recording = probe.stream(LOOK_S)
         check_messages(probe.robot, recording, findings)
@@ -201,23 +202,6 @@ def check_lease(probe: Probe, findings: Findings) -> None:
         unknown.refusal is RequestRefusal.UNKNOWN_ACTION,
         got=unknown.detail or "accepted",
         expected=f"refused as {RequestRefusal.UNKNOWN_ACTION}",
-    )
-
-
-def check_enabling(probe: Probe, findings: Findings) -> None:
-    """Enable the robot.
-
-    Raises:
-        RunBrokenOffError: it does not follow.
-    """
-    enabled = probe.start()
-    follows = probe.stream_until_active()
-    mode = probe.status.mode if probe.status is not None else "silent"
-    findings.need(
-        "mode.enable",
-        enabled.accepted and follows,
-        got=enabled.detail or str(mode),
-        expected="active, once the holder of the lease asks",
     )
 
 

@@ -15,16 +15,13 @@ from typing import Generic, TypeVar
 import zenoh
 from zenoh.handlers import Callback
 
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.relay.lane import Lane, Parcel, PlanClock
-from surefoot.schemas.topics import TICK_SENSORS
+from surefoot.schemas.topics import COMMAND, TICK_SENSORS, URGENT
 
 Deed = Callable[[], None]
 _LOG = logging.getLogger(__name__)
 T = TypeVar("T")
-COMMAND = "joint_command"
-URGENT = (*TICK_SENSORS, COMMAND)
-"""Channels of the control loop, sent before everything else as their owners do."""
 ANSWER_S = 5.0
 """How long the service may take to answer [s]."""
 
@@ -138,17 +135,7 @@ class Forwarder:
         dispatcher: Dispatcher,
         clock: PlanClock,
     ) -> None:
-        """Begin to carry.
-
-        Args:
-            name: of the channel.
-            key: of the channel, relative to the namespace.
-            source: where it is said.
-            target: where it is to be heard.
-            lane: what becomes of its messages.
-            dispatcher: sends what waits.
-            clock: of the plan.
-        """
+        """Begin to carry."""
         self._begins_clock = name == COMMAND
         self._lane, self._dispatcher, self._clock = lane, dispatcher, clock
         self._waiting = 0
@@ -201,14 +188,7 @@ class PresenceMirror:
     def __init__(
         self, pattern: str, *, source: Bus, target: Bus, dispatcher: Dispatcher
     ) -> None:
-        """Begin to mirror.
-
-        Args:
-            pattern: key of the tokens, such as ``alive/stabilizer/*``.
-            source: where they are.
-            target: where they are to be seen.
-            dispatcher: declares and withdraws.
-        """
+        """Begin to mirror."""
         self._target, self._dispatcher = target, dispatcher
         self._tokens: dict[str, zenoh.LivelinessToken] = {}
         source.watch_presence(pattern, self._on_change)
@@ -242,27 +222,15 @@ class ServiceForwarder:
         dispatcher: Dispatcher,
         clock: PlanClock,
     ) -> None:
-        """Begin to carry.
-
-        Args:
-            key: of the service, relative to the namespace.
-            source: where it is asked.
-            target: where it answers.
-            lane: what becomes of its requests.
-            dispatcher: asks.
-            clock: of the plan.
-        """
+        """Begin to carry."""
         self._key, self._target = key, target
         self._lane, self._dispatcher, self._clock = lane, dispatcher, clock
         source.queryable(key, self._on_query)
 
     def _on_query(self, query: zenoh.Query) -> None:
         now_s = time.monotonic()
-        payload = query.payload
         parcels = self._lane.pass_on(
-            b"" if payload is None else payload.to_bytes(),
-            now_s=now_s,
-            elapsed_s=self._clock.elapsed_s(now_s),
+            bytes_of(query), now_s=now_s, elapsed_s=self._clock.elapsed_s(now_s)
         )
         open_query = _OpenQuery(query, asks=len(parcels))
         for parcel in parcels:

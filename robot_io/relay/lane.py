@@ -53,12 +53,7 @@ done to it."""
 
 @singledispatch
 def act_of(fault: RelayFault, chance: Random) -> Act:
-    """Return what a fault does to a message that meets it.
-
-    Args:
-        fault: of the plan.
-        chance: decides for this fault and channel alone.
-    """
+    """Return what a fault does to a message that meets it."""
     raise TypeError(f"no fault: {fault!r}")
 
 

@@ -72,13 +72,7 @@ class Relay:
     """
 
     def __init__(self, robot: Robot, plan: RelayPlan, *, seed: int) -> None:
-        """Prepare; :meth:`run` opens both sides.
-
-        Args:
-            robot: names keys and namespace.
-            plan: what is done to the messages.
-            seed: of all chance.
-        """
+        """Prepare; :meth:`run` opens both sides."""
         self._robot = robot
         self._plan = plan
         self._lanes = {

@@ -72,11 +72,7 @@ class LoopDelay:
         self._answered = answered
 
     def count(self, tick: int) -> None:
-        """Count the tick before one that begins: by how much its command was late.
-
-        Args:
-            tick: the one that begins.
-        """
+        """Count the tick before one that begins: by how much its command was late."""
         if self._answered is None:
             return
         age_s = self._period_s * min(tick - 1 - self._answered, self._oldest)
@@ -282,14 +278,7 @@ class CommandGate:
     def status(
         self, *, tick: int, stamp_ns: int, now_s: float, deadline_misses: int
     ) -> RobotStatus:
-        """Return the status to publish.
-
-        Args:
-            tick: the present tick.
-            stamp_ns: the robot's monotonic clock [ns].
-            now_s: the robot's time [s].
-            deadline_misses: ticks that went on without their command.
-        """
+        """Return the status to publish."""
         modes = self.modes
         return RobotStatus(
             schema=SCHEMA_VERSION,

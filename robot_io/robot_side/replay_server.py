@@ -24,13 +24,12 @@ from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import (
     ALIVE_STABILIZER,
     ALL_CHANNELS,
-    TICK_SENSORS,
     TOPICS,
+    URGENT,
     Direction,
 )
 
 REFUSAL = "a replay cannot be commanded"
-URGENT = (*TICK_SENSORS, "joint_command")
 SETTLED_S = 0.2
 """Time without a new subscription after which an audience is complete [s]."""
 POLL_S = 0.01
@@ -47,13 +46,7 @@ class ReplayServer(RobotsSide):
     def __init__(
         self, robot: Robot, *, endpoints: Endpoints, stop: StopRequest
     ) -> None:
-        """Prepare; entering the context opens the bus.
-
-        Args:
-            robot: names keys and joints.
-            endpoints: where to listen.
-            stop: ends waits.
-        """
+        """Prepare; entering the context opens the bus."""
         super().__init__(robot, endpoints=endpoints, stop=stop)
         self._status: RobotStatus | None = None
         self._commander = ""
@@ -82,12 +75,7 @@ class ReplayServer(RobotsSide):
         return False
 
     def publish(self, channel: str, data: bytes) -> None:
-        """Publish a recorded message.
-
-        Args:
-            channel: its name.
-            data: MessagePack bytes.
-        """
+        """Publish a recorded message."""
         if channel == "status":
             self._note_status(data)
         self._publishers[channel].put(data)

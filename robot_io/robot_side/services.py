@@ -13,7 +13,7 @@ from typing import NamedTuple, Self
 
 import zenoh
 
-from surefoot.robot_io.bus.bus import Bus
+from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.errors import SecondRobotError
 from surefoot.robot_io.identity import (
@@ -60,9 +60,6 @@ class RobotsSide(ABC):
     """The robot's side of the bus: listens, and has the robot's place.
 
     A context manager, used by one thread.
-
-    Attributes:
-        identity: told with the liveliness token and every answer.
     """
 
     def __init__(
@@ -73,14 +70,7 @@ class RobotsSide(ABC):
         stop: StopRequest,
         pace: Pace = Pace.REALTIME,
     ) -> None:
-        """Prepare; entering the context opens the bus.
-
-        Args:
-            robot: names keys and joints.
-            endpoints: where to listen.
-            stop: ends waits.
-            pace: of the robot.
-        """
+        """Prepare; entering the context opens the bus."""
         self._robot, self._stop, self._pace = robot, stop, pace
         self.identity = new_identity(robot)
         self._lease_ms = endpoints.lease_ms
@@ -287,9 +277,7 @@ class RobotServices:
         while self._asked:
             asked = self._asked.popleft()
             with asked.query as query:
-                payload = query.payload
-                data = b"" if payload is None else payload.to_bytes()
-                self._reply(query, asked.answer(data, now_s))
+                self._reply(query, asked.answer(bytes_of(query), now_s))
         return True
 
     def _queue_for(

@@ -29,12 +29,7 @@ _PRIVATE, _PUBLIC = 0o600, 0o644
 
 @dataclass(frozen=True)
 class Issued:
-    """A certificate and its private key.
-
-    Attributes:
-        certificate: signed.
-        key: its private key.
-    """
+    """A certificate and its private key."""
 
     certificate: x509.Certificate
     key: ec.EllipticCurvePrivateKey
@@ -118,15 +113,7 @@ def _make_authority(now: datetime) -> Issued:
 def issue(
     name: str, authority: Issued, *, hosts: list[str], days: float, now: datetime
 ) -> Issued:
-    """Make a certificate for one identity.
-
-    Args:
-        name: common name; those of listeners may also be dialed.
-        authority: signs.
-        hosts: names and addresses of listeners, besides loopback.
-        days: how long it is valid.
-        now: when it begins to be valid.
-    """
+    """Make a certificate for one identity."""
     key = ec.generate_private_key(ec.SECP256R1())
     uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
     places = [name]

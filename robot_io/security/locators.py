@@ -42,10 +42,6 @@ _TOLD = ("put", "query", "liveliness_token", *_ANSWER, *_SUBSCRIBE)
 def check_locators(locators: list[str], *, verb: str) -> None:
     """Refuse malformed ones; Zenoh would go on dialing them until the time is up.
 
-    Args:
-        locators: where to listen or dial.
-        verb: what is done there, for the message.
-
     Raises:
         LocatorError: one is malformed, or there is none.
     """
@@ -119,9 +115,6 @@ def check_socket_files(locators: list[str]) -> None:
 
     A socket that nobody listens on any more may be replaced.
 
-    Args:
-        locators: where this process listens; well-formed.
-
     Raises:
         LocatorError: something else than a socket stands there.
         EndpointError: another process listens there.
@@ -177,10 +170,6 @@ def _is_alive(path: Path) -> bool:
 def check_encryption(endpoints: Endpoints, locators: list[str]) -> None:
     """Refuse locators that do not go together with the certificates.
 
-    Args:
-        endpoints: with or without TLS.
-        locators: where this process listens or dials; well-formed.
-
     Raises:
         LocatorError: a plain one although there is TLS, or the reverse.
     """
@@ -203,9 +192,6 @@ def check_encryption(endpoints: Endpoints, locators: list[str]) -> None:
 
 def check_exposure(endpoints: Endpoints) -> None:
     """Refuse to listen on other addresses than loopback without TLS.
-
-    Args:
-        endpoints: of a process that listens; well-formed.
 
     Raises:
         LocatorError: one would be open to the network.

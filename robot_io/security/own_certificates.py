@@ -32,10 +32,6 @@ _DATE = "%Y-%m-%d %H:%M UTC"
 def peer_fault(endpoints: Endpoints, locators: list[str]) -> str:
     """What is wrong with the certificates at some places, in words.
 
-    Args:
-        endpoints: with certificates of ours.
-        locators: that were dialed.
-
     Returns:
         Empty where nothing is wrong, nobody answers, or it cannot be looked at.
     """

@@ -57,9 +57,6 @@ class TickFileTable(TickTable):
     def __init__(self, path: Path) -> None:
         """Find out what the file holds; it may still be written.
 
-        Args:
-            path: the file.
-
         Raises:
             TickFileError: it is no ticks file, or holds no tick.
             OSError: it cannot be opened.

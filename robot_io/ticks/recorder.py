@@ -44,11 +44,7 @@ class BlockFormat:
     """
 
     def __init__(self, layouts: Sequence[SignalLayout]) -> None:
-        """Lay the signals side by side.
-
-        Args:
-            layouts: ``tick``, then the others.
-        """
+        """Lay the signals side by side."""
         self.layouts = {layout.name: layout for layout in layouts}
         self._columns: dict[str, slice] = {}
         self.width = 0
@@ -90,9 +86,6 @@ class TickSink(Protocol):
     def open(self, form: BlockFormat) -> Block:
         """Begin; called once, before the first tick.
 
-        Args:
-            form: how the blocks are laid out.
-
         Returns:
             A block to fill.
         """
@@ -109,12 +102,7 @@ class TickRecorder:
     """Rows of numbers, tick by tick; in the loop it only copies."""
 
     def __init__(self, layouts: Sequence[SignalLayout], sink: TickSink) -> None:
-        """Begin.
-
-        Args:
-            layouts: ``tick``, then the others in the order that :meth:`add` is given.
-            sink: gets the blocks.
-        """
+        """Begin."""
         self._sink = sink
         self._block = sink.open(BlockFormat(layouts))
 

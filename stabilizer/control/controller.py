@@ -163,12 +163,7 @@ class BalanceController(ABC):
         self._tick = 0
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
-        """Begin on a robot that stands still, once.
-
-        Args:
-            snapshot: first reading of all sensors.
-            q_command: (n_a,) posture the servos hold, bus order [rad].
-        """
+        """Begin on a robot that stands still, once."""
         self.observer.start(snapshot)
         self._take_over(q_command[self.model.to_model])
 
@@ -176,10 +171,6 @@ class BalanceController(ABC):
         self, snapshot: Snapshot, reference: Reference | None = None
     ) -> ControllerOutput:
         """Answer one tick; the posture is held when something fails.
-
-        Args:
-            snapshot: reading of all sensors.
-            reference: newest word of a planner, if any.
 
         Returns:
             Joint command in bus order, and what led to it.
@@ -203,9 +194,6 @@ class BalanceController(ABC):
     @abstractmethod
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
         """Compute the command of this tick.
-
-        Args:
-            state: of the robot.
 
         Returns:
             What became of the QP for wrenches, and of the one for joint velocities.
@@ -240,11 +228,7 @@ class HoldController:
     name = "hold"
 
     def __init__(self, joint_count: int) -> None:
-        """Hold zeros until started.
-
-        Args:
-            joint_count: n_a.
-        """
+        """Hold zeros until started."""
         self._output = ControllerOutput(np.zeros(joint_count))
         self.failure: QpData | None = None
 
@@ -280,11 +264,6 @@ class ForeignController:
 
     def __init__(self, inner: Any, *, n_a: int, name: str | None = None) -> None:
         """Check that the object has what a controller needs.
-
-        Args:
-            inner: the object.
-            n_a: number of joints.
-            name: for status and results; the object's own when None.
 
         Raises:
             ControllerError: a method is missing.

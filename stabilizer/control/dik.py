@@ -64,14 +64,7 @@ class Dik:
         *,
         solver: Callable[[], QpSolver] = PiqpSolver,
     ) -> None:
-        """Allocate everything once.
-
-        Args:
-            model: the robot.
-            settings: limits and weights.
-            tasks: what to do with the motion, beside what the wrench law asks.
-            solver: makes the QP's solver.
-        """
+        """Allocate everything once."""
         self._model = model
         n_v = model.n_v
         self.qp = DenseQp("dik", n=n_v, m=0, solver=solver())

@@ -172,11 +172,9 @@ def needed_stiffness(speed: float, *, delay_ticks: int, period_s: float) -> floa
 
 
 def borne_delay(robot: Robot, settings: ControllerSettings) -> int:
-    """Compute the largest delay of the loop at which the fastest mode is calm [ticks].
+    """Compute the longest loop delay that leaves the fastest mode calm [ticks].
 
-    Args:
-        robot: to be controlled.
-        settings: resolved; K is as large as its ``dik.loop_delay_s`` asks for.
+    K is as large as ``dik.loop_delay_s`` asks for.
     """
     model = RobotModel(robot)
     dynamics = Dynamics(model)

@@ -72,13 +72,7 @@ class Stance:
         self.base_error[:] = pin.log3(R_world_base.T.dot(self.R_base))
 
     def follow(self, reference: Reference | None, model: RobotModel) -> None:
-        """Take over a planner's newest reference, unless that is done already.
-
-        Args:
-            reference: validated message, joints in bus order; None before there is
-                one.
-            model: gives the joint order.
-        """
+        """Take over a planner's newest reference, joints in bus order, if it is new."""
         if reference is not None and reference is not self._followed:
             self._followed = reference
             self._set(reference, model)
@@ -132,9 +126,6 @@ class Approach:
     So the reference begins there, with the speed there is and without acceleration, and
     goes to its own place by a filter of third order. A robot that is where it should
     be, within a margin, is asked for just that.
-
-    Attributes:
-        is_over: whether the reference is what it is without this.
     """
 
     def __init__(self, *, period_s: float) -> None:
@@ -145,12 +136,7 @@ class Approach:
         self.is_over = True
 
     def begin(self, dynamics: Dynamics, stance: Stance) -> None:
-        """Start from the present state.
-
-        Args:
-            dynamics: quantities at it.
-            stance: reference, compared with the base.
-        """
+        """Start from the present state."""
         offset, rate = self._offset, self._rate
         np.subtract(dynamics.p_com, stance.com, out=offset[:3])
         np.negative(stance.base_error, out=offset[3:])

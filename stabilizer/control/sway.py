@@ -32,9 +32,6 @@ class Sway:
     for the soles is bent, lest the way there be too fast for them, and a low-pass of
     second order gives place, velocity and acceleration at once. Without common ground
     under two standing feet the input is zero, and the way leads back.
-
-    Attributes:
-        is_on: whether there is any gain.
     """
 
     def __init__(
@@ -65,12 +62,7 @@ class Sway:
         self._acceleration: Vec3 = np.zeros(3)
 
     def begin(self, soles: SolesAndCom, stance: Stance) -> None:
-        """Take the present tilt for one that has lasted.
-
-        Args:
-            soles: at the present state.
-            stance: reference.
-        """
+        """Take the present tilt for one that has lasted."""
         self._ground.from_both(soles)
         self._lasting[:] = self._tilt(mean_yaw(*stance.yaw_sole))
 

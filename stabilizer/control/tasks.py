@@ -46,17 +46,10 @@ class Task(ABC):
 
     @abstractmethod
     def jacobian(self, dynamics: Dynamics) -> Mat:
-        """Return the rows J, (size, n_v).
-
-        Args:
-            dynamics: quantities at the present state.
-        """
+        """Return the rows J, (size, n_v)."""
 
     def drift(self, dynamics: Dynamics) -> Array:
         """Return Jdot v, (size,): the acceleration while vdot is zero.
-
-        Args:
-            dynamics: quantities at the present state.
 
         Raises:
             NotImplementedError: the task is one of the first QP and does not say.
@@ -65,11 +58,6 @@ class Task(ABC):
 
     def acceleration(self, dynamics: Dynamics, stance: Stance, out: Array) -> None:
         """Write the acceleration that the first QP should reach.
-
-        Args:
-            dynamics: quantities at the present state.
-            stance: reference.
-            out: (size,) to be filled.
 
         Raises:
             NotImplementedError: the task is one of the first QP and does not say.
@@ -114,9 +102,6 @@ class SelectionTask(Task):
     """A task on some of the numbers in v themselves: J picks, and does not drift.
 
     Both QPs then copy rows instead of multiplying by J.
-
-    Attributes:
-        columns: which numbers of v.
     """
 
     columns: slice
@@ -309,10 +294,6 @@ def standing_tasks(model: RobotModel, settings: ControllerSettings) -> list[Task
 
 def weight_roots(task: Task, weights: Array) -> Array:
     """Return the square roots of a task's weights, which scale its rows, (size,).
-
-    Args:
-        task: gives the size.
-        weights: those in the first or in the second QP.
 
     Raises:
         ValueError: there are more or fewer weights than rows, or one is negative.

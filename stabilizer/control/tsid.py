@@ -41,20 +41,16 @@ from surefoot.stabilizer.qp import DenseQp, PiqpSolver, QpSolution, QpSolver
 ROWS_PER_FOOT = 12
 
 
-def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> Mat:
-    """Return rows C of the sole's limits, C F <= d, in the sole frame, (12, 6).
+def sole_rows(mu: float, x: float, y: float) -> Mat:
+    """Return rows C with C F <= 0, F = [force; moment] in the sole frame, (8, 6).
 
-    Only the last two rows have a non-zero bound d: the largest and the least normal
-    force.
+    Friction pyramid, and centre of pressure inside the rectangle.
 
     Args:
-        settings: friction, sole scale.
-        half_length: sole half length along x [m].
-        half_width: sole half width along y [m].
+        mu: friction coefficient along each axis [1].
+        x: half length of the rectangle [m].
+        y: half width [m].
     """
-    mu = settings.friction / np.sqrt(2.0)
-    x, y = settings.sole_scale * half_length, settings.sole_scale * half_width
-    yaw = settings.yaw_friction
     #    f_x   f_y   f_z   m_x   m_y   m_z
     return np.array(
         [
@@ -66,12 +62,30 @@ def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> 
             [0.0, 0.0, -y, -1.0, 0.0, 0.0],
             [0.0, 0.0, -x, 0.0, 1.0, 0.0],
             [0.0, 0.0, -x, 0.0, -1.0, 0.0],
-            [0.0, 0.0, -yaw, 0.0, 0.0, 1.0],
-            [0.0, 0.0, -yaw, 0.0, 0.0, -1.0],
-            [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
-            [0.0, 0.0, -1.0, 0.0, 0.0, 0.0],
         ]
     )
+
+
+def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> Mat:
+    """Return rows C of the sole's limits, C F <= d, in the sole frame, (12, 6).
+
+    Only the last two rows have a non-zero bound d: the largest and the least normal
+    force.
+
+    Args:
+        settings: friction, sole scale.
+        half_length: sole half length along x [m].
+        half_width: sole half width along y [m].
+    """
+    mu, scale = settings.friction / np.sqrt(2.0), settings.sole_scale
+    yaw = settings.yaw_friction
+    rows = [
+        [0.0, 0.0, -yaw, 0.0, 0.0, 1.0],
+        [0.0, 0.0, -yaw, 0.0, 0.0, -1.0],
+        [0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, -1.0, 0.0, 0.0, 0.0],
+    ]
+    return np.vstack((sole_rows(mu, scale * half_length, scale * half_width), rows))
 
 
 FEET_OF = {(True, True): (0, 1), (True, False): (0,), (False, True): (1,)}

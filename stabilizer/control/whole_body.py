@@ -39,12 +39,7 @@ from surefoot.stabilizer.walking.walk import Walk
 
 
 class WholeBodyController(BalanceController):
-    """Implements sections III and IV of the paper, with joint position limits.
-
-    Attributes:
-        name: as named on the command line.
-        tasks: what both QPs are asked to do with the motion.
-    """
+    """Implements sections III and IV of the paper, with joint position limits."""
 
     name = "whole-body"
 
@@ -168,11 +163,7 @@ class WholeBodyController(BalanceController):
         self.walk.follow(plan)
 
     def degrade(self, lost: tuple[bool, bool]) -> None:
-        """Go on without ankle sensors; see :meth:`Observer.leave_out`.
-
-        Args:
-            lost: whether the left and the right sensor are to be left out.
-        """
+        """Go on without ankle sensors; see :meth:`Observer.leave_out`."""
         self.observer.leave_out(lost, instead=self.tsid.F_id)
         self.walk.end_early("an ankle sensor is lost", blind=lost)
 

@@ -58,11 +58,7 @@ class ContactMonitor:
         return self._settings.reload_s
 
     def take_back(self, side: int) -> None:
-        """Watch a foot again that a walk has had; it stands.
-
-        Args:
-            side: left or right.
-        """
+        """Watch a foot again that a walk has had; it stands."""
         self.owned[side] = False
         self._timer[side] = 0.0
         self._load[side] = min(1.0, float(self.allowed[side]) / self._largest)

@@ -52,11 +52,7 @@ class ReadingAges:
     """
 
     def __init__(self, *, period_s: float) -> None:
-        """Begin with readings of the present.
-
-        Args:
-            period_s: from tick to tick [s].
-        """
+        """Begin with readings of the present."""
         self._ticks = max(1, round(WINDOW_S / period_s))
         self._largest = [0.0] * FORGOTTEN_WINDOWS
         self._count, self._sum = 0, 0.0
@@ -116,12 +112,7 @@ class StateEstimator(Protocol):
         """
 
     def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
-        """Advance by one tick.
-
-        Args:
-            snapshot: reading of all sensors.
-            wrenches: as for :meth:`calibrate`.
-        """
+        """Advance by one tick."""
 
 
 @runtime_checkable
@@ -249,18 +240,11 @@ class Observer:
         return self.estimator.anchors if isinstance(self.estimator, Odometry) else None
 
     def start(self, snapshot: Snapshot) -> None:
-        """Begin on a robot that stands still, once.
-
-        Args:
-            snapshot: first reading of all sensors.
-        """
+        """Begin on a robot that stands still, once."""
         self.estimator.calibrate(snapshot, wrenches=None)
 
     def update(self, snapshot: Snapshot) -> ObservedState | None:
         """Advance by one tick.
-
-        Args:
-            snapshot: reading of all sensors.
 
         Returns:
             The robot's state, the same object every time; None when a sensor reports

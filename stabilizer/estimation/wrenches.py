@@ -164,13 +164,7 @@ class VirtualWrenches:
     def __init__(
         self, model: RobotModel, settings: VirtualForceTorque, *, period_s: float
     ) -> None:
-        """Take the plates off a copy of the model.
-
-        Args:
-            model: the robot.
-            settings: of its robot file.
-            period_s: time between two ticks [s].
-        """
+        """Take the plates off a copy of the model."""
         self._model, self._dt = model, period_s
         self._pin = pin.Model(model.pin_model)
         self._data = self._pin.createData()

@@ -222,19 +222,10 @@ class LinearController:
 
 
 class LinearLoop:
-    """Plant and controller, to be closed with any delay and any gains.
-
-    Attributes:
-        period_s: from tick to tick [s].
-    """
+    """Plant and controller, to be closed with any delay and any gains."""
 
     def __init__(self, robot: Robot, settings: ControllerSettings) -> None:
-        """Linearise both in the nominal stance.
-
-        Args:
-            robot: with its servo profile.
-            settings: resolved.
-        """
+        """Linearise both in the nominal stance."""
         self.period_s = robot.period_s
         controller = WholeBodyController(robot, settings)
         model, dynamics = controller.model, controller.dynamics

@@ -128,13 +128,7 @@ def compute_margins(
 ) -> LoopMargins:
     """Compute all margins of the whole-body stabilizer on a robot that stands.
 
-    Args:
-        robot: with its servo profile.
-        settings: resolved.
-        delay_ticks: from the reading to the step its answer acts in.
-
-    Returns:
-        What the loop bears.
+    The delay is that from a reading to the step its answer acts in.
     """
     loop = LinearLoop(robot, settings)
     period_s, matrices = loop.period_s, loop.cut(delay_ticks)

@@ -41,12 +41,7 @@ class SensorLimits:
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
-        """Lay out the row.
-
-        Args:
-            robot: ranges and velocity limits of its joints.
-            settings: limits.
-        """
+        """Lay out the row."""
         layout = SnapshotLayout(robot.n_a)
         size = layout.size
         self._middle = np.zeros(size)
@@ -150,12 +145,7 @@ class SensorHealth:
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
-        """Believe everything until told otherwise.
-
-        Args:
-            robot: joint ranges and the tick's length.
-            settings: limits and times.
-        """
+        """Believe everything until told otherwise."""
         self.lost: list[SensorTrouble | None] = [None] * len(SENSORS)
         self.overload_ticks = (0, 0)
         self._bridge = round(settings.bridge_s / robot.period_s)

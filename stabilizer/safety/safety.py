@@ -164,9 +164,6 @@ class Safety:
         """Have the robot come to rest in balance; the command then stand still.
 
         A sensor lost or a fall meanwhile end it as ever.
-
-        Args:
-            detail: who asked, in words.
         """
         if self._gives_up():
             return
@@ -175,12 +172,7 @@ class Safety:
         self._asked = self._command.copy()
 
     def abort(self, end: EndReason, detail: str) -> None:
-        """Have the command fade out; the first reason stays.
-
-        Args:
-            end: why.
-            detail: the same in words.
-        """
+        """Have the command fade out; the first reason stays."""
         if not self._gives_up():
             self.state = StabilizerState.FADE_OUT
             self.end, self.detail = end, detail

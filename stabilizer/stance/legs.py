@@ -76,10 +76,6 @@ class Directions:
 def read_body(text: str, *, source: str) -> Body:
     """Build the model.
 
-    Args:
-        text: a URDF without shapes.
-        source: named in errors.
-
     Raises:
         RobotFileError: Pinocchio refuses it.
     """

@@ -117,9 +117,6 @@ def capture_limits(model: RobotModel) -> Array:
 
     Each carries the capture point over the distance d to the edge of the soles' hull.
 
-    Args:
-        model: of the robot, in its nominal posture.
-
     Returns:
         (8,) from ahead to the left, every 45 degrees [N s].
     """
@@ -154,9 +151,6 @@ def capture_limits(model: RobotModel) -> Array:
 
 def one_foot_share(model: RobotModel) -> float:
     """Return what a knee needs of its torque to carry the robot alone.
-
-    Args:
-        model: of the robot, in its nominal posture.
 
     Returns:
         The larger share of both knees; 0 for legs without one.

@@ -275,11 +275,7 @@ class ReachSearch:
         return self._solver.solve(wanted, steps=_STEPS, exact=False).is_good
 
     def largest_share(self, grounds: Iterable[Ground]) -> float:
-        """Part of all these that fits, between 0 and 1.
-
-        Args:
-            grounds: extremes of one motion.
-        """
+        """Part of all these that fits, between 0 and 1."""
         listed = list(grounds)
         share = 1.0
         for ground in listed:
@@ -292,11 +288,7 @@ class ReachSearch:
         return _bisect(lambda share: self.fits(ground.scaled(share)))
 
     def reach(self, enough: Reach | None = None) -> Reach:
-        """Search each direction by itself.
-
-        Args:
-            enough: no direction that gets so far is searched any further.
-        """
+        """Search each direction by itself, none further than ``enough``."""
         up, down = math.inf, math.inf
         rise, sink, roll = math.inf, math.inf, math.inf
         if enough is not None:

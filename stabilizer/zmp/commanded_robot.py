@@ -37,18 +37,7 @@ SINGLE_SUPPORT_STIFFNESS = 1000.0
 
 
 class Kinematics:
-    """Centre of mass and soles at one state, computed by :meth:`update`.
-
-    Attributes:
-        p_com: (3,) centre of mass in the world [m].
-        v_com: (3,) its velocity [m/s].
-        R_world_sole: rotation of each sole.
-        p_sole: (3,) position of each sole in the world [m].
-        J_com: (3, n_v) Jacobian; J_contact: (12, n_v) of the soles, sole frames.
-        Jdot_v_com: (3,) drift of the centre of mass [m/s^2].
-        Jdot_v_contact: (12,) drift of the soles.
-        v_sole: (12,) sole twists.
-    """
+    """Centre of mass and soles at one state, named as in ``Dynamics``."""
 
     def __init__(self, model: RobotModel) -> None:
         """Allocate every array once."""

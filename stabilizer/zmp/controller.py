@@ -58,11 +58,7 @@ class UnknownGround:
 
 
 class ZmpController(BalanceController):
-    """Implements the stabilizer of Caron et al., ICRA 2019; see docs/zmp-baseline.md.
-
-    Attributes:
-        name: as named on the command line.
-    """
+    """The stabilizer of Caron et al., ICRA 2019; see docs/zmp-baseline.md."""
 
     name = "zmp"
 
@@ -73,13 +69,7 @@ class ZmpController(BalanceController):
         *,
         estimator: StateEstimator | None = None,
     ) -> None:
-        """Build the model and allocate everything.
-
-        Args:
-            robot: what its files say.
-            settings: gains, weights, limits.
-            estimator: used in place of the project's own.
-        """
+        """Build the model and allocate everything."""
         super().__init__(robot, settings)
         zmp = settings.zmp
         self.measured = Kinematics(self.model)

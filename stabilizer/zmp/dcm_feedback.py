@@ -48,12 +48,7 @@ class DcmBiasEstimator:
     """
 
     def __init__(self, settings: ZmpSettings, *, period_s: float) -> None:
-        """Initialise; the filter starts with the first update.
-
-        Args:
-            settings: standard deviations and limit.
-            period_s: time between two updates [s].
-        """
+        """Initialise; the filter starts with the first update."""
         self._dt = period_s
         rates = ORIGINAL_PERIOD_S * period_s
         self._drift_variance = rates * settings.bias_drift_per_second_std_m**2

@@ -19,6 +19,7 @@ import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.stabilizer.control.tsid import sole_rows
 from surefoot.stabilizer.dynamics import NORMAL
 from surefoot.stabilizer.model import RobotModel, skew
 from surefoot.stabilizer.qp import DenseQp, QpSolution
@@ -48,23 +49,13 @@ def wrench_face_matrix(
     """
     mu, x, y = friction, half_length, half_width
     yaw = mu * (x + y)
-    rows = [
-        #  f_x   f_y   f_z  m_x   m_y   m_z
-        [1.0, 0.0, -mu, 0.0, 0.0, 0.0],
-        [-1.0, 0.0, -mu, 0.0, 0.0, 0.0],
-        [0.0, 1.0, -mu, 0.0, 0.0, 0.0],
-        [0.0, -1.0, -mu, 0.0, 0.0, 0.0],
-        [0.0, 0.0, -y, 1.0, 0.0, 0.0],
-        [0.0, 0.0, -y, -1.0, 0.0, 0.0],
-        [0.0, 0.0, -x, 0.0, 1.0, 0.0],
-        [0.0, 0.0, -x, 0.0, -1.0, 0.0],
-    ]
+    rows: list[list[float]] = []
     # -yaw f_z + |y f_x - mu m_x| + |x f_y - mu m_y| <= m_z, and its mirror image.
     for a in (1.0, -1.0):
         for b in (1.0, -1.0):
             rows.append([a * y, b * x, -yaw, -a * mu, -b * mu, -1.0])
             rows.append([a * y, b * x, -yaw, a * mu, b * mu, 1.0])
-    return np.array(rows)
+    return np.vstack((sole_rows(mu, x, y), rows))
 
 
 class Plane(NamedTuple):

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import CountBar
+from surefoot.progress import CountBar
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Sensors

@@ -43,7 +43,7 @@ from surefoot.bench.push_results import (
     write_push_page,
 )
 from surefoot.errors import UsageError
-from surefoot.out_folder import CountBar, no_bar
+from surefoot.progress import CountBar, no_bar
 from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import Row
 

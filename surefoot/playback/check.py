@@ -20,12 +20,19 @@ from surefoot.playback.recompute import (
     find_sessions,
     recompute,
 )
-from surefoot.playback.timeline import Entry, RecordedSensors, Timeline, to_wire
+from surefoot.playback.timeline import (
+    Entry,
+    RecordedSensors,
+    Timeline,
+    read_timeline,
+    recorded_robot,
+    to_wire,
+)
 from surefoot.recording.contents import VERSIONS, Versions, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
-from surefoot.run_folder import MARKER, SCENARIO, SETTINGS
-from surefoot.run_plan import steps_in
+from surefoot.run_folder import MARKER, RECORD, SCENARIO, SETTINGS
+from surefoot.run_plan import Settings, resolve_settings, steps_in
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import FileFormatError, MessageError
 from surefoot.schemas.messages import (
@@ -44,13 +51,61 @@ from surefoot.schemas.walk_plan import WalkPlan
 M = TypeVar("M", bound=Message)
 
 
-def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
-    """What is other than it was, in words; nothing when all is the same.
+def replay(
+    file: str | Path,
+    *,
+    controller: str | None = None,
+    settings: Settings = None,
+    robot: str | Path | Robot | None = None,
+    until_s: float | None = None,
+    on_tick: Callable[[int], None] | None = None,
+) -> ReplayOutcome:
+    """Compute the commands of a record again from its sensors, and compare.
+
+    The robot does not follow the new commands: every tick has the sensors that were
+    recorded.
 
     Args:
-        recorded: the attached description; None when there is none.
-        present: the same of this process.
+        file: a record (.mcap), or the folder of a run that holds one.
+        controller: a name as on the command line; None for the recorded one.
+        settings: see :func:`surefoot.simulate`; None for those of the record.
+        robot: None for the one that is attached to the record.
+        until_s: compare this much from the first tick [s]; None for all.
+        on_tick: called with each tick.
+
+    Returns:
+        What was compared, and the first command that differs, bit for bit.
+
+    Raises:
+        UsageError: no such file, or it holds nothing to compute again.
+        ControllerError: no such controller.
     """
+    path = Path(file)
+    if path.is_dir():
+        path /= RECORD
+    timeline = read_timeline(path)
+    resolved = (
+        recorded_settings(timeline, [])
+        if settings is None
+        else resolve_settings(settings)
+    )
+    instead = str(robot.path) if isinstance(robot, Robot) else robot
+    with recorded_robot(
+        timeline.record, None if instead is None else str(instead)
+    ) as model:
+        return check(
+            timeline,
+            model,
+            resolved,
+            file=path,
+            law=controller,
+            until_s=until_s,
+            on_tick=on_tick or (lambda tick: None),
+        )
+
+
+def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
+    """What is other than it was, in words; nothing when all is the same."""
     if recorded is None:
         return ["the record does not say which versions it was made with"]
     try:
@@ -113,11 +168,6 @@ def recorded_walk(
     timeline: Timeline, robot: Robot, settings: ControllerSettings
 ) -> WalkPlan | None:
     """Return the steps of the scenario attached to a record; None without any.
-
-    Args:
-        timeline: the record.
-        robot: that walked.
-        settings: of its controller.
 
     Raises:
         FileFormatError: the attached scenario cannot be used.

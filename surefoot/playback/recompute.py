@@ -68,12 +68,7 @@ class Session:
 def find_sessions(
     commands: Iterable[JointCommand], statuses: Iterable[RobotStatus]
 ) -> list[Session]:
-    """Tell the stabilizers of a record apart.
-
-    Args:
-        commands: as recorded.
-        statuses: of the robot, as recorded.
-    """
+    """Tell the stabilizers of a record apart."""
     sessions: list[Session] = []
     for command in commands:
         last = sessions[-1] if sessions else None
@@ -327,11 +322,7 @@ class _Gains:
         self._move()
 
     def resume(self, tick: int) -> None:
-        """Move the settings for the tick at which a hold ended, which had no answer.
-
-        Args:
-            tick: the one answered next; what was asked before it was asked earlier.
-        """
+        """Move the settings for the tick at which a hold ended, which had no answer."""
         self._begin(before=tick)
         self._move()
 

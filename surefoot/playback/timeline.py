@@ -1,14 +1,17 @@
-"""A record's messages in the order of the robot's ticks, and its sensors joined."""
+"""A record's messages in the order of the robot's ticks: joined, or on a bus again."""
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import groupby
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import msgspec
 from mcap.records import Message as RecordedMessage
@@ -16,6 +19,7 @@ from mcap.records import Message as RecordedMessage
 from surefoot.errors import UsageError
 from surefoot.recording.contents import ROBOT_JSON, ROBOT_TOML, ROBOT_URDF
 from surefoot.recording.read import Record, decode_json, read_record, with_nan
+from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
 from surefoot.schemas.codec import decode
@@ -30,6 +34,9 @@ from surefoot.schemas.topics import (
     topic,
 )
 
+if TYPE_CHECKING:
+    from surefoot.robot_io.robot_side.replay_server import ReplayServer
+
 PLANNERS = tuple(
     entry.name for entry in TOPICS if entry.direction is Direction.TO_STABILIZER
 )
@@ -41,6 +48,12 @@ _RANKS = {
         (*TICK_SENSORS, *(name for name in ALL_CHANNELS if name not in TICK_SENSORS))
     )
 }
+LONGEST_NAP_S = 0.05
+"""Longest sleep of a slow replay before it checks for a stop [s]."""
+SHORTEST_NAP_S = 0.0005
+"""Shorter waits are left out, and made up for later."""
+LARGEST_LAG_S = 0.1
+"""Lag beyond which a replay no longer catches up [s]."""
 
 
 class Entry(NamedTuple):
@@ -190,10 +203,6 @@ def to_wire(data: bytes, *, is_raw: bool) -> bytes:
     JSON knows no NaN and no infinity: a reading that was either is null in the record
     and NaN again afterwards. All other numbers come back bit for bit.
 
-    Args:
-        data: as recorded.
-        is_raw: whether these are the bytes of the bus already.
-
     Raises:
         MessageError: the record holds no message there.
     """
@@ -225,13 +234,7 @@ class RecordedSensors:
     def __init__(
         self, entries: Iterable[Entry], *, joint_count: int, raw: dict[str, bool]
     ) -> None:
-        """Begin before the first tick.
-
-        Args:
-            entries: in order; those of other channels are passed over.
-            joint_count: n_a.
-            raw: by channel, whether it holds the bytes of the bus.
-        """
+        """Begin before the first tick."""
         self._raw, self._joint_count = raw, joint_count
         self._layout = SnapshotLayout(joint_count)
         self._entries: dict[str, list[Entry]] = {name: [] for name in TICK_SENSORS}
@@ -278,3 +281,67 @@ class RecordedSensors:
         except MessageError:
             return None
         return message
+
+
+def between(
+    timeline: Timeline, *, period_s: float, from_s: float, until_s: float | None
+) -> list[Entry]:
+    """Return the messages of a span, both ends counted from the first tick [s]."""
+    first = timeline.first_tick + round(from_s / period_s)
+    end = None if until_s is None else timeline.first_tick + round(until_s / period_s)
+    return [
+        entry
+        for entry in timeline.entries
+        if entry.tick >= first and (end is None or entry.tick < end)
+    ]
+
+
+def play(
+    entries: Iterable[Entry],
+    server: ReplayServer,
+    *,
+    raw: Callable[[str], bool],
+    tick_s: float,
+    stop: StopRequest,
+    on_tick: Callable[[int], None],
+) -> dict[str, int]:
+    """Publish messages in their order, tick after tick.
+
+    Returns:
+        Messages played, by channel; what the record holds that is no message is
+        passed over.
+    """
+    counts: dict[str, int] = {}
+    for tick, said in _paced(entries, tick_s=tick_s, stop=stop):
+        on_tick(tick)
+        # Brought into form first, so that what belongs together leaves together.
+        ready = []
+        for entry in said:
+            with contextlib.suppress(MessageError):
+                data = to_wire(entry.data, is_raw=raw(entry.channel))
+                ready.append((entry.channel, data))
+        for channel, data in ready:
+            server.publish(channel, data)
+            counts[channel] = counts.get(channel, 0) + 1
+    return counts
+
+
+def _paced(
+    entries: Iterable[Entry], *, tick_s: float, stop: StopRequest
+) -> Iterator[tuple[int, list[Entry]]]:
+    """Yield ticks with their messages, each at its time, until asked to stop."""
+    before: tuple[int, int] | None = None
+    due_s = time.monotonic()
+    for (lap, tick), said in groupby(entries, key=lambda e: (e.round, e.tick)):
+        if before is not None and before[0] == lap:
+            due_s += (tick - before[1]) * tick_s
+        before = (lap, tick)
+        while (ahead_s := due_s - time.monotonic()) > SHORTEST_NAP_S:
+            if stop.is_set:
+                return
+            # The pace of the record, in naps so short that a stop is soon seen.
+            time.sleep(min(ahead_s, LONGEST_NAP_S))
+        if stop.is_set:
+            return
+        due_s = max(due_s, time.monotonic() - LARGEST_LAG_S)
+        yield tick, list(said)

@@ -14,7 +14,16 @@ from msgspec.structs import replace
 
 from surefoot.errors import ChildFailedError, ExitCode
 from surefoot.outcome import Sides
-from surefoot.processes.child import Child, Event, Exit, Ready, Said, failure, supervise
+from surefoot.processes.child import (
+    Child,
+    Event,
+    Exit,
+    Ready,
+    Said,
+    failure,
+    how_ended,
+    supervise,
+)
 from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.run_folder import (
     CONTROLLER_TICKS,
@@ -44,13 +53,7 @@ _FINISH_S = 60.0
 
 
 def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
-    """Command line of the recorder.
-
-    Args:
-        plan: what is run.
-        folder: of the run; its settings, scenario and description are attached.
-        endpoints: file that says where the robot is.
-    """
+    """Command line of the recorder."""
     return [
         *("record", "--out", str(folder / RECORD), "--wait", str(_READY_S)),
         *_description_argv(plan),
@@ -67,9 +70,7 @@ def recorder_argv(plan: RunPlan, folder: Path, endpoints: Path) -> list[str]:
 def await_recorder(recorder: Child, *, events: SimpleQueue[Event]) -> None:
     """Wait until the recorder receives everything, or cannot be waited for.
 
-    Args:
-        recorder: just started.
-        events: of all children; those of others are kept for later.
+    Events of other children are kept for later.
     """
     others: list[Event] = []
     end = time.monotonic() + _READY_S
@@ -108,9 +109,7 @@ def see_recorder_off(recorder: Child) -> None:
             if " WARNING " in line:
                 _LOG.warning(f"recorder: {line}")
         return
-    how = (
-        f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
-    )
+    how = how_ended(code)
     words = "".join(f"\n  {line}" for line in lines[-3:])
     _LOG.warning(f"recorder: {how}; the run went on, its record is cut off{words}")
 
@@ -124,13 +123,6 @@ def start_live_page(
     events: SimpleQueue[Event],
 ) -> Child:
     """Start the page and wait until it is served, so that it misses nothing.
-
-    Args:
-        plan: names the robot.
-        folder: gets its log.
-        endpoints: file that says where it dials.
-        port: of the page.
-        events: of the run; nobody else has been started yet.
 
     Returns:
         The process; the run goes on whatever becomes of it.

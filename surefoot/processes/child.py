@@ -30,12 +30,7 @@ _CAUSE_S = 2.0
 
 
 def begin_process(name: str, *, child: bool = False) -> None:
-    """Send our own notes, warnings and errors to stderr.
-
-    Args:
-        name: of the process, said first together with its number.
-        child: end in order once the parent has gone; see :func:`begin_as_child`.
-    """
+    """Send our own notes, warnings and errors to stderr."""
     logging.basicConfig(
         level=logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s: %(message)s",
@@ -301,20 +296,20 @@ def failure(child: Child, code: int) -> ChildFailedError:
 
     A child that says what is wrong, as every command does, is quoted alone; the log
     before that is of interest only when it ended without a word.
-
-    Args:
-        child: whose end.
-        code: its exit code; negative: the signal that ended it.
     """
     known = code in {int(entry) for entry in ExitCode}
-    how = (
-        f"was ended by signal {-code}" if code < 0 else f"failed with exit code {code}"
-    )
     said = child.last_error() if known else ""
     return ChildFailedError(
-        f"{child.name}: {how}{f': {said}' if said else _words(child)}",
+        f"{child.name}: {how_ended(code)}{f': {said}' if said else _words(child)}",
         exit_code=ExitCode(code) if known else ExitCode.FAILED,
     )
+
+
+def how_ended(code: int) -> str:
+    """A failure in words."""
+    if code < 0:
+        return f"was ended by signal {-code}"
+    return f"failed with exit code {code}"
 
 
 def _words(child: Child) -> str:

@@ -18,7 +18,7 @@ from numpy.lib.format import write_array
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.installation import install_command
-from surefoot.out_folder import new_file
+from surefoot.out_folder import is_to_replace, new_file
 from surefoot.recording.read import Record
 from surefoot.schemas.arrays import Array
 from surefoot.signals import Signals
@@ -41,12 +41,6 @@ def export_record(
     shape are kept as JSON texts, and a channel of another program is named with ``_``
     for what no file name may hold. csv and parquet are a file per channel, with a
     column per number: ``q.0``, ``q.1``, ...
-
-    Args:
-        record: as it was read.
-        to: the format.
-        out: the file (npz), or a folder.
-        overwrite: whether files of a former export may be replaced.
 
     Raises:
         UsageError: there is a file, and it may not be replaced.
@@ -117,12 +111,6 @@ def export_signals(
     parquet are ``ticks.csv`` and ``ticks.parquet``: a row per tick, a column per
     number: ``F_id.f_z_left``. In csv what nobody told is an empty field; in parquet
     each column says its unit, frame and meaning in its metadata.
-
-    Args:
-        signals: of the run.
-        to: the format.
-        out: the file (npz), or a folder.
-        overwrite: whether a file of a former export may be replaced.
 
     Raises:
         UsageError: there is a file, and it may not be replaced.
@@ -214,13 +202,8 @@ def _check_place(path: Path, names: Iterable[str], *, overwrite: bool) -> None:
     Raises:
         UsageError: it is neither.
     """
-    if not (path.exists() or path.is_symlink()):
+    if not is_to_replace(path, overwrite=overwrite):
         return
-    if not overwrite:
-        raise UsageError(
-            f"--out {path}: is there already; name another place, or overwrite it "
-            "(--overwrite)"
-        )
     if path.is_symlink() or _names_in(path) != list(names):
         raise UsageError(
             f"--out {path}: is there, and not what an export of this would be; it is "

@@ -78,12 +78,7 @@ class RecordError(UsageError):
 
 
 class Damage(NamedTuple):
-    """A place that cannot be read.
-
-    Attributes:
-        offset: where in the file [bytes].
-        what: is wrong there.
-    """
+    """A place that cannot be read."""
 
     offset: int
     what: str

@@ -17,12 +17,11 @@ from surefoot.recording.mcap_records import Damage, McapRecords, RecordError
 from surefoot.schemas.codec import Head, decode_map
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import Count
-from surefoot.schemas.topics import TICK_SENSORS, TOPICS
+from surefoot.schemas.topics import COMMAND, TICK_SENSORS, TOPICS
 
 LARGEST_GAP = 1_000_000
 """Numbers passed over at once, beyond which they are another sender's: a quarter of
 an hour of a robot at 1 kHz."""
-_COMMANDS = "joint_command"
 _OURS = frozenset(entry.name for entry in TOPICS)
 MSGPACK, JSON = "msgpack", "json"
 TOLD_DAMAGES = 3
@@ -63,12 +62,7 @@ class ChannelCount(msgspec.Struct, kw_only=True):
     """What the messages are written in, where that is nothing we read."""
 
     def add(self, number: int, *, is_new_sender: bool = False) -> None:
-        """Count one message.
-
-        Args:
-            number: its tick, or its sequence number.
-            is_new_sender: it cannot be compared with the one before.
-        """
+        """Count one message."""
         self.messages += 1
         last, self.last = self.last, number
         if last is None:
@@ -84,7 +78,7 @@ class ChannelCount(msgspec.Struct, kw_only=True):
 
 def new_count(channel: str) -> ChannelCount:
     """A count of a channel by what its messages are numbered with."""
-    if channel == _COMMANDS:
+    if channel == COMMAND:
         return ChannelCount(channel=channel, counted_by="sequence")
     by = "tick" if channel in TICK_SENSORS else ""
     return ChannelCount(channel=channel, counted_by=by)
@@ -102,7 +96,7 @@ def count_message(count: ChannelCount, message: dict[str, Any]) -> Head | None:
     if count.channel not in _OURS:
         count.messages += 1
         return None
-    is_command = count.channel == _COMMANDS
+    is_command = count.channel == COMMAND
     try:
         head = msgspec.convert(message, _CommandHead if is_command else Head)
     except msgspec.ValidationError as error:
@@ -190,11 +184,7 @@ class Record:
                 continue
 
     def stream(self, channel: str | None = None) -> Iterator[tuple[str, bytes]]:
-        """Give channel and bytes of all messages, those of a channel in their order.
-
-        Args:
-            channel: only of this one; of all when None.
-        """
+        """Give channel and bytes of all messages, those of a channel in their order."""
         if self._kept is None:
             again = Record(self.path)
             for name, message in _read(McapRecords(self.path), again, Counter()):

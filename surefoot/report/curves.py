@@ -40,9 +40,6 @@ BUCKETS = 800
 def footsteps(run: RunData) -> str:
     """Draw the walk of a run.
 
-    Args:
-        run: with the signals of a walk.
-
     Returns:
         SVG; empty for a run without steps.
     """

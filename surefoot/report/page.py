@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import msgspec
 
 from surefoot.controllers import compute_margins
-from surefoot.out_folder import CountBar, OutFolder, no_bar, write_json
+from surefoot.out_folder import OutFolder, write_json
+from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of
 from surefoot.report.panels import (
     RUN_COLOURS,
@@ -66,13 +67,7 @@ class Media(NamedTuple):
 
 
 def write_page(folder: Path, runs: list[RunData], media: list[Media]) -> None:
-    """Write the page and its scripts.
-
-    Args:
-        folder: gets the files.
-        runs: shown on the page.
-        media: of each run, already in the folder.
-    """
+    """Write the page and its scripts."""
     from plotly.offline import get_plotlyjs
 
     drawn = [(run.label, list(curves(run))) for run in runs]
@@ -201,14 +196,6 @@ def write_report(
     bar: CountBar = no_bar,
 ) -> None:
     """Write a report, whole or not at all.
-
-    Args:
-        runs: shown on the page.
-        out: its folder.
-        overwrite: replace the files of a former report there.
-        video: also a video and a still of each run.
-        animation: also a short loop of each run.
-        bar: shows how many frames are drawn.
 
     Raises:
         UsageError: something stands there.

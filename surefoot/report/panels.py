@@ -76,11 +76,6 @@ def frame_rows(run: RunData) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
 def scene_page(run: RunData, shape: RobotShape, *, on_frame: Callable[[], None]) -> str:
     """Draw a run.
 
-    Args:
-        run: what happened.
-        shape: of its robot.
-        on_frame: called after each frame.
-
     Returns:
         The page; it needs no other file and no network.
     """
@@ -118,11 +113,6 @@ def state_at(run: RunData, row: int, steps: Sequence[StepTaken] = ()) -> SceneSt
 
     Forces are those the controller measured and wanted. Where it tells none they are
     the true ones, and none that were wanted.
-
-    Args:
-        run: what happened.
-        row: of the tick.
-        steps: of its walk, if any.
     """
     signals = run.signals
 
@@ -229,9 +219,6 @@ PANELS = {
 
 def panel_groups(runs: list[tuple[str, list[s.Curve]]]) -> list[dict[str, Any]]:
     """Groups of plots for the page's script.
-
-    Args:
-        runs: label and curves of each run.
 
     Returns:
         Groups that hold anything: ``name``, ``about``, and ``panels``, each with

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from surefoot.errors import EnvironmentFailedError
 from surefoot.installation import install_command
-from surefoot.out_folder import CountBar, no_bar
+from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import STILL
 from surefoot.report.run_data import RunData
 from surefoot.schemas.arrays import Array
@@ -105,10 +105,6 @@ def _choose_gl() -> None:
 
 def check_drawing(run: RunData, *, video: bool) -> None:
     """Make sure that pictures can be drawn, before any work is done.
-
-    Args:
-        run: one to draw.
-        video: whether to draw a video, which needs an encoder.
 
     Raises:
         EnvironmentFailedError: this machine cannot; the message says what to install.

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from surefoot.robot_files.draft import Draft, end, listed
+from surefoot.robot_files.draft import Draft, listed
 from surefoot.robot_io.errors import RobotFileError
-from surefoot.robot_io.urdf_check import drop
+from surefoot.robot_io.urdf_check import drop, end
 from surefoot.schemas.arrays import Mat
 
 WORLDS = ("world", "map", "odom", "ground", "universe")
@@ -222,10 +222,6 @@ def settle_inertias(draft: Draft, *, repair: bool) -> None:
 
     Second moments of mass are Sigma = tr(I) / 2 E - I, which no body has negative:
     those that are become those of a small body.
-
-    Args:
-        draft: changed in place.
-        repair: whether that was asked for.
 
     Raises:
         RobotFileError: there are such bodies, and it was not.

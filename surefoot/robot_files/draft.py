@@ -16,7 +16,13 @@ import numpy as np
 from surefoot.errors import UsageError
 from surefoot.out_folder import atomic_file
 from surefoot.robot_io.errors import RobotFileError
-from surefoot.robot_io.urdf_check import UNUSED_TAGS, drop, read_urdf_element
+from surefoot.robot_io.urdf_check import (
+    UNUSED_TAGS,
+    drop,
+    end,
+    joints_above,
+    read_urdf_element,
+)
 from surefoot.schemas.arrays import Mat, Vec3
 
 KEPT_TAGS = ("link", "joint", "material")
@@ -69,7 +75,7 @@ class Draft:
                 self.root.remove(element)
         for joint in self.root.findall("joint"):
             drop(joint, UNUSED_TAGS)
-        self._check_tree()
+        joints_above(path, self.links, self.root.findall("joint"))
 
     def note(self, kind: NoteKind, text: str) -> None:
         """Keep a line for the report."""
@@ -204,45 +210,12 @@ class Draft:
                     f"{left[0][:60]!r}: expand the xacro first, xacro FILE > robot.urdf"
                 )
 
-    def _check_tree(self) -> None:
-        links, above = self.links, self.above
-        if len(above) != len(self.root.findall("joint")):
-            twice = [end(j, "child") for j in self.root.findall("joint")]
-            name = next(n for n in twice if twice.count(n) > 1)
-            raise RobotFileError(
-                f"{self.path}: link {name!r} hangs on two joints; a robot's links must "
-                "form a tree"
-            )
-        for joint in above.values():
-            for which in ("parent", "child"):
-                if end(joint, which) not in links:
-                    raise RobotFileError(
-                        f"{self.path}: joint {joint.get('name')!r}: {which} is link "
-                        f"{end(joint, which)!r}, which is not there"
-                    )
-        roots = [name for name in links if name not in above]
-        if len(roots) != 1:
-            raise RobotFileError(
-                f"{self.path}: expected one link that hangs on no joint, got "
-                f"{', '.join(map(repr, roots)) or 'none: they form a ring'}"
-            )
-        if len(self.below(roots[0])) != len(links):
-            raise RobotFileError(
-                f"{self.path}: some links hang on themselves, in a ring"
-            )
-
 
 def listed(names: list[str]) -> str:
     """Return names as a list in words, cut when there are many."""
     shown = ", ".join(names[:_MOST_NAMES])
     more = len(names) - _MOST_NAMES
     return f"{shown} and {more} more" if more > 0 else shown
-
-
-def end(joint: ElementTree.Element, which: str) -> str:
-    """Name of a joint's parent or child link."""
-    element = joint.find(which)
-    return "" if element is None else element.get("link", "")
 
 
 def write_origin(element: ElementTree.Element, place: Vec3, R: Mat) -> None:
@@ -313,11 +286,6 @@ def carry_meshes(draft: Draft, out: Path, *, folder: str) -> Copies:
 
     What is below the URDF's folder stays where it is. Everything else is to be copied
     into one of its own, as the files lie to each other now: they may name one another.
-
-    Args:
-        draft: its meshes by their paths, as found.
-        out: where the URDF will be.
-        folder: for copies, in ``out``.
 
     Returns:
         What is to be copied.

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from surefoot.robot_files.clean_urdf import foot_links
-from surefoot.robot_files.draft import Draft, Note, end, listed
+from surefoot.robot_files.draft import Draft, Note, listed
 from surefoot.robot_io.errors import RobotFileError
+from surefoot.robot_io.urdf_check import end
 from surefoot.schemas.robot_file import Foot, Side
 from surefoot.stabilizer.stance.legs import Body, Directions
 from surefoot.stabilizer.stance.sole import Sole, Tag, fit_sole, surface_points
@@ -47,14 +48,6 @@ def find_foot(
 ) -> FoundFoot:
     """Measure a sole and find the sensor above it; add the sole's frame.
 
-    Args:
-        draft: gets a frame in the middle of the rectangle where it has none.
-        body: all joints at zero.
-        side: of the robot.
-        link: of the foot, as somebody named it.
-        sensor: link below the sensor, as somebody named it; None to look for it.
-        directions: up and ahead.
-
     Raises:
         RobotFileError: the foot has no shape that could be a sole, or the sensor is
             not above it.
@@ -91,12 +84,6 @@ def measure_sole(
     draft: Draft, link: str, *, side: str, directions: Directions
 ) -> tuple[Sole, Tag]:
     """Find the rectangle of a foot, and in which shapes.
-
-    Args:
-        draft: meshes by paths that can be opened.
-        link: of the foot.
-        side: for messages.
-        directions: up and ahead.
 
     Raises:
         RobotFileError: the foot has no shape that could be a sole.
@@ -198,10 +185,6 @@ def _bare_frame_at(
 
 def find_imu(draft: Draft, given: str | None) -> str:
     """The link whose frame the inertial unit reads in.
-
-    Args:
-        draft: notes what was found or guessed.
-        given: as somebody named it; None to look for it.
 
     Raises:
         RobotFileError: what was named moves against the base.

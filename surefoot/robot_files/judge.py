@@ -68,11 +68,7 @@ class Finding(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def quick_findings(robot: Robot) -> list[Finding]:
-    """Judge what costs some milliseconds: all that standing still needs.
-
-    Args:
-        robot: whose files were loaded, and so refused if they contradict each other.
-    """
+    """Judge what costs some milliseconds: all that standing still needs."""
     model = RobotModel(robot)
     standing = stand(model)
     return [
@@ -141,12 +137,7 @@ def warnings_of(robot: Robot) -> list[str]:
 
 
 def reach_findings(robot: Robot, reach: Reach) -> list[Finding]:
-    """Judge how far the legs reach.
-
-    Args:
-        robot: whose reach it is.
-        reach: searched.
-    """
+    """Judge how far the legs reach."""
     sink, rise = robot.file.com_travel_m
     found_rise, found_sink = _MM * reach.rise_m, _MM * reach.sink_m
     is_short = found_rise < _MM * rise - 5.0 or found_sink < -_MM * sink - 5.0
@@ -354,11 +345,7 @@ def capture_finding(capture: Array) -> Finding:
 
 
 def one_foot_finding(share: float) -> Finding:
-    """Judge whether the robot can stand on one foot, as it must to walk.
-
-    Args:
-        share: of its torque that a knee needs for it.
-    """
+    """Judge whether the robot can stand on one foot, as it must to walk."""
     return _finding(
         "one foot",
         f"to carry the robot alone a knee needs {100.0 * share:.0f} % of its torque",
@@ -371,14 +358,7 @@ def one_foot_finding(share: float) -> Finding:
 
 
 class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A robot file, judged.
-
-    Attributes:
-        robot: its name.
-        path: of the file.
-        findings: line by line.
-        scenarios: the shipped ones.
-    """
+    """A robot file, judged."""
 
     robot: str
     path: str
@@ -387,12 +367,7 @@ class RobotFileReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def judge(robot: Robot, margins: LoopMargins) -> RobotFileReport:
-    """Judge a robot whose files were loaded, and so refused if they contradict.
-
-    Args:
-        robot: loaded.
-        margins: what the whole-body stabilizer bears on it.
-    """
+    """Judge a robot whose files were loaded, and so refused if they contradict."""
     model = RobotModel(robot)
     search, capture = reach_search(model), capture_limits(model)
     fits = []

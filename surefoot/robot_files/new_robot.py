@@ -90,12 +90,7 @@ class NewRobotOptions:
 
 @dataclass(frozen=True)
 class NewRobot:
-    """A robot that was made.
-
-    Attributes:
-        robot: as loaded from its new files.
-        notes: what was found, changed, guessed and left.
-    """
+    """A robot that was made."""
 
     robot: Robot
     notes: tuple[Note, ...]

@@ -85,12 +85,7 @@ class Scale:
     """
 
     def __init__(self, mass_kg: float, com_height_m: float) -> None:
-        """Compare with the Walker.
-
-        Args:
-            mass_kg: of the robot.
-            com_height_m: above its soles.
-        """
+        """Compare with the Walker."""
         self.tipping_nm = mass_kg * GRAVITY_M_S2 * com_height_m
         mass, height = mass_kg / WALKER_MASS_KG, com_height_m / WALKER_COM_HEIGHT_M
         self._stiff = mass * height
@@ -155,12 +150,8 @@ def joint_lines(
 ) -> list[JointLines]:
     """Describe all joints, in the order of the URDF.
 
-    Args:
-        draft: efforts that are no limits are written anew.
-        body: of the draft.
-        nominal: its posture.
-        com_height_m: above the soles, all joints at zero.
-        up: (3,) in the base link.
+    Efforts that are no limits are written anew into the draft. The height of the CoM
+    above the soles [m] and up, (3,) in the base link, are those at zero of all joints.
     """
     model = body.model
     scale = Scale(body.mass, com_height_m)
@@ -302,19 +293,7 @@ def robot_text(
     nominal: NominalPosture,
     joints: Sequence[JointLines],
 ) -> str:
-    """Return the TOML.
-
-    Args:
-        name: of the robot, its URDF and its namespace.
-        source: name of the URDF it was made from.
-        rate_hz: of its control loop.
-        base_link: that floats.
-        base_height_m: above the soles in the nominal posture.
-        imu: link of the inertial unit.
-        feet: left, then right.
-        nominal: posture and travel.
-        joints: in the order of the bus.
-    """
+    """Return the TOML; feet are left, then right, joints in the order of the bus."""
     sink, rise = nominal.com_travel_m
     head = toml_text(
         {

@@ -93,10 +93,6 @@ def scale_to_robot(scenario: Scenario, robot: Robot) -> tuple[Scenario, str]:
     Motions of the ground all get the same part, those along x and y, too; rates and
     frequencies stay. Pushes beyond the capture limit get a part of it.
 
-    Args:
-        scenario: as it is.
-        robot: that should stand it.
-
     Returns:
         The scenario, and in words what was done; the same one and no words if it fits.
 

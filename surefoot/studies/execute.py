@@ -16,7 +16,7 @@ from typing import Any
 
 from surefoot.errors import EnvironmentFailedError, SurefootError, UsageError
 from surefoot.installation import install_command
-from surefoot.out_folder import CountBar, no_bar
+from surefoot.progress import CountBar, no_bar
 from surefoot.studies.cell import Row, Task, Work
 from surefoot.studies.store import (
     StudyStore,

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import CountBar, no_bar
+from surefoot.progress import CountBar, no_bar
 from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import (
     Cell,

@@ -11,8 +11,9 @@ from tempfile import TemporaryDirectory
 
 from surefoot.errors import EnvironmentFailedError, TuneInterrupted, UsageError
 from surefoot.installation import install_command
-from surefoot.out_folder import CountBar, make_out_folder, no_bar
+from surefoot.out_folder import make_out_folder
 from surefoot.processes.child import Child, Event, Exit, Progress, failure
+from surefoot.progress import CountBar, no_bar
 from surefoot.run_plan import Settings
 from surefoot.studies.cell import Row
 from surefoot.studies.execute import run_tasks

@@ -79,12 +79,7 @@ class RollingPlot:
     """The last seconds of some numbers."""
 
     def __init__(self, gui: Any, plot: Plot) -> None:
-        """Add the plot to a panel.
-
-        Args:
-            gui: ``server.gui`` of viser.
-            plot: what it shows.
-        """
+        """Add the plot to a panel."""
         from viser import uplot
 
         self._times: deque[float] = deque(maxlen=POINTS)
@@ -140,11 +135,7 @@ Request = Callable[[Requests], object]
 
 
 class Asker:
-    """A thread that asks, so that a slow answer never holds up the picture.
-
-    Attributes:
-        notes: what was asked last and what came of it, newest last.
-    """
+    """A thread that asks, so that a slow answer never holds up the picture."""
 
     NOTES_KEPT = 4
 
@@ -160,13 +151,7 @@ class Asker:
         self._requests = requests
 
     def ask(self, what: str, request: Request, *, by_hand: bool = True) -> None:
-        """Queue a request.
-
-        Args:
-            what: in words, for the page and the log.
-            request: called with the way to ask, on the asker's thread.
-            by_hand: whether a person asks, who wants to know that it is done.
-        """
+        """Queue a request, to be called on the asker's thread."""
         self._queue.put((what, request, by_hand))
 
     def ask_now(self, what: str, request: Request, by_hand: bool = True) -> None:
@@ -192,23 +177,13 @@ class Asker:
             self.ask_now(*self._queue.get())
 
     def note(self, text: str, *, shown: str | None = None) -> None:
-        """Log what came of something, and show it.
-
-        Args:
-            text: in words.
-            shown: what the page shows of it, if not all.
-        """
+        """Log what came of something, and show it."""
         _LOG.info(text)
         self.notes = [*self.notes, shown or text][-self.NOTES_KEPT :]
 
 
 def add_controls(gui: Any, asker: Asker) -> None:
-    """Add the buttons that stop and start.
-
-    Args:
-        gui: ``server.gui`` of viser.
-        asker: does what is pressed.
-    """
+    """Add the buttons that stop and start."""
     estop = gui.add_button(
         "E-STOP", color=STOP_RED, hint="The robot keeps its posture until it is reset."
     )
@@ -234,13 +209,7 @@ def add_controls(gui: Any, asker: Asker) -> None:
 
 
 def add_push(gui: Any, asker: Asker, robot: Robot) -> None:
-    """Add the push, which only a simulated robot can be given.
-
-    Args:
-        gui: ``server.gui`` of viser.
-        asker: does what is pressed.
-        robot: whose base link is pushed.
-    """
+    """Add the push, which only a simulated robot can be given."""
     with gui.add_folder("Push (simulator only)"):
         force = gui.add_slider(
             "Force [N]", min=10, max=MAX_PUSH_N, step=10, initial_value=120
@@ -299,12 +268,7 @@ class GainSliders:
     """Sliders that show the stabilizer's own values and change them."""
 
     def __init__(self, gui: Any, asker: Asker) -> None:
-        """Add the sliders, disabled until the stabilizer's values are known.
-
-        Args:
-            gui: ``server.gui`` of viser.
-            asker: sends what is moved.
-        """
+        """Add the sliders, disabled until the stabilizer's values are known."""
         self._asker = asker
         self._lock = threading.Lock()
         self._known: dict[str, float] = {}
@@ -328,11 +292,7 @@ class GainSliders:
                 handle.on_update(self._note_move(gain))
 
     def watch(self, *, has_stabilizer: bool) -> None:
-        """Have the sliders show the values of the stabilizer there is; called often.
-
-        Args:
-            has_stabilizer: whether there is one.
-        """
+        """Have the sliders show the values of the stabilizer there is; called often."""
         if has_stabilizer and not self._is_asked:
             self._is_asked = True
             self._asker.ask("present gains", self.learn, by_hand=False)

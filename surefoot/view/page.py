@@ -77,14 +77,7 @@ class Headline(NamedTuple):
 def verdict(
     sight: LatestMessages, *, robot_is_here: bool, stabilizer_is_here: bool, where: str
 ) -> Headline:
-    """Say in words what was seen.
-
-    Args:
-        sight: newest messages.
-        robot_is_here: whether its process is alive.
-        stabilizer_is_here: whether a stabilizer's is.
-        where: locators dialed.
-    """
+    """Say in words what was seen."""
     status, stabilizer = sight.status, sight.stabilizer
     if not robot_is_here:
         if status is None:
@@ -114,13 +107,7 @@ def verdict(
 
 
 def status_html(words: Headline, sight: LatestMessages, *, period_s: float) -> str:
-    """Return a badge, the sentence, and who does what.
-
-    Args:
-        words: the verdict.
-        sight: newest messages.
-        period_s: control period [s].
-    """
+    """Return a badge, the sentence, and who does what."""
     status, stabilizer = sight.status, sight.stabilizer
     rows = []
     if status is not None:
@@ -171,13 +158,7 @@ class LivePage:
     """Server, scene and panel. Nothing here can hold up robot or stabilizer."""
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints, port: int) -> None:
-        """Serve the page on the loopback interface.
-
-        Args:
-            robot: what its files say.
-            endpoints: where to dial.
-            port: of the page; must be free.
-        """
+        """Serve the page on the loopback interface."""
         import viser
 
         self._robot, self._endpoints = robot, endpoints
@@ -365,9 +346,6 @@ _LEGEND = (
 
 def free_port(port: int) -> int:
     """Make sure that a port of the loopback interface is free.
-
-    Args:
-        port: wanted; 0 for any.
 
     Returns:
         The port.

@@ -43,9 +43,6 @@ class RobotShape:
     def __init__(self, robot: Robot) -> None:
         """Read the URDF.
 
-        Args:
-            robot: names the file and the order of the joints.
-
         Raises:
             RobotFileError: a mesh it names is not there, or cannot be read.
         """

@@ -53,13 +53,7 @@ class Scene:
     """
 
     def __init__(self, scene: Any, robot: Robot, shape: RobotShape) -> None:
-        """Add all nodes.
-
-        Args:
-            scene: ``server.scene`` of viser.
-            robot: feet and base.
-            shape: meshes and kinematics.
-        """
+        """Add all nodes."""
         self._scene, self._robot, self._shape = scene, robot, shape
         self._platforms: list[Any] = []
         self._blocks: list[GroundBlock] = []

@@ -100,11 +100,6 @@ def state_of(
     The base is where the simulator's truth says; without one, its attitude is the
     IMU's and its place such that the soles stand around the origin.
 
-    Args:
-        sight: newest messages.
-        robot: names the frames.
-        shape: where the soles are.
-
     Returns:
         None until the robot has said where its joints are.
     """
@@ -207,12 +202,7 @@ def odometry_in_world(walk: WalkSight, soles: tuple[Mat, Mat], ground: Mat) -> M
 
 
 def nominal_state(robot: Robot, shape: RobotShape) -> SceneState:
-    """Return the robot in its nominal posture on level ground, as before any message.
-
-    Args:
-        robot: names the frames.
-        shape: where the soles are.
-    """
+    """Return the robot in its nominal posture on level ground, before any message."""
     links = shape.poses(robot.nominal)
     soles = [links[foot.sole_frame] for foot in robot.file.foot]
     return SceneState(

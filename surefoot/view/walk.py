@@ -64,12 +64,7 @@ class WalkScene:
     """
 
     def __init__(self, scene: Any, robot: Robot) -> None:
-        """Add all nodes.
-
-        Args:
-            scene: ``server.scene`` of viser.
-            robot: its soles.
-        """
+        """Add all nodes."""
         self._feet = robot.file.foot
         self._taken: deque[Array] = deque(maxlen=MOST_TAKEN)
         self._last: list[Array | None] = [None, None]
@@ -194,13 +189,7 @@ class Stroller:
     def __init__(
         self, robot: Robot, endpoints: Endpoints, *, tell: Callable[[str], None]
     ) -> None:
-        """Prepare; nothing is dialed before somebody wants to walk.
-
-        Args:
-            robot: that is to walk.
-            endpoints: where to dial.
-            tell: told what came of it, in words.
-        """
+        """Prepare; nothing is dialed before somebody wants to walk."""
         self._robot, self._endpoints, self._tell = robot, endpoints, tell
         self._planner: VelocityPlanner | None = None
         self._stop = StopRequest()
@@ -263,14 +252,7 @@ class WalkControls:
     def __init__(
         self, gui: Any, asker: Asker, robot: Robot, endpoints: Endpoints
     ) -> None:
-        """Add them.
-
-        Args:
-            gui: ``server.gui`` of viser.
-            asker: does what is pressed, and shows what came of it.
-            robot: that is to walk.
-            endpoints: where to dial.
-        """
+        """Add them."""
         self._asker = asker
         self.stroller = Stroller(robot, endpoints, tell=asker.note)
         with gui.add_folder("Walk", expand_by_default=False):

@@ -7,8 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.cli.doctor_machine import check_port
-from surefoot.cli.doctor_report import PINS, Severity, read_pins, required_packages
+from surefoot.cli.doctor_report import (
+    PINS,
+    Severity,
+    check_port,
+    read_pins,
+    required_packages,
+)
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR
 from tests.command import Surefoot, run_surefoot
 

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.cli.study_commands import all_cells, parse_seeds, parse_vary
+from surefoot.cli.study_commands import parse_seeds, parse_vary
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.studies.cell import VARIANTS, Cell, Row, group_of
-from surefoot.studies.study import study
+from surefoot.studies.study import make_cells, study
 from tests.command import Surefoot
 
 
@@ -45,10 +45,10 @@ def test_other_values_are_refused(text: str) -> None:
 
 
 def test_every_combination_is_there_once_a_round_per_seed() -> None:
-    cells = all_cells(
+    cells = make_cells(
         ["standing", "push-standing"],
-        vary=["friction=0.4,0.7", "pace=1,2,3"],
-        variants=["whole-body", "zmp-tuned"],
+        levels=[parse_vary("friction=0.4,0.7"), parse_vary("pace=1,2,3")],
+        controllers=["whole-body", "zmp-tuned"],
         servo_profiles=["ideal"],
         seeds=[3, 5],
     )
@@ -59,10 +59,10 @@ def test_every_combination_is_there_once_a_round_per_seed() -> None:
 
 def test_a_study_that_no_one_could_run_is_refused_at_once() -> None:
     with pytest.raises(UsageError, match="1e\\+18 runs: expected at most 1000000"):
-        all_cells(
+        make_cells(
             ["standing"],
-            vary=["friction=0.4:1:1000000"],
-            variants=["whole-body"],
+            levels=[parse_vary("friction=0.4:1:1000000")],
+            controllers=["whole-body"],
             servo_profiles=["ideal"],
             seeds=range(10**12),
         )
@@ -70,8 +70,12 @@ def test_a_study_that_no_one_could_run_is_refused_at_once() -> None:
 
 def test_unknown_controller_is_refused_with_the_valid_ones() -> None:
     with pytest.raises(UsageError, match="zmp-stock"):
-        all_cells(
-            ["standing"], vary=[], variants=["zpm"], servo_profiles=["ideal"], seeds=[0]
+        make_cells(
+            ["standing"],
+            levels=[],
+            controllers=["zpm"],
+            servo_profiles=["ideal"],
+            seeds=[0],
         )
 
 
@@ -93,20 +97,20 @@ def test_the_tuned_baseline_has_its_own_settings_for_slow_servos() -> None:
 
 def test_value_that_is_varied_twice_is_refused() -> None:
     with pytest.raises(UsageError, match="friction: is varied twice"):
-        all_cells(
+        make_cells(
             ["standing"],
-            vary=["friction=0.5", "friction=0.7"],
-            variants=["hold"],
+            levels=[parse_vary("friction=0.5"), parse_vary("friction=0.7")],
+            controllers=["hold"],
             servo_profiles=["ideal"],
             seeds=[0],
         )
 
 
 def test_lists_are_values_too_and_are_shown() -> None:
-    [cell] = all_cells(
+    [cell] = make_cells(
         ["standing"],
-        vary=["sensors.force_bias_n=[1,2.5,3]"],
-        variants=["hold"],
+        levels=[parse_vary("sensors.force_bias_n=[1,2.5,3]")],
+        controllers=["hold"],
         servo_profiles=["ideal"],
         seeds=[0],
     )

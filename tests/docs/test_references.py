@@ -17,8 +17,8 @@ from docs.site_build.docstring import parse
 from docs.site_build.settings_page import settings_page
 from docs.site_build.signals_page import signals_page
 from docs.site_build.struct_table import FieldRow, field_rows
-from docs.site_build.structs import structs_within
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.json_schema import structs_within
 from surefoot.schemas.messages import ServiceReply, StabilizerReply
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.robot_file import RobotFile

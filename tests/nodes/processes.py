@@ -11,8 +11,9 @@ from typing import Any
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import PlantResult
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.robot_loop import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import run_robot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
@@ -116,7 +117,7 @@ class Silence:
 
 def robot(
     endpoints: Endpoints, table: dict[str, Any], pace: Pace, **gate: float
-) -> RobotRun:
+) -> PlantResult:
     """The simulated Walker in a scenario; in real time a patient one.
 
     Args:

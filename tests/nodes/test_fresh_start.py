@@ -14,11 +14,11 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.robot_io.ticks.write import TickFile
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import Reference, RobotMode
-from surefoot.schemas.result import ControllerResult
+from surefoot.schemas.result import ControllerResult, PlantResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.signals import read_signals
-from surefoot.sim_robot.robot_loop import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import run_robot
 from surefoot.stabilizer.control.controller import (
     Controller,
     ControllerOutput,
@@ -193,7 +193,7 @@ def test_a_robot_that_is_back_meets_another_controller(endpoints: Endpoints) -> 
     check(noted, starts=2)
 
 
-def recorded(endpoints: Endpoints, record: Path) -> RobotRun:
+def recorded(endpoints: Endpoints, record: Path) -> PlantResult:
     scenario = scenario_from_table({"name": "rolling", **ROLLING}, source="test")
     with TickFile(record, may_wait=True) as ticks:
         return run_robot(
@@ -233,7 +233,7 @@ def test_held_while_the_ground_rolls_it_stands_upright_after_the_resume(
         plant.signal(signal.SIGTERM)
         run = plant.result()
     assert held_s < RAMP_S
-    assert not run.result.fell
+    assert not run.fell
     signals = read_signals(tmp_path / "ticks.mcap")
     soles = signals["true_sole_left"] + signals["true_sole_right"]
     over_feet = signals["true_com"] - 0.5 * soles

@@ -117,11 +117,11 @@ def test_no_hostile_command_reaches_a_servo_and_each_is_counted(
             plant.signal(signal.SIGTERM)
             answered = controller.result()
         run = plant.result()
-    assert run.result.refused == Counter(map(why_refused, hostile))
+    assert run.refused == Counter(map(why_refused, hostile))
     kinds = {"malformed", "schema", "lease", "sequence", "not_finite"}
-    assert set(run.result.refused) == kinds
-    assert run.result.clipped == {}
-    assert run.result.deadline_misses == 0
-    assert answered.ticks == run.result.ticks
-    as_long = {"duration_s": run.result.ticks * WALKER.period_s}
-    assert run.result.log_sha256 == in_one_process(TABLE | as_long)
+    assert set(run.refused) == kinds
+    assert run.clipped == {}
+    assert run.deadline_misses == 0
+    assert answered.ticks == run.ticks
+    as_long = {"duration_s": run.ticks * WALKER.period_s}
+    assert run.log_sha256 == in_one_process(TABLE | as_long)

@@ -14,9 +14,10 @@ from surefoot.robot_io.ticks.write import TickFile
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason
+from surefoot.schemas.result import PlantResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.signals import read_signals
-from surefoot.sim_robot.robot_loop import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import run_robot
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
 from tests.nodes.processes import SEED, running
@@ -29,7 +30,7 @@ KILLS = 2
 ROUNDING_RAD = 1e-12
 
 
-def recorded_robot(endpoints: Endpoints, record: Path) -> RobotRun:
+def recorded_robot(endpoints: Endpoints, record: Path) -> PlantResult:
     scenario = scenario_from_table({"name": "test", **TABLE}, source="test")
     with TickFile(record, may_wait=True) as ticks:
         return run_robot(
@@ -80,10 +81,10 @@ def test_a_killed_stabilizer_never_makes_the_robot_jump_and_the_next_one_goes_on
             assert name in held.detail
         plant.signal(signal.SIGINT)
         run = plant.result()
-    assert not run.result.fell
-    assert run.result.clipped == {}
+    assert not run.fell
+    assert run.clipped == {}
     signals = read_signals(tmp_path / "ticks.mcap")
-    assert signals.count == run.result.ticks
+    assert signals.count == run.ticks
     steps = np.abs(np.diff(signals["q_command"], axis=0))
     limit = WALKER.file.gate.step_limit_rad
     assert 0.0 < steps.max() <= limit + ROUNDING_RAD

@@ -96,18 +96,18 @@ def test_lockstep_is_the_same_run_every_time_and_without_a_bus(
             running(stabilizer, endpoints, Pace.LOCKSTEP) as controller,
         ):
             run, answered = plant.result(), controller.result()
-        assert run.result.ticks == 500
-        assert run.result.deadline_misses == 0
-        assert run.result.refused == {}
-        assert run.result.clipped == {}
-        assert not run.result.fell
+        assert run.ticks == 500
+        assert run.deadline_misses == 0
+        assert run.refused == {}
+        assert run.clipped == {}
+        assert not run.fell
         assert answered.ticks == 500
         assert answered.stale_snapshots == 0
-        assert run.result.end is ModeCause.RUN_OVER
-        assert run.result.gate.mode is RobotMode.ACTIVE
+        assert run.end is ModeCause.RUN_OVER
+        assert run.gate.mode is RobotMode.ACTIVE
         assert answered.end is EndReason.RUN_OVER
-        assert answered.end_detail == run.result.end_detail == "0.5 s"
-        hashes.add(run.result.log_sha256)
+        assert answered.end_detail == run.end_detail == "0.5 s"
+        hashes.add(run.log_sha256)
     assert hashes == {in_one_process(table)}
 
 
@@ -150,7 +150,7 @@ def test_the_last_ticks_are_answered_though_the_robot_waits_for_no_answer(
         running(held_up_before_the_last_tick, endpoints) as controller,
     ):
         run, answered = plant.result(), controller.result()
-    assert run.result.ticks == answered.ticks == BLOCK_TICKS + 1
+    assert run.ticks == answered.ticks == BLOCK_TICKS + 1
     assert answered.end is EndReason.RUN_OVER
 
 
@@ -167,9 +167,9 @@ def test_an_interrupted_run_is_the_beginning_of_the_whole_one(
         when(lambda status: status.tick > BALANCING_TICK, what="balancing")
         plant.signal(signal.SIGTERM)
         run, answered = plant.result(), controller.result()
-    assert run.result.ticks == answered.ticks > BALANCING_TICK
-    as_long = {"duration_s": run.result.ticks * 1e-3}
-    assert run.result.log_sha256 == in_one_process(table | as_long, "whole-body")
+    assert run.ticks == answered.ticks > BALANCING_TICK
+    as_long = {"duration_s": run.ticks * 1e-3}
+    assert run.log_sha256 == in_one_process(table | as_long, "whole-body")
 
 
 def test_real_time_goes_by_the_clock_and_measures_itself(endpoints: Endpoints) -> None:
@@ -178,11 +178,11 @@ def test_real_time_goes_by_the_clock_and_measures_itself(endpoints: Endpoints) -
         running(stabilizer, endpoints, Pace.REALTIME) as controller,
     ):
         run, answered = plant.result(), controller.result()
-    assert run.result.ticks == 500
-    assert not run.result.fell
-    assert 0.0 < run.result.real_time_factor < 1.05
-    assert run.result.round_trip_ms.median > 0.0
-    assert run.result.period_jitter_ms.max > 0.0
+    assert run.ticks == 500
+    assert not run.fell
+    assert 0.0 < run.real_time_factor < 1.05
+    assert run.round_trip_ms.median > 0.0
+    assert run.period_jitter_ms.max > 0.0
     assert 0 < answered.ticks <= 500
 
 
@@ -211,7 +211,7 @@ def test_killed_stabilizer_leaves_the_robot_holding_and_another_takes_over(
             when(lambda s: s.mode is RobotMode.HOLD and "bob" in s.detail, what="HOLD")
         plant.signal(signal.SIGINT)
         run = plant.result()
-        assert (run.result.end, run.result.end_detail) == (ModeCause.STOPPED, "SIGINT")
+        assert (run.end, run.end_detail) == (ModeCause.STOPPED, "SIGINT")
         assert plant.exit_code() == 0
 
 
@@ -238,7 +238,7 @@ def test_a_stopped_robot_says_so_to_its_stabilizer(endpoints: Endpoints) -> None
             told = controller.result()
             assert told.end is EndReason.ROBOT_ENDED
             assert told.end_detail == "stopped: SIGTERM"
-        assert plant.result().result.end is ModeCause.STOPPED
+        assert plant.result().end is ModeCause.STOPPED
 
 
 def test_a_hung_stabilizer_is_given_up_and_finds_out(endpoints: Endpoints) -> None:

@@ -133,7 +133,7 @@ def test_it_takes_over_again_when_the_robot_is_back(
             assert held.commander == ""
             second.signal(signal.SIGTERM)
             # At most the last command, which hold or release have overtaken.
-            assert set(second.result().result.refused) <= {"mode", "lease"}
+            assert set(second.result().refused) <= {"mode", "lease"}
     assert (result.end, result.end_detail) == (EndReason.STOPPED, "SIGTERM")
     assert result.restarts == 1
 
@@ -215,7 +215,7 @@ def test_a_robot_that_holds_for_late_commands_is_taken_up_from_its_posture(
         run = plant.result()
     assert (result.end, result.end_detail) == (EndReason.STOPPED, "SIGTERM")
     assert result.restarts >= 1
-    assert not run.result.fell
+    assert not run.fell
 
 
 def test_a_second_signal_ends_it_at_once(endpoints: Endpoints) -> None:

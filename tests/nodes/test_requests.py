@@ -185,7 +185,7 @@ def test_a_push_acts_and_is_recorded(run: Run) -> None:
         what="the body to move",
     )
     run.plant.signal(2)
-    (push,) = run.plant.result().result.pushes
+    (push,) = run.plant.result().pushes
     assert (push.source, push.body, push.force_n) == ("eve", "torso", PUSH_N)
     assert moving.truth is not None
     assert before < push.tick <= moving.truth.tick
@@ -204,7 +204,7 @@ def test_who_looks_on_changes_nothing(endpoints: Endpoints) -> None:
                         lambda seen=observer: seen.latest_messages().truth,
                         what="the truth",
                     )
-            digests.append(plant.result().result.log_sha256)
+            digests.append(plant.result().log_sha256)
     assert digests[0] == digests[1]
 
 

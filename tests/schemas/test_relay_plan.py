@@ -8,7 +8,8 @@ import pytest
 
 from surefoot.robot_io.relay.relay import find_plan, list_plans
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.relay_plan import load_relay_plan, relay_plan_from_table
+from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan
+from surefoot.schemas.toml_file import convert
 from surefoot.schemas.topics import TOPICS
 
 SHIPPED = {
@@ -101,7 +102,7 @@ def test_a_missing_plan_file_is_named(tmp_path: Path) -> None:
 def test_directions_mean_all_the_robot_says_and_the_commands() -> None:
     def channels(direction: str) -> set[str]:
         fault = {"kind": "delay", "ms": 1.0, "direction": direction}
-        plan = relay_plan_from_table({"name": "x", "fault": [fault]}, source="test")
+        plan = convert({"name": "x", "fault": [fault]}, RelayPlan, source="test")
         return set(plan.fault[0].channels)
 
     assert channels("commands") == {"joint_command"}

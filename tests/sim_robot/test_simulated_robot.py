@@ -10,7 +10,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.robot_io.ticks.recorder import MemoryTicks
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.result import Distribution, PlantResult
+from surefoot.schemas.result import NO_TIME, PlantResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.sensors import SNAPSHOT_FIELDS
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
@@ -19,7 +19,6 @@ from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from tests.sim_robot.conftest import with_rate
 
 PERIOD_S = 0.001
-NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002}
 HEAVE = {"axis": "z", "kind": "sine", "amplitude_m": 0.02, "frequency_hz": 1.0}
 MOVING = {"platform": [{"foot": "both", "motion": [HEAVE]}], "sensors": NOISE}

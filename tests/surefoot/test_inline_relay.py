@@ -17,8 +17,8 @@ from surefoot.schemas.reasons import EndReason, ModeCause, SensorTrouble
 from surefoot.schemas.relay_plan import (
     RelayPlan,
     load_relay_plan,
-    relay_plan_from_table,
 )
+from surefoot.schemas.toml_file import convert
 from surefoot.stabilizer.factory import make_controller
 from tests.command import Surefoot
 
@@ -78,9 +78,8 @@ def test_copies_are_refused_and_change_no_bit(
 def cut(channels: list[str], duration_s: float) -> RelayPlan:
     """Nothing of these channels comes through from 0.1 s on, for so long."""
     fault = {"kind": "cut", "topics": channels, "start_s": 0.1}
-    return relay_plan_from_table(
-        {"name": "cut", "fault": [{**fault, "duration_s": duration_s}]}, source="test"
-    )
+    table = {"name": "cut", "fault": [{**fault, "duration_s": duration_s}]}
+    return convert(table, RelayPlan, source="test")
 
 
 def test_a_short_cut_of_commands_is_held_and_gone_on_from(
@@ -131,7 +130,7 @@ def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(
 def late_commands(ms: float) -> RelayPlan:
     """Every command comes later by so much."""
     fault = {"kind": "delay", "direction": "commands", "ms": ms}
-    return relay_plan_from_table({"name": "late", "fault": [fault]}, source="test")
+    return convert({"name": "late", "fault": [fault]}, RelayPlan, source="test")
 
 
 def test_a_loop_too_slow_to_balance_with_ends_in_fault_and_says_so(

@@ -5,7 +5,8 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from surefoot.cli.bus_messages import ChannelTiming, TimingMeter, distribution
+from surefoot.cli.bus_messages import ChannelTiming, TimingMeter
+from surefoot.robot_io.realtime import distribution_of
 
 MS = 1_000_000
 TOLERANCE = 1e-9
@@ -28,7 +29,7 @@ def test_a_steady_channel_has_its_rate_and_no_jitter() -> None:
     timing = measure(*((tick, 10 + 5 * tick) for tick in range(21)))
     assert timing.rate_hz == pytest.approx(200.0, abs=TOLERANCE)
     assert timing.period_ms == pytest.approx(5.0, abs=TOLERANCE)
-    assert timing.jitter_ms == distribution([0.0])
+    assert timing.jitter_ms == distribution_of([0.0])
     assert timing.delay_ms is not None
     assert timing.delay_ms.max == pytest.approx(2.0, abs=TOLERANCE)
     assert (timing.gaps, timing.duplicates, timing.out_of_order) == (0, 0, 0)

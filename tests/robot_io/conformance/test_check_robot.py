@@ -11,8 +11,9 @@ from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.schemas.endpoints import Endpoints
+from surefoot.schemas.result import PlantResult
 from surefoot.schemas.scenario import scenario_from_table
-from surefoot.sim_robot.robot_loop import RobotRun, run_robot
+from surefoot.sim_robot.robot_loop import run_robot
 from tests.awkward_robot import AWKWARD, make_awkward
 from tests.command import Surefoot
 from tests.nodes.processes import running
@@ -67,7 +68,7 @@ def failures(
     return {finding.name for finding in report.findings if not finding.passed}
 
 
-def judged_robot(path: str, endpoints: Endpoints) -> RobotRun:
+def judged_robot(path: str, endpoints: Endpoints) -> PlantResult:
     table = {"name": "judged", "duration_s": 3600.0, "sensors": NOISE}
     return run_robot(
         load_robot(path),

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from surefoot.robot_io.relay.lane import Lane, Parcel
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.messages import JointState
-from surefoot.schemas.relay_plan import relay_plan_from_table
+from surefoot.schemas.relay_plan import RelayPlan
+from surefoot.schemas.toml_file import convert
 from tests.robot_io.sensor_messages import message
 
 PERIOD_S = 1e-3
@@ -44,7 +45,7 @@ def lane(*faults: dict[str, Any], channel: str = "joints", seed: int = 0) -> Lan
         "name": "test",
         "fault": [{"topics": ["joints", "imu"], **fault} for fault in faults],
     }
-    return Lane(relay_plan_from_table(table, source="test"), channel, seed=seed)
+    return Lane(convert(table, RelayPlan, source="test"), channel, seed=seed)
 
 
 def passed(through: Lane, times_s: list[float]) -> list[list[Parcel]]:

@@ -18,8 +18,9 @@ from surefoot.robot_io.relay.relay import Relay
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
-from surefoot.schemas.relay_plan import RelayPlan, relay_plan_from_table
+from surefoot.schemas.relay_plan import RelayPlan
 from surefoot.schemas.result import RelayResult
+from surefoot.schemas.toml_file import convert
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import PATIENCE_S, free_port, wait_until
 
@@ -30,7 +31,7 @@ WAIT_S = 0.2
 
 def plan(*faults: dict[str, Any]) -> RelayPlan:
     """A plan with these faults."""
-    return relay_plan_from_table({"name": "test", "fault": list(faults)}, source="test")
+    return convert({"name": "test", "fault": list(faults)}, RelayPlan, source="test")
 
 
 class Line:
