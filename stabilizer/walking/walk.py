@@ -34,7 +34,7 @@ from surefoot.stabilizer.walking.ground import (
     GroundMotion,
     HeightReference,
 )
-from surefoot.stabilizer.walking.phase_changes import PhaseChanges
+from surefoot.stabilizer.walking.phase_changes import PhaseChanges, is_over
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
 from surefoot.stabilizer.walking.step_queue import Move, StepQueue
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
@@ -141,6 +141,7 @@ class Walk:
             half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
+        self._sole = model.half_sizes[0]
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
@@ -254,7 +255,9 @@ class Walk:
             F = state.F_meas[SOLE_ROWS[airborne]]
             is_on_its_way = self.feet.states[airborne] is FootState.SWING
             if is_on_its_way and self._swing.is_caught(airborne, soles, F):
-                self._step_over(airborne, soles)
+                support = self._footholds()[1 - airborne]
+                if is_over(self._told.dcm, support, support, half_sizes=self._sole):
+                    self._step_over(airborne, soles)
             self._write_swing(airborne, commanded or soles)
             self.swing_tasks[airborne].compare(soles)
         self._tell()

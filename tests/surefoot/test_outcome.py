@@ -155,6 +155,16 @@ def test_a_fall_says_by_what_one_knows_and_what_was_before() -> None:
     )
 
 
+def test_a_fall_after_the_stabilizer_gave_up_says_why_it_did() -> None:
+    plant = msgspec.structs.replace(PLANT, **{**FELL, "gate": HELD})
+    gave_up = msgspec.structs.replace(
+        CONTROLLER, end=EndReason.SENSOR_LOST, end_detail="imu"
+    )
+    assert judge(plant, gave_up, period_s=PERIOD_S).detail == (
+        "at 0.90 s: the base leans by 61 deg; hold since 0.50 s, sensor lost: imu"
+    )
+
+
 class Unsolved(HoldController):
     """All QPs of all ticks fail."""
 
