@@ -36,7 +36,12 @@ from surefoot.stabilizer.walking.ground import (
 )
 from surefoot.stabilizer.walking.phase_changes import PhaseChanges, is_over
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
-from surefoot.stabilizer.walking.step_queue import Move, StepQueue
+from surefoot.stabilizer.walking.step_queue import (
+    Move,
+    StepQueue,
+    leg_speed_of,
+    nearest_of,
+)
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
 ROLL_ON = 0.5
@@ -88,7 +93,6 @@ class Walk:
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
         self._anchors = anchors
         left, right = stance.p_sole
-        half_width = 0.5 * float(left[1] - right[1])
         middle = 0.5 * (left + right)
         x, y = (stance.com[:2] - middle[:2]).tolist()
         omega = math.sqrt(GRAVITY / stance.com_nominal)
@@ -101,16 +105,8 @@ class Walk:
             largest_force=largest_force,
             period_s=period_s,
         )
-        speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
-        widths = sum(width for _, width in model.half_sizes)
-        nearest = widths + settings.between_soles_m
-        self.queue = StepQueue(
-            settings,
-            half_width=half_width,
-            nearest=nearest,
-            leg_speed=speed,
-            soles=model.half_sizes,
-        )
+        speed = leg_speed_of(robot, stance)
+        self.queue = StepQueue.of(settings, robot=robot, model=model, stance=stance)
         self.state: WalkState | None = None
         self._told = WalkState()
         self._ground = ExpectedGround(
@@ -128,7 +124,7 @@ class Walk:
         self.swing_references = self._swing.references
         self._adjustment = StepAdjustment(
             settings,
-            nearest=nearest,
+            nearest=nearest_of(model, settings),
             half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
