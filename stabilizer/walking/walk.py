@@ -141,6 +141,7 @@ class Walk:
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
+        self._feels_late = False
         self._standing_base: Mat = np.eye(3)
         self._walking_base: Mat = np.eye(3)
         self._height = height
@@ -190,6 +191,14 @@ class Walk:
         if any(blind):
             self.queue.drop()
             self._told.refusal, self._told.planned = why, self.queue.planned
+
+    def expect_age(self, forces_s: float) -> None:
+        """Expect force readings of an age.
+
+        Args:
+            forces_s: largest of them [s].
+        """
+        self._feels_late = forces_s > 0.0
 
     def update(
         self,
@@ -432,7 +441,17 @@ class Walk:
         """Write where the foot in the air should be."""
         if self.feet.states[side] is FootState.RELANDING:
             x, y, _ = self._anchors.p[side]
-            self._swing.go_down(side, soles, (x, y), self._anchors.yaw[side])
+            # Nobody waits for one that came early; felt late, it would hop on and on.
+            is_early = self.gait.phase is Phase.SINGLE and self.gait.left_s > 0.0
+            self._swing.go_down(
+                side,
+                soles,
+                (x, y),
+                yaw=self._anchors.yaw[side],
+                since_s=self.feet.since_s[side]
+                if is_early and self._feels_late
+                else math.inf,
+            )
         else:
             self._swing.go_on(
                 side,
