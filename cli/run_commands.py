@@ -92,7 +92,7 @@ def run(
         show_notes,
     )
     from surefoot.cli.summary import run_table, with_histograms
-    from surefoot.controllers import loop_notice
+    from surefoot.controllers import loop_notice, walk_notice
     from surefoot.run_plan import make_plan
     from surefoot.runs import execute
 
@@ -109,8 +109,9 @@ def run(
         relay=relay,
         scale_to_robot=scale_to_robot,
     )
-    if notice := loop_notice(plan):
-        print_note(notice)
+    for notice in (loop_notice(plan), walk_notice(plan)):
+        if notice:
+            print_note(notice)
     meeting = _meeting(endpoints, listen=listen, connect=connect)
     if inline and meeting is not None:
         raise UsageError(

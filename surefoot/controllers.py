@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MS_PER_S = 1e3
 MOST_TICKS = 100
+_WALKS = ("whole-body", "zmp")
+"""Controllers that take steps, each with the same limits."""
 _WHOLE = 1e-6
 
 
@@ -156,6 +158,36 @@ def loop_notice(plan: RunPlan) -> str:
         return ""
     late = f"the loop is {whole_ms:g} ms late (commands {command_ms:g}, sensors "
     return f"{late}{shared_ms:g}): {'. And '.join(said)}"
+
+
+def walk_notice(plan: RunPlan) -> str:
+    """Say what of a run's walk will not be walked; empty if all of it will.
+
+    Args:
+        plan: of the run.
+    """
+    walk = plan.walk
+    if walk is None or plan.controller not in _WALKS:
+        return ""
+    from surefoot.stabilizer.walking.step_queue import foretold
+
+    robot, duration_s = plan.robot, plan.scenario.duration_s
+    begin_s = walk.begin_tick * robot.period_s
+    if not walk.steps:
+        return (
+            f"no step will be taken: from {begin_s:g} s on ([walk] start_s) there is "
+            f"no time for one in the {duration_s:g} s of the run (duration_s)"
+        )
+    why, taken_s = foretold(walk, robot, plan.settings.walk)
+    if why:
+        return f"no step will be taken: {why}; change [walk], slower or shorter steps"
+    if begin_s + taken_s > duration_s:
+        return (
+            f"the walk will not end: its steps ({len(walk.steps)}) take until "
+            f"{begin_s + taken_s:.1f} s at least, and the run {duration_s:g} s "
+            "(duration_s)"
+        )
+    return ""
 
 
 def _borne_ms(plan: RunPlan) -> float:

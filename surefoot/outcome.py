@@ -41,6 +41,8 @@ LARGEST_UNSOLVED_SHARE = 0.5
 LATE_SHARE = 0.05
 """Share of late commands, above which a slow machine is the cause of a failure."""
 _TO_THE_END = (EndReason.NONE, EndReason.RUN_OVER)
+_ITS_COMMANDERS = (ModeCause.REQUESTED, ModeCause.RELEASED)
+"""Why a gate holds: the stabilizer had it so, and knows why."""
 
 
 class Judgement(NamedTuple):
@@ -72,7 +74,7 @@ def judge(
     """
     slow = _slow_machine(plant, period_s=period_s) if is_realtime else ""
     if plant.fell:
-        return Judgement(Outcome.FELL, _fall(plant, slow))
+        return Judgement(Outcome.FELL, _fall(plant, controller, slow))
     stopped = _stopped(plant, controller)
     if stopped is not None:
         detail = f"at {plant.duration_s:g} s: {stopped}"
@@ -85,8 +87,7 @@ def judge(
     if gate.mode is RobotMode.FAULT:
         detail = _since(gate.since_s, slow or in_words(gate.cause, gate.detail))
         return Judgement(Outcome.FAULT, detail)
-    has_given_up = controller is not None and controller.end not in _TO_THE_END
-    if gate.mode is not RobotMode.ACTIVE or has_given_up:
+    if gate.mode is not RobotMode.ACTIVE or _given_up(controller):
         return Judgement(Outcome.HELD, _hold(plant, controller, slow))
     return _up(plant, None if controller is None else controller.walk)
 
@@ -115,12 +116,14 @@ def _unfinished(walk: WalkReport) -> str:
     return "the rest was not begun"
 
 
-def _fall(plant: PlantResult, slow: str) -> str:
+def _fall(plant: PlantResult, controller: ControllerResult | None, slow: str) -> str:
     """When it fell and how one knows; what had gone wrong before."""
     gate = plant.gate
     before = ""
     if gate.mode is not RobotMode.ACTIVE:
         why = in_words(gate.cause, gate.detail)
+        if gate.cause in _ITS_COMMANDERS:
+            why = _given_up(controller) or why
         before = f"; {gate.mode} since {gate.since_s:.2f} s, {why}"
     what = f"{slow}; {plant.fall_detail}" if slow else plant.fall_detail
     return f"at {plant.fell_at_s:.2f} s: {what}{before}"
@@ -157,13 +160,17 @@ def _hold(plant: PlantResult, controller: ControllerResult | None, slow: str) ->
     gate = plant.gate
     if slow:
         return _since(gate.since_s, slow)
-    if controller is not None and controller.end not in _TO_THE_END:
-        why = in_words(controller.end, controller.end_detail)
-    else:
-        why = in_words(gate.cause, gate.detail)
+    why = _given_up(controller) or in_words(gate.cause, gate.detail)
     if gate.mode is RobotMode.ACTIVE:
         return f"at the end: {why}"
     return _since(gate.since_s, why)
+
+
+def _given_up(controller: ControllerResult | None) -> str:
+    """Why the stabilizer did, in words; empty when it went on, or is not known."""
+    if controller is None or controller.end in _TO_THE_END:
+        return ""
+    return in_words(controller.end, controller.end_detail)
 
 
 def _since(time_s: float, why: str) -> str:

@@ -156,6 +156,7 @@ class WholeBodyController(BalanceController):
             self.law.expect_age(
                 forces_s=self._ages.forces_s, motion_s=self._ages.motion_s
             )
+            self.walk.expect_age(self._ages.forces_s)
         return super().step(snapshot, reference)
 
     def follow_plan(self, plan: WalkPlan) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -300,12 +301,8 @@ def plan_of(
         steps = _written_steps(walk)
     else:
         speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
-        way = 2.0 * abs(walk.velocity_m_s) * (walk.step_s + walk.double_s)
-        step_s = max(
-            walk.step_s, swing_time(way, settings, leg_speed=speed, lift=walk.height_m)
-        )
         half_width = 0.5 * float(stance.p_sole[0][1] - stance.p_sole[1][1])
-        steps = _velocity_steps(walk, settings, duration_s, half_width, step_s)
+        steps = _velocity_steps(walk, settings, duration_s, half_width, speed)
     return WalkPlan(
         schema=SCHEMA_VERSION,
         tick=0,
@@ -335,17 +332,9 @@ def _velocity_steps(
     settings: WalkSettings,
     duration_s: float,
     half_width: float,
-    taken_s: float,
+    leg_speed: float,
 ) -> list[Step]:
-    """As many as there is time for, with the single support that they take."""
-    period = taken_s + walk.double_s
-    last_s = walk.stop_s
-    if last_s is None:
-        # One more step brings the feet together.
-        last_s = duration_s - STAND_AT_END_S - settings.settle_s - 2.0 * period
-    last_s = min(last_s, duration_s)
-    begun_s = walk.start_s + settings.shift_s
-    count = max(0, math.floor((last_s - begun_s) / period + 1.0 + _LENGTH_TOLERANCE))
+    """As many as there is time for, with the times that they take."""
     pace = Pace(
         ahead=walk.velocity_m_s,
         lateral=walk.lateral_m_s,
@@ -357,4 +346,19 @@ def _velocity_steps(
     steps = steps_at(
         pace, Foothold(0.0, 0.0, 0.0, 0.0), half_width=half_width, first_id=0
     )
-    return [step for step, _ in zip(steps, range(count), strict=False)]
+    first = list(itertools.islice(steps, 4))
+    way = max(
+        math.dist(step.position, before.position)
+        for before, step in zip(first, first[2:], strict=False)
+    )
+    least_s = swing_time(way, settings, leg_speed=leg_speed, lift=walk.height_m)
+    # A foot that double support was too short to unload is waited for.
+    period = max(walk.step_s, least_s) + max(walk.double_s, settings.unload_wait_s)
+    last_s = walk.stop_s
+    if last_s is None:
+        # One more step brings the feet together.
+        last_s = duration_s - STAND_AT_END_S - settings.settle_s - 2.0 * period
+    last_s = min(last_s, duration_s)
+    begun_s = walk.start_s + settings.shift_s
+    count = max(0, math.floor((last_s - begun_s) / period + 1.0 + _LENGTH_TOLERANCE))
+    return list(itertools.islice(itertools.chain(first, steps), count))

@@ -190,18 +190,39 @@ class Pause:
             settings.adjust != "both"
             or off < settings.adjust_pause_m
             or self._paused_s >= settings.adjust_pause_s
-            or not self._is_held(Foothold(x, y, 0.0, 0.0), gait.support, feet)
+            or not is_over(
+                dcm,
+                feet[gait.support],
+                feet[1 - gait.support],
+                half_sizes=self._half_sizes,
+            )
         ):
             return None
         self._paused_s += self._dt
         return x, y
 
-    def _is_held(self, dcm: Foothold, support: int, feet: Sequence[Foothold]) -> bool:
-        half_length, half_width = self._half_sizes
-        here = feet[support]
-        x, y, _ = feet[1 - support].seen_from(here)
-        ahead, left, _ = dcm.seen_from(here)
-        return (
-            min(0.0, x) - half_length < ahead < max(0.0, x) + half_length
-            and min(0.0, y) - half_width < left < max(0.0, y) + half_width
-        )
+
+def is_over(
+    point: Point,
+    here: Foothold,
+    there: Foothold,
+    *,
+    half_sizes: tuple[float, float],
+) -> bool:
+    """Whether a point is over a sole, or on the way from it to another one.
+
+    A robot whose DCM is there can wait: its ZMP gets to the DCM's other side.
+
+    Args:
+        point: [m].
+        here: place of the sole.
+        there: of the other one; the same for one that stands alone.
+        half_sizes: half length and half width of a sole [m].
+    """
+    half_length, half_width = half_sizes
+    x, y, _ = there.seen_from(here)
+    ahead, left, _ = Foothold(*point, 0.0, 0.0).seen_from(here)
+    return (
+        min(0.0, x) - half_length < ahead < max(0.0, x) + half_length
+        and min(0.0, y) - half_width < left < max(0.0, y) + half_width
+    )

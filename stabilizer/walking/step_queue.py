@@ -8,8 +8,11 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from surefoot.robot_io.robot import Robot
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.stabilizer.control.reference import Stance, standing
+from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, swing_time
 
 CLOSING_ID = -1
@@ -89,6 +92,27 @@ class StepQueue:
         self.planned = 0
         self._known: list[Move] = []
         self._known_for: tuple[object, ...] | None = None
+
+    @classmethod
+    def of(
+        cls, settings: WalkSettings, *, robot: Robot, model: RobotModel, stance: Stance
+    ) -> StepQueue:
+        """Return the queue of a robot that begins in a stance.
+
+        Args:
+            settings: how far steps may go.
+            robot: what its files say.
+            model: of it.
+            stance: the nominal one.
+        """
+        left, right = stance.p_sole
+        return cls(
+            settings,
+            half_width=0.5 * float(left[1] - right[1]),
+            nearest=nearest_of(model, settings),
+            leg_speed=leg_speed_of(robot, stance),
+            soles=model.half_sizes,
+        )
 
     def __len__(self) -> int:
         """Steps of the plan that have not begun."""
@@ -270,6 +294,54 @@ class StepQueue:
             if over > -BETWEEN_SOLES_M:
                 return "its sole would touch the other one"
         return ""
+
+
+def nearest_of(model: RobotModel, settings: WalkSettings) -> float:
+    """Return the least sideways distance of parallel feet [m].
+
+    Args:
+        model: of the robot.
+        settings: the gap between its soles.
+    """
+    return sum(width for _, width in model.half_sizes) + settings.between_soles_m
+
+
+def leg_speed_of(robot: Robot, stance: Stance) -> float:
+    """Return the speed of the end of a straight leg, by that of its drives [m/s].
+
+    Args:
+        robot: what its files say.
+        stance: the nominal one.
+    """
+    return stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
+
+
+def foretold(plan: WalkPlan, robot: Robot, settings: WalkSettings) -> tuple[str, float]:
+    """Tell beforehand how a plan goes for a robot that stands.
+
+    Args:
+        plan: its steps.
+        robot: that is to take them.
+        settings: of walking.
+
+    Returns:
+        Why it will be refused, in words, empty when it will be taken; and how long its
+        steps take at least, that which brings the feet together and both shifts of the
+        weight included [s].
+    """
+    model = RobotModel(robot)
+    stance = standing(model)
+    queue = StepQueue.of(settings, robot=robot, model=model, stance=stance)
+    feet = [
+        Foothold(float(p[0]), float(p[1]), 0.0, yaw)
+        for p, yaw in zip(stance.p_sole, stance.yaw_sole, strict=True)
+    ]
+    why = queue.take(plan, feet, walks=False)
+    moves = queue.ahead(feet, len(queue) + 1)
+    taken_s = sum(move.single_s + move.double_s for move in moves[:-1])
+    if moves:
+        taken_s += settings.shift_s + moves[-1].single_s + settings.settle_s
+    return why, taken_s
 
 
 def _overlap(

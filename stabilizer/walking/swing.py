@@ -188,11 +188,7 @@ class SwingPath:
         if t < T:
             fall = -settings.touchdown_m_s
             return from_rest(t - up, T - up, self.apex, self._rise, fall)
-        slow, gain = settings.touchdown_m_s, settings.late_m_s - settings.touchdown_m_s
-        late = t - T
-        ramp = min(late, LATE_RAMP_S)
-        speed = slow + gain * ramp / LATE_RAMP_S
-        depth = slow * late + gain * (late - ramp + 0.5 * ramp * ramp / LATE_RAMP_S)
+        speed, depth = late_descent(t - T, settings)
         if depth > settings.late_depth_m:
             depth, speed = settings.late_depth_m, 0.0
         return self._rise - depth, -speed, 0.0
@@ -291,6 +287,22 @@ class SwingTask(Task):
         R = dynamics.R_world_sole[self._side]
         out[:3] = (reference.v_ahead + gain * self._off).dot(R)
         out[3:] = gain * self._turn + reference.w.dot(R)
+
+
+def late_descent(late_s: float, settings: WalkSettings) -> tuple[float, float]:
+    """Return how fast a foot goes down [m/s], and how far it has gone [m].
+
+    It begins slowly: the ground may be near, and drives answer the touchdown late.
+
+    Args:
+        late_s: since it should have touched down [s].
+        settings: speeds at first, and after a while.
+    """
+    slow, gain = settings.touchdown_m_s, settings.late_m_s - settings.touchdown_m_s
+    ramp = min(late_s, LATE_RAMP_S)
+    speed = slow + gain * ramp / LATE_RAMP_S
+    depth = slow * late_s + gain * (late_s - ramp + 0.5 * ramp * ramp / LATE_RAMP_S)
+    return speed, depth
 
 
 def glide(s: float) -> tuple[float, float, float]:

@@ -12,7 +12,12 @@ from surefoot.stabilizer.model import yaw_from
 from surefoot.stabilizer.walking.footsteps import Foothold, swing_time
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move
-from surefoot.stabilizer.walking.swing import SwingPath, SwingReference, SwingTask
+from surefoot.stabilizer.walking.swing import (
+    SwingPath,
+    SwingReference,
+    SwingTask,
+    late_descent,
+)
 
 CAUGHT_S = 0.003
 """A force must last so long to be an edge's, at least [s]."""
@@ -224,7 +229,13 @@ class SwingFoot:
         self._turn(reference)
 
     def go_down(
-        self, side: int, soles: SolesAndCom, xy: tuple[float, float], yaw: float
+        self,
+        side: int,
+        soles: SolesAndCom,
+        xy: tuple[float, float],
+        *,
+        yaw: float,
+        since_s: float,
     ) -> None:
         """Go straight down where the foot bounced.
 
@@ -233,11 +244,13 @@ class SwingFoot:
             soles: at the present state.
             xy: where it is to stay [m].
             yaw: with which heading [rad].
+            since_s: since it bounced; infinite for one that is to hurry [s].
         """
         reference = self.references[side]
         self._path.stay(xy, yaw)
         reference.p[:] = *xy, soles.p_sole[side][2]
-        reference.v[:] = 0.0, 0.0, self._ground.velocity - self._settings.late_m_s
+        speed, _ = late_descent(since_s, self._settings)
+        reference.v[:] = 0.0, 0.0, self._ground.velocity - speed
         reference.v_ahead[:] = reference.v
         reference.a[:] = 0.0
         self._turn(reference)

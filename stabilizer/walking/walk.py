@@ -34,9 +34,14 @@ from surefoot.stabilizer.walking.ground import (
     GroundMotion,
     HeightReference,
 )
-from surefoot.stabilizer.walking.phase_changes import PhaseChanges
+from surefoot.stabilizer.walking.phase_changes import PhaseChanges, is_over
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
-from surefoot.stabilizer.walking.step_queue import Move, StepQueue
+from surefoot.stabilizer.walking.step_queue import (
+    Move,
+    StepQueue,
+    leg_speed_of,
+    nearest_of,
+)
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
 ROLL_ON = 0.5
@@ -88,7 +93,6 @@ class Walk:
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
         self._anchors = anchors
         left, right = stance.p_sole
-        half_width = 0.5 * float(left[1] - right[1])
         middle = 0.5 * (left + right)
         x, y = (stance.com[:2] - middle[:2]).tolist()
         omega = math.sqrt(GRAVITY / stance.com_nominal)
@@ -101,16 +105,8 @@ class Walk:
             largest_force=largest_force,
             period_s=period_s,
         )
-        speed = stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
-        widths = sum(width for _, width in model.half_sizes)
-        nearest = widths + settings.between_soles_m
-        self.queue = StepQueue(
-            settings,
-            half_width=half_width,
-            nearest=nearest,
-            leg_speed=speed,
-            soles=model.half_sizes,
-        )
+        speed = leg_speed_of(robot, stance)
+        self.queue = StepQueue.of(settings, robot=robot, model=model, stance=stance)
         self.state: WalkState | None = None
         self._told = WalkState()
         self._ground = ExpectedGround(
@@ -128,7 +124,7 @@ class Walk:
         self.swing_references = self._swing.references
         self._adjustment = StepAdjustment(
             settings,
-            nearest=nearest,
+            nearest=nearest_of(model, settings),
             half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
@@ -141,9 +137,11 @@ class Walk:
             half_sizes=model.half_sizes[0],
             period_s=period_s,
         )
+        self._sole = model.half_sizes[0]
         self._move: Move | None = None
         self._plan: WalkPlan | None = None
         self._begin_tick, self._blind = 0, (False, False)
+        self._feels_late = False
         self._standing_base: Mat = np.eye(3)
         self._walking_base: Mat = np.eye(3)
         self._height = height
@@ -193,6 +191,14 @@ class Walk:
         if any(blind):
             self.queue.drop()
             self._told.refusal, self._told.planned = why, self.queue.planned
+
+    def expect_age(self, forces_s: float) -> None:
+        """Expect force readings of an age.
+
+        Args:
+            forces_s: largest of them [s].
+        """
+        self._feels_late = forces_s > 0.0
 
     def update(
         self,
@@ -254,7 +260,9 @@ class Walk:
             F = state.F_meas[SOLE_ROWS[airborne]]
             is_on_its_way = self.feet.states[airborne] is FootState.SWING
             if is_on_its_way and self._swing.is_caught(airborne, soles, F):
-                self._step_over(airborne, soles)
+                support = self._footholds()[1 - airborne]
+                if is_over(self._told.dcm, support, support, half_sizes=self._sole):
+                    self._step_over(airborne, soles)
             self._write_swing(airborne, commanded or soles)
             self.swing_tasks[airborne].compare(soles)
         self._tell()
@@ -433,7 +441,17 @@ class Walk:
         """Write where the foot in the air should be."""
         if self.feet.states[side] is FootState.RELANDING:
             x, y, _ = self._anchors.p[side]
-            self._swing.go_down(side, soles, (x, y), self._anchors.yaw[side])
+            # Nobody waits for one that came early; felt late, it would hop on and on.
+            is_early = self.gait.phase is Phase.SINGLE and self.gait.left_s > 0.0
+            self._swing.go_down(
+                side,
+                soles,
+                (x, y),
+                yaw=self._anchors.yaw[side],
+                since_s=self.feet.since_s[side]
+                if is_early and self._feels_late
+                else math.inf,
+            )
         else:
             self._swing.go_on(
                 side,

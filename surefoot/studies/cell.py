@@ -37,6 +37,13 @@ FIGURES = (
     "contact_lost_s",
     "contact_gap_s",
     "qp_failures",
+    "steps_done",
+    "steps_planned",
+    "distance_m",
+    "dcm_error_rms_mm",
+    "dcm_error_max_mm",
+    "placement_error_max_mm",
+    "touchdown_peak_n",
     "log_sha256",
 )
 

@@ -12,6 +12,9 @@ import numpy as np
 import pytest
 
 import surefoot as sf
+from surefoot.controllers import walk_notice
+from surefoot.run_plan import make_plan
+from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from tests.command import Surefoot
 
@@ -179,3 +182,24 @@ def test_a_run_of_another_rate_of_ticks_tells_so() -> None:
     told: list[int] = []
     sf.simulate("walker", sf.Scenario(name="x", duration_s=0.01), on_tick=told.append)
     np.testing.assert_array_equal(told, np.arange(1, 11))
+
+
+@pytest.mark.parametrize(
+    ("walk", "said"),
+    [
+        ({"velocity_m_s": 0.2}, ""),
+        ({"lateral_m_s": 0.15}, "no step will be taken: step 0, left foot: 0.46 m"),
+        ({"velocity_m_s": 0.2, "start_s": 9.0}, "no time for one in the 10 s"),
+        ({"velocity_m_s": 0.2, "stop_s": 9.9}, "its steps (9) take until 11.2 s"),
+        ({"step": [{"side": "left", "position_m": [0.2, 0.11], "step_s": 9.0}]}, "21"),
+    ],
+)
+def test_what_of_a_walk_will_not_be_walked_is_told_beforehand(
+    walk: dict[str, object], said: str
+) -> None:
+    scenario = scenario_from_table(
+        {"name": "walk", "duration_s": 10.0, "walk": walk}, source="test"
+    )
+    found = walk_notice(make_plan(scenario))
+    assert said in found if said else not found
+    assert not walk_notice(make_plan(scenario, controller="hold"))

@@ -155,6 +155,16 @@ def test_a_fall_says_by_what_one_knows_and_what_was_before() -> None:
     )
 
 
+def test_a_fall_after_the_stabilizer_gave_up_says_why_it_did() -> None:
+    plant = msgspec.structs.replace(PLANT, **{**FELL, "gate": HELD})
+    gave_up = msgspec.structs.replace(
+        CONTROLLER, end=EndReason.SENSOR_LOST, end_detail="imu"
+    )
+    assert judge(plant, gave_up, period_s=PERIOD_S).detail == (
+        "at 0.90 s: the base leans by 61 deg; hold since 0.50 s, sensor lost: imu"
+    )
+
+
 class Unsolved(HoldController):
     """All QPs of all ticks fail."""
 
@@ -268,3 +278,23 @@ def test_only_who_takes_all_steps_and_stands_has_walked(
     judgement = judge(PLANT, controller, period_s=PERIOD_S)
     assert judgement.outcome is outcome
     assert words in judgement.detail
+
+
+def test_a_walk_is_shown_with_what_counts_of_it(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    result = join_result(make_plan("standing"), Sides(PLANT, CONTROLLER))
+    Console(width=100).print(run_table(result))
+    assert "DCM" not in capsys.readouterr().out
+    walked = msgspec.structs.replace(
+        result,
+        steps_done=3,
+        dcm_error_rms_mm=[1.25, 2.5],
+        dcm_error_max_mm=[4.0, 5.0],
+        placement_error_max_mm=6.5,
+        touchdown_peak_n=[500.0, 612.5],
+    )
+    Console(width=100).print(run_table(walked))
+    shown = capsys.readouterr().out
+    for figure in ("1.2, 2.5 mm", "4.0, 5.0 mm", "6.5 mm", "500.0, 612.5 N"):
+        assert figure in shown

@@ -98,3 +98,19 @@ def test_a_lost_ankle_sensor_ends_the_walk(walker: Robot, side: str) -> None:
     while not sim.finished:
         sim.step(controller)
     assert not sim.fell
+
+
+@pytest.mark.parametrize(("at_s", "begins_anew"), [(1.6, True), (1.77, False)])
+def test_a_caught_foot_takes_its_time_only_while_the_dcm_is_over_the_other_sole(
+    walker: Robot, at_s: float, begins_anew: bool
+) -> None:
+    blow = {"body": "left_foot_plate", "force_n": [-150.0, 0.0, 0.0]}
+    sim, controller = begun(
+        walker, until_s=at_s, push=[{**blow, "start_s": at_s, "duration_s": 0.01}]
+    )
+    gait = controller.walk.gait
+    planned_s = gait.duration_s
+    while sim.time_s < at_s + 0.015:
+        sim.step(controller)
+    assert gait.phase is Phase.SINGLE
+    assert (gait.duration_s > planned_s) is begins_anew

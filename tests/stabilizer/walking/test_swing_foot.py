@@ -119,3 +119,16 @@ def test_what_is_too_high_ends_the_step_where_the_foot_is(swing: SwingFoot) -> N
     assert move.place[:2] == pytest.approx((0.1 - BACK_M, 0.1))
     F = np.array([-300.0, 0.0, -50.0, 0.0, 0.0, 0.0])
     assert not feels(swing, here, F, ticks=1000)
+
+
+def test_a_foot_that_bounced_goes_down_as_one_that_finds_no_ground(
+    swing: SwingFoot,
+) -> None:
+    v, due_s = swing.references[0].v, MOVE.single_s
+    for since_s in (0.0, 0.01, 0.03, 0.06, 0.2):
+        swing.go_down(0, soles(), (0.0, 0.1), yaw=0.0, since_s=since_s)
+        bounced = v[2]
+        swing.go_on(0, soles(), t=due_s + since_s, duration_s=due_s, shift=(0.0, 0.0))
+        assert bounced == pytest.approx(v[2])
+    swing.go_down(0, soles(), (0.0, 0.1), yaw=0.0, since_s=math.inf)
+    assert v[2] == bounced == pytest.approx(-SETTINGS.late_m_s)
