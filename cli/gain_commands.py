@@ -45,7 +45,9 @@ def margins(
     from surefoot.cli.console import print_json, print_table, print_text
     from surefoot.controllers import compute_margins
     from surefoot.run_plan import resolve_settings
+    from surefoot.stabilizer.factory import check_read
 
+    check_read(overrides or (), ["whole-body"])
     found = compute_margins(
         robot,
         servo_profile=servo_profile,

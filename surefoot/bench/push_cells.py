@@ -299,17 +299,14 @@ class PushProbe:
         self._frequency_hz = frequency_hz
         self._period_s = 0.0
         self._states: list[RodState] = []
-        self._fell = False
 
     def look(self, sim: Simulation) -> None:
         """Take in the present tick."""
-        self._period_s, self._fell = sim.robot.period_s, sim.fell
+        self._period_s = sim.robot.period_s
         self._states.append(sim.simulated.plant.rods[0].state)
 
     def figures(self) -> dict[str, Any]:
-        """Energy, impulse, force and way; nothing of it after a fall."""
-        if self._fell:
-            return {}
+        """Energy, impulse, force and way, of a run that went to its end."""
         last = self._states[-1]
         found: dict[str, Any] = {
             "peak_n": last.peak_n,

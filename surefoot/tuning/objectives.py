@@ -60,7 +60,7 @@ class TuneCell(Cell):
         if EFFORT in self.extra:
             power = abs(sim.signals["effort"] * sim.signals["dq"]).sum(axis=1)
             row[EFFORT] = float(power.mean())
-        if sway is not None and probe is not None:
+        if sway is not None and probe is not None and is_up(row):
             row[SCORE] = sway_result(sway, {**row, "seen": probe.figures()}).score
         if SENSITIVITY in self.extra:
             profile = plan.robot.file.servo.profile
