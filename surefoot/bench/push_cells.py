@@ -42,7 +42,8 @@ HELD_S = 4.0
 """Long against the time in which a pendulum of the robot's height falls: what is a
 little too much must have made it fall by then."""
 PERIODS = 3
-LEAST_SINE_S = 2.5
+LEAST_SINE_S = RISE_S + HELD_S
+"""Of a sine: what drifts off from one period to the next must have fallen by then."""
 STRIKER_SHARE = 0.1
 """Mass of the striker over that of the robot."""
 STIFFNESS_PER_KG, DAMPING_PER_KG = 1.6e3, 24.0
@@ -68,13 +69,19 @@ class Impedance(NamedTuple):
 def phasor(values: Array, *, period_s: float, frequency_hz: float) -> complex:
     """Return the complex amplitude of a sine within values.
 
+    A mean and a steady drift are fitted besides: over whole periods a drift is a sine,
+    too, and whoever is pushed to the limit is driven away by it.
+
     Args:
         values: (n,) evenly spaced, over whole periods of the sine.
         period_s: from one value to the next [s].
         frequency_hz: of the sine [Hz].
     """
-    turns = np.exp(-2j * np.pi * frequency_hz * period_s * np.arange(len(values)))
-    return complex(2.0 * np.mean(values * turns))
+    at = np.arange(len(values)) * period_s
+    turn = 2.0 * np.pi * frequency_hz * at
+    parts = np.column_stack([np.cos(turn), -np.sin(turn), np.ones_like(at), at])
+    (real, imaginary, *_), *_ = np.linalg.lstsq(parts, values, rcond=None)
+    return complex(real, imaginary)
 
 
 def fit_impedance(

@@ -5,16 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.bench.bench_runs import PERSON, Subject, proportion
+from surefoot.bench.bench_runs import PERSON, Subject, Under, proportion
 from surefoot.bench.push_cells import (
     KINDS,
     MOST_STEPS,
+    SINES,
+    START_S,
     WITHIN,
     Disturbance,
     MarginSearch,
+    PushKind,
     first_guess,
     fit_impedance,
     phasor,
+    push_cell,
 )
 
 EXACT = 1e-9
@@ -71,9 +75,21 @@ def test_one_frequency_cannot_tell_a_spring_from_a_mass() -> None:
 def test_a_phasor_is_amplitude_and_phase_and_blind_to_what_does_not_swing() -> None:
     period_s, frequency_hz = 0.002, 2.5
     angle = 2.0 * np.pi * frequency_hz * period_s * np.arange(600)
-    values = 3.0 * np.cos(angle + 0.4) + 5.0
+    values = 3.0 * np.cos(angle + 0.4) + 5.0 - 0.01 * np.arange(600)
     found = phasor(values, period_s=period_s, frequency_hz=frequency_hz)
     assert found == pytest.approx(3.0 * np.exp(0.4j), abs=EXACT)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("frequency_hz", [0.5, 2.0, 4.0])
+def test_a_push_lasts_until_what_was_too_much_has_fallen(
+    kind: PushKind, frequency_hz: float
+) -> None:
+    who = Under("whole-body", "ideal")
+    disturbance = Disturbance(kind, 0.0, frequency_hz if kind in SINES else 0.0)
+    cell = push_cell(disturbance, 1.0, who, subject=PERSON, body="pelvis")
+    fall_s = (PERSON.com_height_m / 9.81) ** 0.5
+    assert cell.scenario.duration_s - START_S > 10.0 * fall_s
 
 
 def test_a_person_is_in_proportion_to_a_person() -> None:
