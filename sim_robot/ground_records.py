@@ -398,7 +398,6 @@ class _Numbers:
                 "it was cut off, fetch it again",
             )
 
-
     def no_more(self, found: int, told: float, lines: Iterable[str]) -> None:
         """Check that what the heading does not tell of only fills the last row."""
         words = ([_parts(word) for word in line.split()] for line in lines)

@@ -16,6 +16,7 @@ from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import (
     TICKS,
+    folder_of_run,
     read_run,
     run_folder,
     write_inputs,
@@ -258,12 +259,13 @@ def load_run(folder: str | Path) -> Run:
     """Load a run from its folder.
 
     Args:
-        folder: what ``out`` or ``surefoot run --out`` was given.
+        folder: what ``out`` or ``surefoot run --out`` was given, or a file in it.
 
     Raises:
         UsageError: it is no finished run, or damaged.
     """
-    return Run(*read_run(Path(folder)), folder=Path(folder))
+    whole = folder_of_run(Path(folder))
+    return Run(*read_run(whole), folder=whole)
 
 
 def execute(
