@@ -191,7 +191,7 @@ def tune(
             workers=workers,
             storage=storage,
             out=out,
-            objectives=objectives.split(","),
+            objectives=options.names_in(objectives),
             seeds=parse_seeds(seeds),
             held_out=held_out or [],
             held_out_seeds=parse_seeds(held_out_seeds) if held_out_seeds else None,

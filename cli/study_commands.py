@@ -80,8 +80,8 @@ def sweep(
     cells = all_cells(
         scenarios,
         vary=vary or [],
-        variants=controllers.split(","),
-        servo_profiles=servo_profiles.split(","),
+        variants=options.names_in(controllers),
+        servo_profiles=options.names_in(servo_profiles),
         seeds=parse_seeds(seeds),
     )
     done = run_study(

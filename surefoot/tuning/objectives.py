@@ -186,9 +186,9 @@ def find_objectives(names: Sequence[str]) -> list[Objective]:
     """
     for name in names:
         if name not in OBJECTIVES or names.count(name) > 1:
+            near = "" if name in OBJECTIVES else nearest(name, list(OBJECTIVES))
             raise UsageError(
-                f"--objectives {','.join(names)}: got {name!r}"
-                f"{nearest(name, list(OBJECTIVES))}; expected some of "
+                f"--objectives {','.join(names)}: got {name!r}{near}; expected some of "
                 f"{', '.join(OBJECTIVES)}, each once"
             )
     return [OBJECTIVES[name] for name in names]
