@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from surefoot.bench.bench_runs import NOISE, BenchCell, Subject, Under
-from surefoot.schemas.arrays import Array
+from surefoot.bench.sway_response import phasor
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.pushes import RodState
@@ -64,24 +64,6 @@ class Impedance(NamedTuple):
     inertia_kg: float
     damping_n_s_m: float
     stiffness_n_m: float
-
-
-def phasor(values: Array, *, period_s: float, frequency_hz: float) -> complex:
-    """Return the complex amplitude of a sine within values.
-
-    A mean and a steady drift are fitted besides: over whole periods a drift is a sine,
-    too, and whoever is pushed to the limit is driven away by it.
-
-    Args:
-        values: (n,) evenly spaced, over whole periods of the sine.
-        period_s: from one value to the next [s].
-        frequency_hz: of the sine [Hz].
-    """
-    at = np.arange(len(values)) * period_s
-    turn = 2.0 * np.pi * frequency_hz * at
-    parts = np.column_stack([np.cos(turn), -np.sin(turn), np.ones_like(at), at])
-    (real, imaginary, *_), *_ = np.linalg.lstsq(parts, values, rcond=None)
-    return complex(real, imaginary)
 
 
 def fit_impedance(

@@ -17,9 +17,9 @@ from surefoot.bench.push_cells import (
     PushKind,
     first_guess,
     fit_impedance,
-    phasor,
     push_cell,
 )
+from surefoot.bench.sway_response import phasor
 
 EXACT = 1e-9
 ROUNDED = 1e-3
