@@ -323,6 +323,13 @@ class HumanSway:
     score_percentiles: dict[int, float]
     sources: tuple[str, ...]
 
+    @property
+    def phase_deg(self) -> Array:
+        """(11,) phase of the mean response, without jumps [deg]."""
+        mean = self.mean[:11] + 1j * self.mean[11:]
+        phase: Array = np.degrees(np.unwrap(np.angle(mean)))
+        return phase
+
     def score(self, response: Complex) -> float:
         """Return D, the distance of a response from people's.
 
