@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -19,6 +21,7 @@ from surefoot.bench.push_cells import (
     fit_impedance,
     push_cell,
 )
+from surefoot.bench.push_results import PushResult, write_push_page
 from surefoot.bench.sway_response import phasor
 
 EXACT = 1e-9
@@ -90,6 +93,20 @@ def test_a_push_lasts_until_what_was_too_much_has_fallen(
     cell = push_cell(disturbance, 1.0, who, subject=PERSON, body="pelvis")
     fall_s = (PERSON.com_height_m / 9.81) ** 0.5
     assert cell.scenario.duration_s - START_S > 10.0 * fall_s
+
+
+def test_a_page_has_those_sines_alone_that_were_stood(tmp_path: Path) -> None:
+    def result(kind: PushKind, at_hz: float, stood: float) -> PushResult:
+        disturbance = Disturbance(kind, 0.0, at_hz)
+        who = Under("hold", "ideal")
+        return PushResult(disturbance, who, PERSON, stood, 2.0 * stood + 1.0, 7, None)
+
+    none = [result("sine-displacement", at_hz, 0.0) for at_hz in (1.0, 2.0)]
+    some = [result("sine-force", at_hz, 10.0 * at_hz) for at_hz in (1.0, 2.0)]
+    for results, drawings in ((none, 0), ([*none, *some], 1), (some, 1)):
+        write_push_page(tmp_path, results, robot="walker", subject=PERSON)
+        page = (tmp_path / "index.html").read_text()
+        assert page.count("margins of sines") == drawings
 
 
 def test_a_person_is_in_proportion_to_a_person() -> None:
