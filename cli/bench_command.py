@@ -103,10 +103,10 @@ def comtest(
     found = measure(
         robot,
         quick=quick,
-        controllers=_names(controllers),
-        servo_profiles=_names(servo_profiles),
-        protocols=_names(protocols),
-        axes=_names(axes),
+        controllers=options.names_in(controllers),
+        servo_profiles=options.names_in(servo_profiles),
+        protocols=options.names_in(protocols),
+        axes=options.names_in(axes),
         sizes_deg=_numbers(sizes_deg, option="--sizes"),
         speed=speed,
         cycles=cycles,
@@ -171,9 +171,9 @@ def dysturbance(
     found = measure(
         robot,
         quick=quick,
-        controllers=_names(controllers),
-        servo_profiles=_names(servo_profiles),
-        kinds=_names(kinds),
+        controllers=options.names_in(controllers),
+        servo_profiles=options.names_in(servo_profiles),
+        kinds=options.names_in(kinds),
         directions_deg=_numbers(directions_deg, option="--directions"),
         frequencies_hz=_numbers(frequencies_hz, option="--frequencies"),
         body=body,
@@ -195,10 +195,6 @@ def _show(found: Findings[Any], *, as_json: bool) -> None:
     print_table(_tables(found.tables()))
     if found.folder is not None:
         print_note(f"open {found.folder / 'index.html'}")
-
-
-def _names(text: str | None) -> list[str] | None:
-    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def _numbers(text: str | None, *, option: str) -> list[float] | None:

@@ -45,7 +45,9 @@ def margins(
     from surefoot.cli.console import print_json, print_table, print_text
     from surefoot.controllers import compute_margins
     from surefoot.run_plan import resolve_settings
+    from surefoot.stabilizer.factory import check_read
 
+    check_read(overrides or (), ["whole-body"])
     found = compute_margins(
         robot,
         servo_profile=servo_profile,
@@ -189,7 +191,7 @@ def tune(
             workers=workers,
             storage=storage,
             out=out,
-            objectives=objectives.split(","),
+            objectives=options.names_in(objectives),
             seeds=parse_seeds(seeds),
             held_out=held_out or [],
             held_out_seeds=parse_seeds(held_out_seeds) if held_out_seeds else None,

@@ -7,7 +7,7 @@ import math
 import re
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, overload
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup
@@ -154,6 +154,15 @@ RobotOption = Annotated[
         autocompletion=complete_robot,
     ),
 ]
+
+
+@overload
+def names_in(text: str) -> list[str]: ...
+@overload
+def names_in(text: None) -> None: ...
+def names_in(text: str | None) -> list[str] | None:
+    """Return the names of a list with commas, and blanks wherever; None for none."""
+    return None if text is None else [name.strip() for name in text.split(",")]
 
 
 def finite(value: float) -> float:

@@ -200,6 +200,7 @@ def _check(
             resolved,
             file=file,
             law=law,
+            overrides=overrides,
             until_s=until_s,
             on_tick=lambda tick: on_tick(tick - first),
         )

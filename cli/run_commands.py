@@ -272,9 +272,10 @@ def stabilizer(
     options.claim_processor(cpu=cpu, priority=realtime_priority)
     # Slow import; report bad files first.
     from surefoot.robot_files.judge import warnings_of
-    from surefoot.stabilizer.factory import check_settings, find_controller
+    from surefoot.stabilizer.factory import check_read, check_settings, find_controller
     from surefoot.stabilizer.node import run_stabilizer
 
+    check_read(overrides or [], [controller])
     check_settings(resolved, model)
     for warning in warnings_of(model):
         log_warning(warning)

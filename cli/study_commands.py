@@ -77,8 +77,8 @@ def sweep(
     cells = make_cells(
         scenarios,
         levels=[parse_vary(text) for text in vary or []],
-        controllers=controllers.split(","),
-        servo_profiles=servo_profiles.split(","),
+        controllers=options.names_in(controllers),
+        servo_profiles=options.names_in(servo_profiles),
         seeds=parse_seeds(seeds),
     )
     done = run_study(
@@ -226,7 +226,8 @@ def report(
         list[Path],
         typer.Argument(
             metavar="RUN_DIR",
-            help="Folders that `surefoot run --out` left; several are compared.",
+            help="Folders that `surefoot run --out` left, or a file in each; several "
+            "are compared.",
         ),
     ],
     out: Annotated[
@@ -279,9 +280,11 @@ def report(
     if video or animation:
         load_drawing()  # before the simulator is loaded for anything else
     from surefoot.report.run_data import load_runs
+    from surefoot.run_folder import folder_of_run
 
-    loaded = load_runs(runs)
-    folder = out or (runs[0] if len(runs) == 1 else runs[0].parent) / "report"
+    folders = [folder_of_run(run) for run in runs]
+    loaded = load_runs(folders)
+    folder = out or (folders[0] if len(runs) == 1 else folders[0].parent) / "report"
     if video or animation:
         check_drawing(loaded[0], video=video)
     from surefoot.report.page import write_report  # heavy: errors come first

@@ -17,6 +17,8 @@ from surefoot.schemas.validation import explain, find_non_finite, nearest, sugge
 _T = TypeVar("_T", bound=msgspec.Struct)
 LARGEST_NUMBER = 1e12
 """Of any table; no quantity in SI units comes near it, and its square is finite."""
+_MOST_NAMED = 5
+"""Files of a folder that an error names."""
 
 
 class FileStruct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -34,7 +36,9 @@ def read_toml(path: Path) -> dict[str, Any]:
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file") from error
     except IsADirectoryError as error:
-        raise FileFormatError(f"{path}: is a folder, expected a TOML file") from error
+        raise FileFormatError(
+            f"{path}: is a folder, expected a TOML file{_inside(path)}"
+        ) from error
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path}: is no text, expected a TOML file") from error
     except OSError as error:
@@ -68,10 +72,19 @@ def find_toml(
         raise error(f"{path}: {problem} {what} file")
     if name in shipped:
         return shipped[name]
+    if path.exists():
+        got = f"a folder{_inside(path)}" if path.is_dir() else "a file of another kind"
+        raise error(f"{path}: expected a {what} file (.toml), got {got}")
     raise error(
         f"no {what} named {name!r}{nearest(name, shipped)}; shipped are "
         f"{', '.join(shipped)}, or give the path of a {what} file (.toml)"
     )
+
+
+def _inside(folder: Path) -> str:
+    """What of a folder may have been meant."""
+    names = sorted(path.name for path in folder.glob("*.toml"))[:_MOST_NAMED]
+    return f"; it holds {', '.join(names)}" if names else ""
 
 
 def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:

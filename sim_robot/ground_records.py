@@ -155,6 +155,7 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
     step_s = per_second * number(words[1], "DT", above=0.0)
     values = number.rows(lines[length:], first_line=length + 1)
     number.enough(len(values), samples)
+    number.no_more(len(values), samples, lines[length:])
     values = values[: int(samples)]
     quantity, default = _PEER[Path(motion.file).suffix.lower()]
     units = next((m[1] for m in map(_PEER_UNITS.search, lines[:length]) if m), None)
@@ -395,6 +396,17 @@ class _Numbers:
                 "file",
                 f"{self.file}: holds {found} values and its heading says {told:g}; "
                 "it was cut off, fetch it again",
+            )
+
+    def no_more(self, found: int, told: float, lines: Iterable[str]) -> None:
+        """Check that what the heading does not tell of only fills the last row."""
+        words = ([_parts(word) for word in line.split()] for line in lines)
+        row = max((sum(map(len, line)) for line in words), default=0)
+        if found >= told + row:
+            raise bad_key(
+                "file",
+                f"{self.file}: holds {found} values and its heading says {told:g}; one "
+                "of the two is wrong, fetch it again or mend the heading",
             )
 
 

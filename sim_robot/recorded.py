@@ -30,6 +30,8 @@ _PADDING_PERIODS = 3.0
 """Zeros before and after a record, in periods of the high-pass."""
 _SLOWEST_HZ = 1e-3
 """No high-pass is lower: its padding would be longer than any scenario."""
+_LEAST_LINE = 0.01
+"""Rise of a drift along a record over the largest value there, to be taken off."""
 LONGEST_S = 3600.0
 """As a scenario's duration."""
 _MOST_MISSING = 5.0
@@ -244,7 +246,6 @@ def _velocity(
 ) -> tuple[Array, Array]:
     """Return velocity and acceleration at every step, each (n,) in SI."""
     from scipy.interpolate import CubicSpline
-    from scipy.signal import detrend
 
     grid = SIM_STEP_S * np.arange(round(times[-1] / SIM_STEP_S) + 1)
     # A straight line between samples would weaken what is fast.
@@ -254,8 +255,7 @@ def _velocity(
         return _without_drift(v, drift_hz), _without_drift(a, drift_hz)
     measured = spline(np.minimum(grid, times[-1]))
     if drift_hz > 0.0:
-        # An offset would be a step at both ends, and ring there.
-        measured = detrend(measured, type="constant")
+        measured = _without_line(measured)
     padding = round(_PADDING_PERIODS / drift_hz / SIM_STEP_S) if drift_hz > 0.0 else 0
     measured = np.pad(measured, padding)
     if quantity == "acceleration":
@@ -267,6 +267,20 @@ def _velocity(
         a = np.gradient(v, SIM_STEP_S)
     inner = slice(padding, padding + len(grid))
     return v[inner], a[inner]
+
+
+def _without_line(values: Array) -> Array:
+    """Take off an offset, or a line: it would be a step at both ends, and ring there.
+
+    A line that rises by next to nothing is of the motion as much as of the sensor.
+    """
+    from scipy.signal import detrend
+
+    level: Array = detrend(values, type="constant")
+    straight: Array = detrend(values, type="linear")
+    line = level - straight
+    is_drift = abs(line[-1] - line[0]) > _LEAST_LINE * np.abs(level).max()
+    return straight if is_drift else level
 
 
 def _without_drift(values: Array, drift_hz: float) -> Array:

@@ -7,7 +7,7 @@ import importlib
 import importlib.util
 import inspect
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
@@ -21,6 +21,7 @@ from surefoot.schemas.settings import (
     ControllerSettings,
     DikSettings,
     EstimatorSettings,
+    setting_names,
 )
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller, ForeignController
@@ -30,6 +31,30 @@ CONTROLLERS = ("whole-body", "zmp", "hold")
 """Names of the shipped controllers."""
 ENTRY_POINTS = "surefoot.controllers"
 """Entry-point group in which other packages offer controllers by name."""
+_EVERYBODY = ("safety", "estimator.calibration_s")
+"""What the loop around any controller goes by: sections, or settings of one."""
+_READ = {
+    "whole-body": (
+        *("whole_body", "tsid", "dik", "ground", "sway"),
+        *("estimator", "contact", "walk"),
+    ),
+    "zmp": (
+        *("zmp", "estimator", "contact", "walk"),
+        *("dik.limit_margin_rad", "dik.limit_time_s", "dik.ramp_in_s"),
+        *("dik.velocity_limit_rad_s", "dik.windup_limit_rad"),
+    ),
+    "hold": (),
+}
+"""What each shipped controller goes by besides."""
+_OF_OTHERS = ("walk",)
+"""What one from outside goes by besides, given no settings: the steps it is told."""
+_UNREAD = {
+    "zmp": (
+        *("contact.search_force_n", "contact.descent_limit_m_s"),
+        *("contact.stiffness_n_m", "walk.climb_s", "walk.landing_force_n"),
+    )
+}
+"""But for these."""
 
 
 def check_settings(
@@ -103,6 +128,58 @@ def _check_margin(margin: float, robot: Robot) -> None:
             f"range of every joint; that of {robot.joint_names[index]} is "
             f"{half[index]:.3f} rad",
             field="dik.limit_margin_rad",
+        )
+
+
+def read_settings(controller: str) -> set[str]:
+    """Names of the settings that a controller goes by, as ``section.name``.
+
+    Args:
+        controller: as for :func:`find_controller`. One from outside may read all of
+            them if it is given settings, else those of the loop around it.
+
+    Raises:
+        ControllerError: there is no such controller.
+    """
+    if controller not in CONTROLLERS and _takes(find_target(controller)) > 1:
+        return set(setting_names())
+    read = (*_EVERYBODY, *_READ.get(controller, _OF_OTHERS))
+    return {
+        name
+        for name in setting_names()
+        if name in read or name.partition(".")[0] in read
+    } - {*_UNREAD.get(controller, ())}
+
+
+def check_read(
+    names: Iterable[str], controllers: Iterable[str], *, option: str = "--set"
+) -> None:
+    """Refuse settings that nobody would go by: they would change nothing, unsaid.
+
+    Args:
+        names: settings that were given one by one, as ``section.name`` or
+            ``section.name=value``; unknown ones are left to who resolves them.
+        controllers: all that are to run; one of them that reads it is enough.
+        option: that gave them, for the message.
+
+    Raises:
+        FileFormatError: none of the controllers reads a setting.
+        ControllerError: there is no such controller.
+    """
+    asked = [key for name in names if (key := name.partition("=")[0].strip())]
+    if not asked:
+        return
+    who = sorted({*controllers})
+    read = set[str]().union(*map(read_settings, who))
+    for name in asked:
+        if name in read or name not in setting_names():
+            continue
+        readers = [other for other in CONTROLLERS if name in read_settings(other)]
+        raise FileFormatError(
+            f"{option} {name}: {' and '.join(who)} would not read it, so that it would "
+            f"change nothing; {' and '.join(readers)} would. Leave it out, or name "
+            "another controller",
+            field=name,
         )
 
 
@@ -230,10 +307,7 @@ def maker_of(name: str, target: Any) -> ControllerMaker:
             f"controller {name!r}: got {type(target).__name__}, expected a class with "
             "start(snapshot, q_command) and step(snapshot, reference)"
         )
-    try:
-        takes = _positional(inspect.signature(target))
-    except ValueError:
-        takes = 2
+    takes = _takes(target)
 
     def make(robot: Robot, settings: ControllerSettings) -> Controller:
         return adapt(target(*(robot, settings)[:takes]), robot, name=name)
@@ -241,9 +315,13 @@ def maker_of(name: str, target: Any) -> ControllerMaker:
     return make
 
 
-def _positional(signature: inspect.Signature) -> int:
-    """How many arguments can be given by place; at most two are."""
-    kinds = [parameter.kind for parameter in signature.parameters.values()]
+def _takes(target: Any) -> int:
+    """How many of robot and settings what makes a controller takes."""
+    try:
+        parameters = inspect.signature(target).parameters.values()
+    except (TypeError, ValueError):  # not callable, or does not tell
+        return 2
+    kinds = [parameter.kind for parameter in parameters]
     if inspect.Parameter.VAR_POSITIONAL in kinds:
         return 2
     places = (

@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, BinaryIO, Self
@@ -103,17 +103,23 @@ def undone_on_error() -> Iterator[Callable[[Path], None]]:
         To be called with each path before it is made: what is there already stays.
     """
     made: list[Path] = []
-
-    def note(path: Path) -> None:
-        made.extend(p for p in (path, *path.parents) if not os.path.lexists(p))
-
     try:
-        yield note
+        yield lambda path: made.extend(not_there(path))
     except BaseException:
-        for path in sorted(made, key=lambda p: len(p.parts), reverse=True):
-            with suppress(OSError):  # never made, or others' files are in it
-                path.rmdir() if path.is_dir() else path.unlink()
+        take_away(made)
         raise
+
+
+def not_there(path: Path) -> list[Path]:
+    """Return a path and the folders above it, those of them that are yet to be made."""
+    return [p for p in (path, *path.parents) if not os.path.lexists(p)]
+
+
+def take_away(made: Iterable[Path]) -> None:
+    """Remove files, and folders as far as nothing else is in them."""
+    for path in sorted(made, key=lambda p: len(p.parts), reverse=True):
+        with suppress(OSError):  # never made, or others' files are in it
+            path.rmdir() if path.is_dir() else path.unlink()
 
 
 @contextmanager

@@ -132,6 +132,12 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     return result
 
 
+def folder_of_run(place: Path) -> Path:
+    """The folder of a run, which any file in it tells as well."""
+    is_inside = place.is_file() and (place.parent / MARKER).is_file()
+    return place.parent if is_inside else place
+
+
 def read_ends(folder: Path) -> tuple[RunResult, About]:
     """Figures of a finished run, and what was noted at its start.
 
@@ -141,6 +147,11 @@ def read_ends(folder: Path) -> tuple[RunResult, About]:
     Raises:
         UsageError: it is no finished run, or damaged.
     """
+    if folder.is_file():
+        raise UsageError(
+            f"{folder}: a file, and not in the folder of a run; name the folder that "
+            "`surefoot run --out` was given"
+        )
     if not folder.is_dir():
         raise UsageError(
             f"{folder}: no such folder; `surefoot run SCENARIO --out {folder}` makes "

@@ -30,7 +30,7 @@ from surefoot.schemas.toml_file import read_toml, struct_table, toml_text
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.catalogue import find_scenario, naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground
-from surefoot.stabilizer.factory import check_settings, find_settings
+from surefoot.stabilizer.factory import check_read, check_settings, find_settings
 
 Mode = Literal["lockstep", "realtime", "inline"]
 Settings = ControllerSettings | Mapping[str, Any] | str | Path | None
@@ -144,7 +144,8 @@ def make_plan(
         ScenarioError: no such scenario, or no such recording of its ground.
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed, or settings contradict
-            each other, the robot or the scenario.
+            each other, the robot or the scenario; an override that the controller
+            does not read.
     """
     relay_path = None if relay is None else _find_relay_plan(relay, mode)
     path: Path | None = None
@@ -166,6 +167,7 @@ def make_plan(
             path = None  # the run keeps what is run
             _log.info("%s", told)
     resolved = resolve_settings(settings, overrides=overrides)
+    check_read(overrides, [controller])
     check_settings(resolved, model, duration_s=world.duration_s)
     return RunPlan(
         scenario=world,
@@ -267,6 +269,11 @@ def resolve_settings(
         return build_settings(_sections(settings), overrides=texts, source="settings")
     path = find_settings(Path(settings))
     return build_settings(read_toml(path), overrides=texts, source=str(path))
+
+
+def given_singly(settings: Settings) -> list[str]:
+    """Names given as ``{"tsid.base_kp": 120.0}``; tables and files are for anybody."""
+    return [n for n in settings if "." in n] if isinstance(settings, Mapping) else []
 
 
 def _sections(values: Mapping[str, Any]) -> dict[str, Any]:

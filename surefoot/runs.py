@@ -16,17 +16,23 @@ from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import (
     TICKS,
+    folder_of_run,
     read_run,
     run_folder,
     write_inputs,
     write_result,
 )
-from surefoot.run_plan import Mode, RunPlan, Settings, make_plan
+from surefoot.run_plan import Mode, RunPlan, Settings, given_singly, make_plan
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import Scenario
 from surefoot.signals import Signals, TickSinks, file_sinks, memory_sinks, read_signals
-from surefoot.stabilizer.factory import check_controller, make_controller, maker_of
+from surefoot.stabilizer.factory import (
+    check_controller,
+    check_read,
+    make_controller,
+    maker_of,
+)
 
 if TYPE_CHECKING:
     from surefoot.schemas.endpoints import Endpoints
@@ -141,6 +147,8 @@ def simulate(
         FileFormatError: a file or a setting is malformed.
         ControllerError: no such controller, or it breaks the controller protocol.
     """
+    if isinstance(controller, str):
+        check_read(given_singly(settings), [controller], option="settings")
     plan = make_plan(
         scenario,
         robot=robot,
@@ -233,6 +241,7 @@ def run(
         UsageError: the folder cannot be used.
     """
     mode: Mode = "realtime" if realtime else "lockstep"
+    check_read(given_singly(settings), [controller], option="settings")
     plan = make_plan(
         scenario,
         robot=robot,
@@ -250,12 +259,13 @@ def load_run(folder: str | Path) -> Run:
     """Load a run from its folder.
 
     Args:
-        folder: what ``out`` or ``surefoot run --out`` was given.
+        folder: what ``out`` or ``surefoot run --out`` was given, or a file in it.
 
     Raises:
         UsageError: it is no finished run, or damaged.
     """
-    return Run(*read_run(Path(folder)), folder=Path(folder))
+    whole = folder_of_run(Path(folder))
+    return Run(*read_run(whole), folder=whole)
 
 
 def execute(

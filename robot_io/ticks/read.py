@@ -71,8 +71,8 @@ class TickFileTable(TickTable):
         with path.open("rb") as file:
             if _profile(file.read(4096)) != PROFILE:
                 raise TickFileError(
-                    f"{path}: not a ticks file; expected one that `surefoot run --out` "
-                    "wrote"
+                    f"{path}: not a ticks file; name one that `surefoot run --out` "
+                    "wrote, or its folder"
                 )
             self._data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         self._scan()

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar
 from surefoot.run_plan import RunPlan
+from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Sensors
 from surefoot.schemas.validation import nearest
@@ -227,6 +228,11 @@ class BenchCell(ABC):
     seed: int = 0
 
     @property
+    def variant(self) -> str:
+        """Who is run."""
+        return self.under.variant
+
+    @property
     def group(self) -> tuple[str, Under]:
         """The same for runs that differ by their seed only."""
         return self.case, self.under
@@ -260,13 +266,15 @@ class BenchCell(ABC):
         probe = self.probe()
         controller = make_controller(plan.controller, plan.robot, plan.settings)
         sim.run(controller, on_tick=lambda tick: probe.look(sim))
+        row = figures_of(sim.result())
         return {
             "case": self.case,
             "variant": self.under.variant,
             "servo_profile": self.under.servo_profile,
             "seed": self.seed,
-            **figures_of(sim.result()),
-            "seen": probe.figures(),
+            **row,
+            # Of a robot that fell, or was held at last, they would tell nothing.
+            "seen": probe.figures() if Outcome(row["outcome"]).is_up else {},
         }
 
 

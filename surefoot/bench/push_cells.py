@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from surefoot.bench.bench_runs import NOISE, BenchCell, Subject, Under
-from surefoot.schemas.arrays import Array
+from surefoot.bench.sway_response import phasor
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.pushes import RodState
@@ -42,7 +42,8 @@ HELD_S = 4.0
 """Long against the time in which a pendulum of the robot's height falls: what is a
 little too much must have made it fall by then."""
 PERIODS = 3
-LEAST_SINE_S = 2.5
+LEAST_SINE_S = RISE_S + HELD_S
+"""Of a sine: what drifts off from one period to the next must have fallen by then."""
 STRIKER_SHARE = 0.1
 """Mass of the striker over that of the robot."""
 STIFFNESS_PER_KG, DAMPING_PER_KG = 1.6e3, 24.0
@@ -63,18 +64,6 @@ class Impedance(NamedTuple):
     inertia_kg: float
     damping_n_s_m: float
     stiffness_n_m: float
-
-
-def phasor(values: Array, *, period_s: float, frequency_hz: float) -> complex:
-    """Return the complex amplitude of a sine within values.
-
-    Args:
-        values: (n,) evenly spaced, over whole periods of the sine.
-        period_s: from one value to the next [s].
-        frequency_hz: of the sine [Hz].
-    """
-    turns = np.exp(-2j * np.pi * frequency_hz * period_s * np.arange(len(values)))
-    return complex(2.0 * np.mean(values * turns))
 
 
 def fit_impedance(
@@ -299,17 +288,14 @@ class PushProbe:
         self._frequency_hz = frequency_hz
         self._period_s = 0.0
         self._states: list[RodState] = []
-        self._fell = False
 
     def look(self, sim: Simulation) -> None:
         """Take in the present tick."""
-        self._period_s, self._fell = sim.robot.period_s, sim.fell
+        self._period_s = sim.robot.period_s
         self._states.append(sim.simulated.plant.rods[0].state)
 
     def figures(self) -> dict[str, Any]:
-        """Energy, impulse, force and way; nothing of it after a fall."""
-        if self._fell:
-            return {}
+        """Energy, impulse, force and way, of a run that went to its end."""
         last = self._states[-1]
         found: dict[str, Any] = {
             "peak_n": last.peak_n,

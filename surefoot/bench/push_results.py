@@ -279,15 +279,15 @@ def write_push_page(
 
 
 def _drawings(results: Sequence[PushResult]) -> list[Figure]:
-    """A drawing for each direction with more than one frequency."""
-    directions = dict.fromkeys(r.disturbance.direction_deg for r in results)
+    """A drawing for each direction with more than one frequency that was stood."""
     figures = []
-    for direction in directions:
+    for direction in dict.fromkeys(r.disturbance.direction_deg for r in results):
         there = [
             result
             for result in results
             if result.disturbance.direction_deg == direction
             and result.disturbance.kind in SINES
+            and result.margin > 0.0  # a logarithm has no place for none
         ]
         if len({result.disturbance.frequency_hz for result in there}) > 1:
             title = f"margins of sines, {direction:g} deg"
@@ -300,7 +300,7 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
 
     Args:
         title: of the drawing.
-        results: of sines in one direction.
+        results: of sines in one direction, that were stood.
 
     Returns:
         SVG.
@@ -309,9 +309,10 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
 
     figure = Canvas(figsize=(9.6, 3.6), layout="constrained")
     figure.suptitle(title)
-    panels: Any = figure.subplots(1, 2)
+    kinds = [k for k in SINES if any(r.disturbance.kind == k for r in results)]
+    panels: Any = figure.subplots(1, len(kinds), squeeze=False)[0]
     looks = styles([result.under for result in results])
-    for axes, kind in zip(panels, SINES, strict=True):
+    for axes, kind in zip(panels, kinds, strict=True):
         for under, look in looks.items():
             there = [
                 r for r in results if r.under == under and r.disturbance.kind == kind
@@ -322,7 +323,7 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
                 [scale * r.margin for r in there],
                 marker="o",
                 ms=3,
-                label=under.label if kind == SINES[0] else None,
+                label=under.label if kind == kinds[0] else None,
                 **look,
             )
         unit = "way [mm]" if kind == "sine-displacement" else "force [N]"

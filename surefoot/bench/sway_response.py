@@ -167,6 +167,27 @@ class SineResponse:
     power_ratio: float
 
 
+def phasor(values: Array, *, period_s: float, frequency_hz: float) -> complex:
+    """Return the complex amplitude of a sine within values.
+
+    A steady drift, from the mean of the first period to that of the last, is taken off:
+    over whole periods a line is a sine, too, and what is pushed to its limit drifts.
+
+    Args:
+        values: (n,) evenly spaced, over whole periods of the sine.
+        period_s: from one value to the next [s].
+        frequency_hz: of the sine [Hz].
+    """
+    one = min(round(1.0 / (frequency_hz * period_s)), len(values))
+    rise = float(values[-one:].mean() - values[:one].mean())
+    at = np.arange(len(values))
+    still = values - rise / max(len(values) - one, 1) * at
+    turn = 2.0 * np.pi * frequency_hz * period_s * at
+    parts = np.column_stack([np.cos(turn), -np.sin(turn), np.ones(len(at))])
+    (real, imaginary, _), *_ = np.linalg.lstsq(parts, still, rcond=None)
+    return complex(real, imaginary)
+
+
 def sine_response(
     time_s: Array,
     stimulus: Array,
@@ -186,11 +207,13 @@ def sine_response(
         frequency_hz: of the sine [Hz].
         periods: how many count.
     """
-    phase = np.arange(SAMPLES_PER_CYCLE) * periods / SAMPLES_PER_CYCLE
-    at_s = start_s + phase / frequency_hz
-    turn = np.exp(-2j * np.pi * phase) * (2.0 / SAMPLES_PER_CYCLE)
+    period_s = periods / (frequency_hz * SAMPLES_PER_CYCLE)
+    at_s = start_s + period_s * np.arange(SAMPLES_PER_CYCLE)
     x, y = (np.interp(at_s, time_s, values) for values in (stimulus, response))
-    x_line, y_line = np.sum(x * turn), np.sum(y * turn)
+    x_line, y_line = (
+        phasor(values, period_s=period_s, frequency_hz=frequency_hz)
+        for values in (x, y)
+    )
     ratio = y_line / x_line
     power = max(float(np.var(y)), _LEAST_POWER)
     return SineResponse(
@@ -299,6 +322,13 @@ class HumanSway:
     weight: Array
     score_percentiles: dict[int, float]
     sources: tuple[str, ...]
+
+    @property
+    def phase_deg(self) -> Array:
+        """(11,) phase of the mean response, without jumps [deg]."""
+        mean = self.mean[:11] + 1j * self.mean[11:]
+        phase: Array = np.degrees(np.unwrap(np.angle(mean)))
+        return phase
 
     def score(self, response: Complex) -> float:
         """Return D, the distance of a response from people's.

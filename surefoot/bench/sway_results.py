@@ -341,8 +341,20 @@ def _draw_people(gain: Any, phase: Any, frequencies: Any) -> None:
             frequencies, low, high, color="0.5", lw=0, alpha=alpha, label=label
         )
     gain.plot(frequencies, p[50], color="0.35", lw=1.0)
-    mean = human.mean[:11] + 1j * human.mean[11:]
-    phase.plot(frequencies, np.degrees(np.unwrap(np.angle(mean))), color="0.35", lw=1.0)
+    phase.plot(frequencies, human.phase_deg, color="0.35", lw=1.0)
+
+
+def beside_people(frequencies_hz: Sequence[float], phases_deg: Sequence[float]) -> Any:
+    """Return phases without jumps, by whole turns as near to people's as can be [deg].
+
+    Args:
+        frequencies_hz: (n,) rising [Hz].
+        phases_deg: (n,) from -180 to 180 [deg].
+    """
+    human = human_sway()
+    theirs = np.interp(frequencies_hz, human.frequencies_hz, human.phase_deg)
+    ours = np.unwrap(phases_deg, period=360.0)
+    return ours + 360.0 * round(float(np.mean(theirs - ours)) / 360.0)
 
 
 def _draw_sines(title: str, results: Sequence[SwayResult]) -> bytes:
@@ -352,11 +364,13 @@ def _draw_sines(title: str, results: Sequence[SwayResult]) -> bytes:
     looks = styles([result.under for result in results])
     for under, look in looks.items():
         there = [r for r in results if r.under == under and r.seen]
+        there.sort(key=lambda r: r.stimulus.frequency_hz)
         if there:
             at = [r.stimulus.frequency_hz for r in there]
             gains = [max(r.seen["gain"], _LEAST_SHOWN) for r in there]
+            phases = beside_people(at, [r.seen["phase_deg"] for r in there])
             gain.plot(at, gains, marker="o", ms=3, label=under.label, **look)
-            phase.plot(at, [r.seen["phase_deg"] for r in there], "o", ms=3, **look)
+            phase.plot(at, phases, marker="o", ms=3, **look)
     gain.set(yscale="log", ylabel="gain [deg/deg]")
     phase.set(ylabel="phase [deg]")
     return _finish(figure, phase)

@@ -47,6 +47,7 @@ from surefoot.schemas.messages import (
 from surefoot.schemas.reasons import StabilizerState
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.stabilizer.factory import check_read
 
 M = TypeVar("M", bound=Message)
 
@@ -189,6 +190,7 @@ def check(
     *,
     file: Path,
     law: str | None,
+    overrides: Sequence[str] = (),
     until_s: float | None,
     on_tick: Callable[[int], None],
 ) -> ReplayOutcome:
@@ -200,11 +202,13 @@ def check(
         settings: the controllers were made with.
         file: named in the outcome.
         law: name of the controller to use; None for the recorded one.
+        overrides: settings among them that its controllers must read.
         until_s: compares this much from the first tick [s]; None for all.
         on_tick: called with each tick.
 
     Raises:
         UsageError: it holds no command, or not the start of any commander.
+        FileFormatError: a controller does not read an override.
     """
     said = _Said(timeline, robot, until_s=until_s)
     outcomes: list[SessionOutcome] = []
@@ -223,6 +227,7 @@ def check(
         if whole is None:
             continue
         name = law or said.law_of(whole)
+        check_read(overrides, [name])
         outcome_of_one = recompute(
             whole,
             sensors,

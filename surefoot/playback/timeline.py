@@ -22,6 +22,7 @@ from surefoot.recording.read import Record, decode_json, read_record, with_nan
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
+from surefoot.run_folder import RECORD
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import Message
@@ -97,7 +98,7 @@ class Timeline:
 
 
 def read_timeline(path: Path) -> Timeline:
-    """Read a record into memory and brings it in order.
+    """Read a record, or that of a run's folder, into memory and bring it in order.
 
     The recorder writes what came in a moment channel by channel, so the order of the
     file is not that of the bus.
@@ -105,6 +106,8 @@ def read_timeline(path: Path) -> Timeline:
     Raises:
         UsageError: it cannot be read, or holds no sensor messages.
     """
+    if (path / RECORD).is_file():
+        path = path / RECORD
     collector = _Collector()
     record = read_record(path, collector.take)
     collector.leave_out(

@@ -18,7 +18,7 @@ from numpy.lib.format import write_array
 
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.installation import install_command
-from surefoot.out_folder import is_to_replace, new_file
+from surefoot.out_folder import is_to_replace, new_file, undone_on_error
 from surefoot.recording.read import Record
 from surefoot.schemas.arrays import Array
 from surefoot.signals import Signals
@@ -122,12 +122,15 @@ def export_signals(
     if to == "npz":
         path, names = out, list(signals)
     else:
-        _make_folder(out)
         path = out / f"{SIGNALS_STEM}.{to}"
         names = [n for layout in map(signals.layout, signals) for n in layout.columns]
-    _check_place(path, names, overwrite=overwrite)
-    with new_file(path, overwrite=overwrite) as file:
-        write(file, signals)
+    with undone_on_error() as note_new:
+        note_new(path)
+        if to != "npz":
+            _make_folder(out)
+        _check_place(path, names, overwrite=overwrite)
+        with new_file(path, overwrite=overwrite) as file:
+            write(file, signals)
     return [path]
 
 
@@ -240,7 +243,6 @@ def _export_tables(
     write: Callable[[IO[bytes], Columns], None],
     overwrite: bool,
 ) -> list[Path]:
-    _make_folder(folder)
     safe = safe_names(record.channels)
     paths = {
         channel: folder / f"{safe[channel]}.{suffix}"
@@ -251,9 +253,13 @@ def _export_tables(
         if path.exists() or path.is_symlink():
             columns = _columns(record.messages(channel))
             _check_place(path, columns, overwrite=overwrite)
-    for channel, path in paths.items():
-        with new_file(path, overwrite=overwrite) as file:
-            write(file, _columns(record.messages(channel)))
+    with undone_on_error() as note_new:
+        note_new(folder)
+        _make_folder(folder)
+        for channel, path in paths.items():
+            note_new(path)
+            with new_file(path, overwrite=overwrite) as file:
+                write(file, _columns(record.messages(channel)))
     return list(paths.values())
 
 

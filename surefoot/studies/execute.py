@@ -17,7 +17,8 @@ from typing import Any
 from surefoot.errors import EnvironmentFailedError, SurefootError, UsageError
 from surefoot.installation import install_command
 from surefoot.progress import CountBar, no_bar
-from surefoot.studies.cell import Row, Task, Work
+from surefoot.stabilizer.factory import check_read
+from surefoot.studies.cell import Row, Task, Work, find_variant
 from surefoot.studies.store import (
     StudyStore,
     about_code,
@@ -220,7 +221,8 @@ def execute(
         The row of each cell, in their order.
 
     Raises:
-        FileFormatError: a value does not fit its scenario; nothing has been run.
+        FileFormatError: a value does not fit its scenario, or no controller reads a
+            setting; nothing has been run.
         UsageError: kept runs are of another scenario, robot or settings, or a run is
             asked for twice, which would count as two.
     """
@@ -228,6 +230,7 @@ def execute(
     if scheduler is not None:
         check_address(scheduler)
     tasks = tasks_of(cells, robot=robot, overrides=overrides)
+    check_read(overrides, {find_variant(cell.variant).controller for cell in cells})
     for task in tasks:
         store.check(task)
     store.begin()

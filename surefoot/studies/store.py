@@ -21,7 +21,14 @@ from typing import Any, BinaryIO, Self
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import FolderLock, atomic_file, make_out_folder, write_json
+from surefoot.out_folder import (
+    FolderLock,
+    atomic_file,
+    make_out_folder,
+    not_there,
+    take_away,
+    write_json,
+)
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import with_recordings
 from surefoot.sim_robot.catalogue import naming_scenario
@@ -171,6 +178,7 @@ class StudyStore:
         self._path = folder / RUNS
         self._file: BinaryIO | None = None
         self._lock: FolderLock | None = None
+        self._made: list[Path] = []
         about = {**about, **about_code()}
         self.about = about
         marker = folder / STUDY
@@ -194,6 +202,8 @@ class StudyStore:
         """
         if self._file is not None:
             return
+        files = self._path, self._folder / STUDY
+        self._made = [path for file in files for path in not_there(file)]
         make_out_folder(self._folder, out=self._folder)
         self._lock = FolderLock(self._folder)
         # Another command may have done some of them since this one looked.
@@ -204,10 +214,15 @@ class StudyStore:
                 file.write(msgspec.json.encode(row) + b"\n")
         self._file = self._path.open("ab")
 
-    def __exit__(self, *why: object) -> None:
-        """Close the file, and let others write there."""
+    def __exit__(self, error: object, *more: object) -> None:
+        """Close the file, and let others write there.
+
+        After an error a study that has no run yet is as if it had not been begun.
+        """
         if self._file is not None:
             self._file.close()
+        if error is not None and not self.rows:
+            take_away(self._made)
         if self._lock is not None:
             self._lock.release()
 

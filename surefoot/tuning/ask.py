@@ -16,6 +16,7 @@ from surefoot.run_plan import Settings, resolve_settings
 from surefoot.schemas.scenario import load_scenario
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.sim_robot.catalogue import find_scenario
+from surefoot.stabilizer.factory import check_read
 from surefoot.studies.cell import Cell, Group, Task, find_variant
 from surefoot.studies.execute import tasks_of
 from surefoot.studies.store import about_code, inputs_fingerprint
@@ -165,6 +166,12 @@ def make_spec(
         start = resolve_settings(settings, overrides=overrides)
     parameters = [parse_parameter(text, start=start) for text in _texts(params)]
     _check_once(parameters)
+    check_read(overrides, [variant.controller])
+    check_read(
+        [parameter.setting for parameter in parameters],
+        [variant.controller],
+        option="--params",
+    )
     for parameter in parameters:
         parameter.check_start(start)
     base = _differences(start)

@@ -60,7 +60,7 @@ class TuneCell(Cell):
         if EFFORT in self.extra:
             power = abs(sim.signals["effort"] * sim.signals["dq"]).sum(axis=1)
             row[EFFORT] = float(power.mean())
-        if sway is not None and probe is not None:
+        if sway is not None and probe is not None and is_up(row):
             row[SCORE] = sway_result(sway, {**row, "seen": probe.figures()}).score
         if SENSITIVITY in self.extra:
             profile = plan.robot.file.servo.profile
@@ -186,9 +186,9 @@ def find_objectives(names: Sequence[str]) -> list[Objective]:
     """
     for name in names:
         if name not in OBJECTIVES or names.count(name) > 1:
+            near = "" if name in OBJECTIVES else nearest(name, list(OBJECTIVES))
             raise UsageError(
-                f"--objectives {','.join(names)}: got {name!r}"
-                f"{nearest(name, list(OBJECTIVES))}; expected some of "
+                f"--objectives {','.join(names)}: got {name!r}{near}; expected some of "
                 f"{', '.join(OBJECTIVES)}, each once"
             )
     return [OBJECTIVES[name] for name in names]

@@ -13,6 +13,10 @@ from surefoot.tuning.ask import Spec
 from surefoot.tuning.objectives import Objective, is_up, mean_figures
 from surefoot.tuning.parameters import Value, overrides_of
 
+_SEEN = (
+    "Held out: nothing was. With another seed these scenarios are the same runs, to "
+    "the last bit, since they have no noise; name others with --held-out."
+)
 NOTICEABLE = 0.005
 """Relative change below which a value or a figure counts as the same."""
 
@@ -68,6 +72,7 @@ class Tuned:
             share of the start's.
         training: before and after on the scenarios of the search.
         held_out: the same on those that it has not seen; empty when it was broken off.
+        has_seen: whether those were the runs of the search, bit for bit.
     """
 
     spec: Spec
@@ -77,6 +82,7 @@ class Tuned:
     chosen: Candidate
     training: list[Comparison]
     held_out: list[Comparison]
+    has_seen: bool = False
 
     @property
     def overrides(self) -> list[str]:
@@ -107,6 +113,7 @@ class Tuned:
                 if self.held_out
                 else []
             ),
+            *([_SEEN] if self.has_seen else []),
         ]
 
 

@@ -243,6 +243,9 @@ def _conclude(
         return None
     front, chosen = choose(spec, found)
     start = found[0]
+    trained = {row["log_sha256"] for row in start.rows}
+    unseen = [row for row in before if row["log_sha256"] not in trained]
+    has_seen = bool(before) and not unseen
     return Tuned(
         spec=spec,
         candidates=found,
@@ -250,7 +253,8 @@ def _conclude(
         start=start,
         chosen=chosen,
         training=compare(start.rows, chosen.rows, spec.figures),
-        held_out=compare(before, after, spec.figures),
+        held_out=[] if has_seen else compare(before, after, spec.figures),
+        has_seen=has_seen,
     )
 
 

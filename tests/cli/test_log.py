@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import resource
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
 import pytest
 
+from surefoot.recording.export import export_record, export_signals
+from surefoot.recording.read import read_record
 from surefoot.signals import read_signals
 from tests.command import Surefoot
 from tests.once import short_run
@@ -46,6 +49,20 @@ def test_every_format_gives_back_the_recorded_numbers_bit_for_bit(
     table = pyarrow.parquet.read_table(tmp_path / "p" / "joints.parquet")
     columns = [table[name].to_numpy() for name in names]
     np.testing.assert_array_equal(np.stack(columns, axis=1), expected)
+
+
+def test_an_export_that_fails_leaves_nothing(recorded: Path, tmp_path: Path) -> None:
+    """Files may grow to 20 kB: some tables of the record fit, others do not."""
+    present, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, most))
+    try:
+        with pytest.raises(OSError, match="too large"):
+            export_record(read_record(recorded), "csv", tmp_path / "a" / "record")
+        with pytest.raises(OSError, match="too large"):
+            export_signals(read_signals(recorded.parent), "csv", tmp_path / "signals")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (present, most))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_info_tells_counts_and_whether_the_file_is_whole(

@@ -75,7 +75,7 @@ def test_a_record_tells_all_a_run_depends_on(
     out = tmp_path / "run"
     done = surefoot(
         *("run", short_scenario, "--controller", "hold", "--seed", 5),
-        *("--set", "tsid.base_kp=123.5", "--out", out),
+        *("--set", "safety.leave_s=0.06", "--out", out),
     )
     assert done.returncode == 0, done.stderr
     files = attached(out / "run.mcap")

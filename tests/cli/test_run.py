@@ -61,14 +61,14 @@ def test_out_keeps_the_whole_run(
     surefoot: Surefoot, short_scenario: Path, tmp_path: Path, mode: str
 ) -> None:
     out = tmp_path / "run"
-    words = [f"--{mode}", "--seed", 5, "--set", "tsid.base_kp=123.5", "--out", out]
+    words = [f"--{mode}", "--seed", 5, "--set", "safety.leave_s=0.06", "--out", out]
     result = run_hold(surefoot, short_scenario, *words)
     logs = set() if mode == "inline" else LOGS | BY_RECORDER
     assert {path.name for path in out.iterdir()} == FILES | logs
     assert json.loads((out / "result.json").read_text()) == result
     assert result["out"] == str(out)
     assert (out / "scenario.toml").read_text() == short_scenario.read_text()
-    assert "base_kp = 123.5" in (out / "settings.toml").read_text()
+    assert "leave_s = 0.06" in (out / "settings.toml").read_text()
     about = json.loads((out / MARKER).read_text())
     assert (about["seed"], about["mode"], about["controller"]) == (5, mode, "hold")
     signals = read_signals(out)

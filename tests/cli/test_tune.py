@@ -12,13 +12,13 @@ import pytest
 from surefoot.tuning.trials import Trials
 from tests.command import Surefoot, command, environment, run_surefoot
 from tests.support import PATIENCE_S, wait_until
-from tests.surefoot.tuning.searches import still
+from tests.surefoot.tuning.searches import HOLDS, still
 
 PLACES = 60
 
 
 def tune(folder: Path, *more: object) -> list[object]:
-    search = ["--params", "tsid.com_kp=10:80", "--controller", "hold"]
+    search = ["--params", "tsid.com_kp=10:80", "--controller", HOLDS]
     return ["tune", still(folder), *search, "--out", folder / "out", *more]
 
 

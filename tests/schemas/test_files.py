@@ -11,7 +11,7 @@ from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Endpoints
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.motions import DropMotion, RampMotion, SineMotion
 from surefoot.schemas.scenario import Scenario, load_scenario
-from surefoot.schemas.toml_file import load
+from surefoot.schemas.toml_file import find_toml, load
 
 DEPLOY = Path(__file__).parents[2] / "deploy"
 HEAD = """
@@ -207,10 +207,12 @@ def test_unknown_keys_get_a_hint_from_their_own_table(
 def test_missing_and_broken_files_are_named(tmp_path: Path) -> None:
     with pytest.raises(FileFormatError, match=r"absent\.toml: no such file"):
         load_scenario(tmp_path / "absent.toml")
-    with pytest.raises(FileFormatError, match="is a folder"):
-        load_scenario(tmp_path)
     broken = tmp_path / "broken.toml"
     broken.write_text("name = ")
+    with pytest.raises(FileFormatError, match=r"is a folder.*holds broken\.toml"):
+        load_scenario(tmp_path)
+    with pytest.raises(FileFormatError, match=r"got a folder; it holds broken\.toml"):
+        find_toml(tmp_path, {}, what="scenario", error=FileFormatError)
     with pytest.raises(FileFormatError, match=r"broken\.toml: not valid TOML"):
         load_scenario(broken)
     broken.write_bytes(b"\xff\xfe")

@@ -187,6 +187,7 @@ def test_peers_step_and_touching_fields(
         (_peer(step="1 HOURS") + "1 2 3 4", "DT is '1 HOURS', expected seconds"),
         (_peer(count=5000 * "9") + "1 2 3 4", "NPTS is '9*[.]{3}', expected a number"),
         (_peer(count="5") + "1 2 3 4", "holds 4 values and its heading says 5"),
+        (_peer() + "1 2 3\n4 5 6\n7", "holds 7 values and its heading says 4"),
         (_peer() + "1 2\n3 1.5-101", "line 6: a value is '1.5-101'"),
         ("nothing\nof\nthe\nkind\n1 2", "do not say NPTS"),
     ],

@@ -90,6 +90,17 @@ def test_offset_and_slow_drift_of_the_sensor_do_not_move_the_ground(
     assert last == 0.0
 
 
+def test_a_sensor_that_warms_up_does_not_kick_the_ground_at_both_ends(
+    tmp_path: Path,
+) -> None:
+    """A straight line, of which a high-pass alone leaves a step where it begins."""
+    wrong = ACCELERATION + 0.1 * TIMES
+    motion = _motion(_csv(tmp_path / "a.csv", wrong), quantity="acceleration")
+    assert _on(motion, TIMES) == pytest.approx(POSITION, abs=2e-3)
+    largest = np.abs(recorded_track(motion).acceleration).max()
+    assert largest == pytest.approx(np.abs(ACCELERATION).max(), rel=0.01)
+
+
 def test_velocity_is_the_derivative_and_has_no_jump(tmp_path: Path) -> None:
     file = _csv(tmp_path / "a.csv", np.cos(TIMES))  # begins at full speed
     law = motion_law(_motion(file, quantity="velocity", start_s=0.5, drift_hz=0.0))

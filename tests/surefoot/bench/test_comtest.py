@@ -22,7 +22,7 @@ from surefoot.bench.sway_cells import (
     sway_cell,
 )
 from surefoot.bench.sway_response import human_sway
-from surefoot.bench.sway_results import sway_result
+from surefoot.bench.sway_results import beside_people, sway_result
 from surefoot.errors import UsageError
 from surefoot.sim_robot.motion import motion_law
 from surefoot.sim_robot.state_view import PlantTruth, PlatformPose
@@ -90,6 +90,13 @@ def test_a_lean_that_is_a_share_of_the_ground_has_it_as_response(
     axis: SwayAxis, share: float
 ) -> None:
     assert np.abs(response_of(axis, share) - share).max() < 1e-6
+
+
+def test_a_person_on_sines_is_drawn_on_people() -> None:
+    human = human_sway()
+    whole_turns = (human.phase_deg + 180.0) % 360.0 - 180.0
+    drawn = beside_people(human.frequencies_hz.tolist(), whole_turns.tolist())
+    assert drawn == pytest.approx(human.phase_deg)
 
 
 def test_a_translation_is_as_large_as_the_tilt_it_is_named_by() -> None:

@@ -111,3 +111,15 @@ def test_a_sines_gain_phase_and_share_of_power_are_found() -> None:
     assert found.gain == pytest.approx(0.3, abs=SAMPLED)
     assert found.phase_deg == pytest.approx(np.degrees(-0.5), abs=0.5)
     assert found.power_ratio == pytest.approx(0.9, abs=SAMPLED)
+    drifts = sine_response(
+        time_s,
+        np.sin(angle),
+        y + 3.0 * time_s,
+        start_s=2.0,
+        frequency_hz=1.5,
+        periods=4,
+    )
+    assert (drifts.gain, drifts.phase_deg) == pytest.approx(
+        (found.gain, found.phase_deg), rel=SAMPLED
+    )
+    assert drifts.power_ratio < 0.1

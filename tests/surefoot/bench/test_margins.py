@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from surefoot.bench.bench_runs import PERSON, Subject, proportion
+from surefoot.bench.bench_runs import PERSON, Subject, Under, proportion
 from surefoot.bench.push_cells import (
     KINDS,
     MOST_STEPS,
+    SINES,
+    START_S,
     WITHIN,
     Disturbance,
     MarginSearch,
+    PushKind,
     first_guess,
     fit_impedance,
-    phasor,
+    push_cell,
 )
+from surefoot.bench.push_results import PushResult, write_push_page
+from surefoot.bench.sway_response import phasor
 
 EXACT = 1e-9
 ROUNDED = 1e-3
@@ -71,9 +78,35 @@ def test_one_frequency_cannot_tell_a_spring_from_a_mass() -> None:
 def test_a_phasor_is_amplitude_and_phase_and_blind_to_what_does_not_swing() -> None:
     period_s, frequency_hz = 0.002, 2.5
     angle = 2.0 * np.pi * frequency_hz * period_s * np.arange(600)
-    values = 3.0 * np.cos(angle + 0.4) + 5.0
+    values = 3.0 * np.cos(angle + 0.4) + 5.0 - 0.01 * np.arange(600)
     found = phasor(values, period_s=period_s, frequency_hz=frequency_hz)
     assert found == pytest.approx(3.0 * np.exp(0.4j), abs=EXACT)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("frequency_hz", [0.5, 2.0, 4.0])
+def test_a_push_lasts_until_what_was_too_much_has_fallen(
+    kind: PushKind, frequency_hz: float
+) -> None:
+    who = Under("whole-body", "ideal")
+    disturbance = Disturbance(kind, 0.0, frequency_hz if kind in SINES else 0.0)
+    cell = push_cell(disturbance, 1.0, who, subject=PERSON, body="pelvis")
+    fall_s = (PERSON.com_height_m / 9.81) ** 0.5
+    assert cell.scenario.duration_s - START_S > 10.0 * fall_s
+
+
+def test_a_page_has_those_sines_alone_that_were_stood(tmp_path: Path) -> None:
+    def result(kind: PushKind, at_hz: float, stood: float) -> PushResult:
+        disturbance = Disturbance(kind, 0.0, at_hz)
+        who = Under("hold", "ideal")
+        return PushResult(disturbance, who, PERSON, stood, 2.0 * stood + 1.0, 7, None)
+
+    none = [result("sine-displacement", at_hz, 0.0) for at_hz in (1.0, 2.0)]
+    some = [result("sine-force", at_hz, 10.0 * at_hz) for at_hz in (1.0, 2.0)]
+    for results, drawings in ((none, 0), ([*none, *some], 1), (some, 1)):
+        write_push_page(tmp_path, results, robot="walker", subject=PERSON)
+        page = (tmp_path / "index.html").read_text()
+        assert page.count("margins of sines") == drawings
 
 
 def test_a_person_is_in_proportion_to_a_person() -> None:

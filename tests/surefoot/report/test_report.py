@@ -25,6 +25,8 @@ from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
 from surefoot.report.tables import figure_rows, setting_rows
 from surefoot.robot_io.client_side.observer import LatestMessages
+from surefoot.run_folder import folder_of_run
+from surefoot.runs import load_run as run_of
 from surefoot.runs import simulate
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.messages import ImuState, JointState, StabilizerStatus, Truth
@@ -291,6 +293,15 @@ def test_what_is_missing_is_named(broken: Path, file: str, words: str) -> None:
     for path in broken.glob(f"*{file}"):
         path.unlink()
     _refused([broken], words)
+
+
+def test_a_file_of_a_run_stands_for_its_folder(broken: Path) -> None:
+    result = broken / "result.json"
+    assert folder_of_run(result) == folder_of_run(broken) == broken
+    assert run_of(result).result == run_of(broken).result
+    stray = broken.parent / "stray.mcap"
+    stray.touch()
+    _refused([stray], "a file, and not in the folder of a run")
 
 
 def test_what_is_damaged_in_its_notes_is_named(broken: Path) -> None:

@@ -51,6 +51,26 @@ def test_folder_with_something_else_is_left_alone(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+def test_a_study_that_failed_before_its_first_run_leaves_nothing(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "new" / "study"
+
+    def fail() -> None:
+        with StudyStore(folder, about=ABOUT) as store:
+            store.begin()
+            raise UsageError("no worker answers")
+
+    with pytest.raises(UsageError, match="no worker"):
+        fail()
+    assert list(tmp_path.iterdir()) == []
+    filled(folder)
+    kept = list(read_rows(folder))
+    with pytest.raises(UsageError, match="no worker"):
+        fail()
+    assert list(read_rows(folder)) == kept
+
+
 def test_two_commands_do_not_write_into_one_folder(tmp_path: Path) -> None:
     folder = tmp_path / "study"
     with StudyStore(folder, about=ABOUT) as first:

@@ -5,8 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from surefoot.tuning.ask import Spec, make_spec
+from tests.surefoot import own_controllers
 
 STILL = 'name = "still"\nduration_s = 0.02\n'
+HOLDS = f"{Path(own_controllers.__file__).resolve()}:StayWithSettings"
+"""Is given settings, so that any may be searched, and holds its posture."""
 PARAMS = {"tsid.com_kp": (10, 80), "dik.com_gain": (0.5, 8.0)}
 
 
@@ -24,7 +27,7 @@ def spec_of(scenario: Path, *, sampler_seed: int = 0) -> Spec:
         PARAMS,
         objectives=["com", "force"],
         seeds=[0],
-        controller="hold",
+        controller=HOLDS,
         settings=None,
         overrides=(),
         robot="walker",

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import random
 from pathlib import Path
 
 import pytest
 
+import surefoot as sf
 from surefoot.tuning.ask import Spec
 from surefoot.tuning.outcome import Candidate, Tuned, choose
-from tests.surefoot.tuning.searches import spec_of, still
+from tests.surefoot.tuning.searches import HOLDS, spec_of, still
 
 
 @pytest.fixture
@@ -64,6 +66,21 @@ def test_words_say_what_changed_with_units(spec: Spec) -> None:
     tuned = Tuned(spec, [start, better], front, start, chosen, [], [])
     assert "tsid.com_kp: 30 to 44 1/s^2 (CoM position gain)." in tuned.words
     assert "tsid.com_kp=44.0" in tuned.overrides
+
+
+def test_runs_without_noise_are_not_held_out_by_another_seed(tmp_path: Path) -> None:
+    tuned = sf.tune(
+        still(tmp_path),
+        ["dik.com_gain"],
+        trials=1,
+        workers=1,
+        controller=HOLDS,
+        out=tmp_path / "out",
+    )
+    assert tuned.has_seen
+    assert tuned.held_out == []
+    better = dataclasses.replace(tuned, chosen=candidate(1, 0.5, 0.5))
+    assert "Held out: nothing was" in better.words[-1]
 
 
 def test_words_say_when_nothing_better_was_found(spec: Spec) -> None:

@@ -13,6 +13,7 @@ from surefoot.bench.sway_cells import Stimulus, sway_cell
 from surefoot.bench.sway_results import sway_result
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import load_robot
+from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from surefoot.studies.cell import Group, Task
@@ -28,7 +29,7 @@ from surefoot.tuning.objectives import (
     mean_figures,
     stimulus_of,
 )
-from tests.surefoot.tuning.searches import still
+from tests.surefoot.tuning.searches import HOLDS, still
 
 TILT = Stimulus("prts", "pitch", 4.0)
 SWAY = sway_cell(TILT, Under("whole-body", "ideal"), height_m=0.8)
@@ -68,7 +69,7 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="none of the scenarios is a tilt"):
         spec_of(still(tmp_path), controller="whole-body", objective="score")
     with pytest.raises(UsageError, match="whole-body controller's loop"):
-        spec_of(still(tmp_path), controller="zmp", objective="margin")
+        spec_of(still(tmp_path), controller=HOLDS, objective="margin")
 
 
 @pytest.mark.parametrize(
@@ -78,6 +79,7 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
         ({"params": {}}, "expected at least one"),
         ({"params": ["dik.com_gain", "dik.com_gain.x=1:4"]}, "searched twice"),
         ({"objectives": ["com", "fall"]}, "expected some of com"),
+        ({"params": ["tsid.com_kp"], "controller": "zmp"}, "whole-body would"),
         ({"held_out_seeds": [0]}, "the search sees some of them"),
         ({"out": "."}, "holds something else"),
     ],
@@ -85,10 +87,10 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
 def test_what_cannot_be_searched_is_refused_before_anything_runs(
     tmp_path: Path, more: dict[str, Any], words: str
 ) -> None:
-    asked = {"params": ["dik.com_gain"], "out": "out", **more}
+    asked = {"params": ["dik.com_gain"], "out": "out", "controller": HOLDS, **more}
     out = tmp_path / asked.pop("out")
-    with pytest.raises(UsageError, match=words):
-        sf.tune(still(tmp_path), out=out, controller="hold", **asked)
+    with pytest.raises((UsageError, FileFormatError), match=words):
+        sf.tune(still(tmp_path), out=out, **asked)
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == [
         "still.toml"
     ]

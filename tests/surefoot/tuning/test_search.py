@@ -19,7 +19,7 @@ from surefoot.tuning.ask import Sampler
 from surefoot.tuning.page import OUTCOME
 from surefoot.tuning.trials import PLACE, Trials, evaluate
 from tests.support import wait_until
-from tests.surefoot.tuning.searches import PARAMS, spec_of, still
+from tests.surefoot.tuning.searches import HOLDS, PARAMS, spec_of, still
 
 
 def kill_workers(journal: Path, places: int, *, kills: int, seed: int) -> list[Path]:
@@ -63,7 +63,7 @@ def check_kills(
         trials=places,
         workers=workers,
         out=folder,
-        controller="hold",
+        controller=HOLDS,
         sampler=sampler,
     )
     killer.join()
