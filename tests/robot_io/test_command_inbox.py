@@ -56,22 +56,16 @@ def test_the_answer_carries_its_tick_and_the_posture_to_follow() -> None:
     assert np.array_equal(result.posture, offset("left_knee", 0.002))
 
 
-def test_an_answer_that_is_refused_is_an_answer() -> None:
-    result = Robot(wire(0, 1.0)).answer(0, newest=0)
-    assert isinstance(result, CommandResult)
-    assert result.refusal is Refusal.FIRST_COMMAND
-    assert np.array_equal(result.posture, WALKER.nominal)
-
-
 @pytest.mark.parametrize(
     ("q", "refusal"),
     [
         ([math.nan] * WALKER.n_a, Refusal.NOT_FINITE),
         ([math.inf] * WALKER.n_a, Refusal.NOT_FINITE),
         ([0.0] * (WALKER.n_a - 1), Refusal.SIZE),
+        (offset("left_knee", 1.0), Refusal.FIRST_COMMAND),
     ],
 )
-def test_an_answer_without_a_posture_is_an_answer(
+def test_an_answer_that_is_refused_is_an_answer(
     q: list[float], refusal: Refusal
 ) -> None:
     """In one process, too, nobody waits for another one."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import msgspec
@@ -12,7 +12,6 @@ import zenoh
 
 from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.client_side.client import RobotClient
-from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
@@ -23,6 +22,7 @@ from surefoot.schemas.messages import (
     SettingsRequest,
     StabilizerReply,
 )
+from tests.robot_io.client_at_work import new_client
 from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import serving
 from tests.support import PATIENCE_S, wait_until
@@ -50,8 +50,9 @@ class Meeting:
         self._routed = routed
         self.asked = 0
 
-    def endpoints(self, identity: str) -> Endpoints:
-        return as_who(self._authority, identity, routed=self._routed)
+    def session(self, identity: str) -> AbstractContextManager[zenoh.Session]:
+        endpoints = as_who(self._authority, identity, routed=self._routed)
+        return open_session(endpoints, Role.CLIENT, namespace="walker")
 
     def answers(
         self, session: zenoh.Session, name: str, data: bytes, *, attempts: int = TRIES
@@ -102,15 +103,8 @@ def meeting(
                 )
             )
         stack.enter_context(serving(robot, as_who(modes, "robot", routed=routed)))
-        ann = stack.enter_context(
-            RobotClient(
-                robot,
-                endpoints=as_who(modes, "stabilizer", routed=routed),
-                identity="ann",
-                in_order=True,
-                stop=StopRequest(),
-            )
-        )
+        theirs = as_who(modes, "stabilizer", routed=routed)
+        ann = stack.enter_context(new_client(theirs, "ann", robot=robot))
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         yield Meeting(robot, modes, ann, routed=routed)
@@ -121,18 +115,14 @@ def test_an_operator_is_answered_by_the_stabilizer(
     meeting: Meeting, request_: msgspec.Struct
 ) -> None:
     name = "settings" if request_ is SETTINGS else "control"
-    with open_session(
-        meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with meeting.session("operator") as session:
         data = meeting.answers(session, name, encode(request_))
         assert data is not None
         assert decode(data, StabilizerReply).tick == TICK
 
 
 def test_an_operator_does_not_command(meeting: Meeting) -> None:
-    with open_session(
-        meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with meeting.session("operator") as session:
         assert meeting.answers(session, "settings", encode(SETTINGS)) is not None
         assert meeting.answers(session, "lease", encode(LEASE), attempts=FEW) is None
         assert meeting.answers(session, "mode", encode(LEASE), attempts=FEW) is None
@@ -141,9 +131,7 @@ def test_an_operator_does_not_command(meeting: Meeting) -> None:
 @pytest.mark.parametrize("identity", ["observer", "planner"])
 def test_others_do_not_reach_the_stabilizer(meeting: Meeting, identity: str) -> None:
     before = meeting.asked
-    with open_session(
-        meeting.endpoints(identity), Role.CLIENT, namespace="walker"
-    ) as session:
+    with meeting.session(identity) as session:
         assert (
             meeting.answers(session, "settings", encode(SETTINGS), attempts=FEW) is None
         )
@@ -159,12 +147,8 @@ def test_an_operator_cannot_answer_in_the_place_of_the_stabilizer(
     key = meeting.robot.keys["settings"]
     forged: list[zenoh.Query] = []
     with (
-        open_session(
-            meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-        ) as impostor,
-        open_session(
-            meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-        ) as session,
+        meeting.session("operator") as impostor,
+        meeting.session("operator") as session,
     ):
         impostor.declare_queryable(key, forged.append)
         for _ in range(FEW):

@@ -53,11 +53,12 @@ def opened(endpoints: Endpoints, role: Role = Role.ROBOT) -> None:
         ("tpc/127.0.0.1:7447", "got the protocol 'tpc'"),
         ("127.0.0.1:7447", "no protocol"),
         ("", "no protocol"),
+        ("pigeon/1", "got the protocol 'pigeon'"),
         ("unixsock-stream/", "no path"),
         ("unixsock-stream/" + "x" * 200, "more than 103 bytes"),
     ],
 )
-@pytest.mark.parametrize("role", [Role.ROBOT, Role.CLIENT])
+@pytest.mark.parametrize("role", Role)
 def test_malformed_locators_are_refused_with_what_is_wrong(
     locator: str, words: str, role: Role
 ) -> None:

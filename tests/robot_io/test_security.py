@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -14,10 +15,8 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 from surefoot.robot_io.bus.session import Role, open_session
-from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import LocatorError, RobotUnreachableError
 from surefoot.robot_io.identity import new_identity
-from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
@@ -26,6 +25,7 @@ from surefoot.schemas.messages import (
     JointCommand,
     RobotMode,
 )
+from tests.robot_io.client_at_work import new_client
 from tests.robot_io.secured import ModeMachine
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import PATIENCE_S, free_port, wait_until
@@ -40,8 +40,12 @@ def authority(tmp_path_factory: pytest.TempPathFactory) -> ModeMachine:
     return ModeMachine(tmp_path_factory.mktemp("authority") / "certs")
 
 
-@pytest.fixture(scope="module", params=["walker", "walker-real"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param("walker", marks=pytest.mark.slow), "walker-real"],
+)
 def robot(request: pytest.FixtureRequest) -> Robot:
+    """The real one has keys of its own and some of the usual ones."""
     return load_robot(request.param)
 
 
@@ -51,10 +55,11 @@ def served(authority: ModeMachine, robot: Robot) -> Iterator[ServedRobot]:
         yield served
 
 
-def client(robot: Robot, endpoints: Endpoints, name: str = "ann") -> RobotClient:
-    return RobotClient(
-        robot, endpoints=endpoints, identity=name, in_order=True, stop=StopRequest()
-    )
+def as_one(
+    authority: ModeMachine, identity: str
+) -> AbstractContextManager[zenoh.Session]:
+    """A session of one of the identities."""
+    return open_session(authority.endpoints(identity), Role.CLIENT, namespace="walker")
 
 
 def command(robot: Robot, who: str = "ann", *, sequence: int = 0) -> bytes:
@@ -106,7 +111,7 @@ def ask(session: zenoh.Session, key: str, data: bytes) -> bool:
 def test_the_stabilizer_reads_commands_and_asks(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
-    with client(robot, authority.endpoints("stabilizer")) as ann:
+    with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         q = ann.enable()
@@ -128,9 +133,7 @@ def test_an_observer_reads_but_does_not_command(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     before = refusals(served)
-    with open_session(
-        authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "observer") as session:
         assert can_read(session, robot, served)
         for sequence in range(ATTEMPTS):
             session.put(
@@ -145,28 +148,12 @@ def test_an_observer_reads_but_does_not_command(
     assert served.do(lambda server, gate: gate.modes.lease.holder) == ""
 
 
-def test_the_stabilizer_commands_reach_the_gate(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
-) -> None:
-    """What makes the observer's silence above mean something."""
-    before = refusals(served)
-    with open_session(
-        authority.endpoints("stabilizer"), Role.CLIENT, namespace="walker"
-    ) as session:
-        publisher = session.declare_publisher(robot.keys["joint_command"])
-        wait_until(lambda: publisher.matching_status.matching, what="the robot")
-        publisher.put(command(robot, "nobody"))
-        wait_until(lambda: refusals(served) > before, what="the refusal")
-
-
 def test_messages_that_are_too_long_are_dropped_unread(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     limit = authority.endpoints("robot").max_bytes
     before = refusals(served)
-    with open_session(
-        authority.endpoints("stabilizer"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "stabilizer") as session:
         publisher = session.declare_publisher(
             robot.keys["joint_command"],
             congestion_control=zenoh.CongestionControl.BLOCK,
@@ -186,15 +173,9 @@ def test_a_planner_is_heard_by_the_stabilizer_and_does_not_command(
 ) -> None:
     before = refusals(served)
     with (
-        open_session(
-            authority.endpoints("stabilizer"), Role.CLIENT, namespace="walker"
-        ) as session,
-        open_session(
-            authority.endpoints("planner"), Role.CLIENT, namespace="walker"
-        ) as planner,
-        open_session(
-            authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-        ) as observer,
+        as_one(authority, "stabilizer") as session,
+        as_one(authority, "planner") as planner,
+        as_one(authority, "observer") as observer,
     ):
         references = session.declare_subscriber(robot.keys["reference"], RingChannel(9))
         publisher = planner.declare_publisher(robot.keys["reference"])
@@ -214,12 +195,10 @@ def test_everyone_with_a_certificate_can_stop_the_robot(
     authority: ModeMachine, robot: Robot, served: ServedRobot, identity: str
 ) -> None:
     authority.issue("guest", days=1)
-    with open_session(
-        authority.endpoints(identity), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, identity) as session:
         assert ask(session, robot.keys["estop"], b"stop")
     assert served.do(lambda server, gate: gate.mode) is RobotMode.FAULT
-    with client(robot, authority.endpoints("stabilizer")) as ann:
+    with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         ann.request_mode("reset")
@@ -229,21 +208,17 @@ def test_an_identity_that_is_not_listed_reads_nothing(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
     authority.issue("guest", days=1)
-    with open_session(
-        authority.endpoints("guest"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "guest") as session:
         assert not can_read(session, robot, served)
 
 
 def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
-    with client(robot, authority.endpoints("stabilizer")) as ann:
+    with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
-        with open_session(
-            authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-        ) as session:
+        with as_one(authority, "observer") as session:
             token = session.liveliness().declare_token("alive/stabilizer/ann")
             assert can_read(session, robot, served)
             token.undeclare()
@@ -254,13 +229,11 @@ def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
 def test_an_observer_cannot_pose_as_a_second_robot(
     authority: ModeMachine, robot: Robot, served: ServedRobot
 ) -> None:
-    with open_session(
-        authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "observer") as session:
         token = session.liveliness().declare_token(new_identity(robot).token)
         assert token is not None
         assert can_read(session, robot, served)
-        with client(robot, authority.endpoints("stabilizer")) as ann:
+        with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
             assert ann.connect(timeout_s=10.0)
             assert ann.take_lease().instance == served.server.identity.instance
 
@@ -335,25 +308,9 @@ def test_a_client_is_told_that_the_robot_is_of_another_authority(
     there = msgspec.structs.replace(other, connect=authority.endpoints("robot").connect)
     with (
         pytest.raises(RobotUnreachableError, match="of another authority than ours"),
-        client(robot, there) as late,
+        new_client(there, "ann", robot=robot) as late,
     ):
         late.connect(timeout_s=REFUSED_WITHIN_S)
-
-
-def test_a_client_does_not_talk_to_a_robot_of_another_authority(
-    authority: ModeMachine, robot: Robot, served: ServedRobot, tmp_path: Path
-) -> None:
-    strange = ModeMachine(tmp_path / "other").endpoints("stabilizer")
-    strange = msgspec.structs.replace(
-        strange, connect=authority.endpoints("robot").connect
-    )
-    with (
-        pytest.raises(RobotUnreachableError),
-        open_session(
-            strange, Role.CLIENT, namespace="walker", timeout_s=REFUSED_WITHIN_S
-        ),
-    ):
-        pass
 
 
 @pytest.mark.parametrize(

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from surefoot.robot_io.client_side.observer import (
-    VIEWER_CHANNELS,
-    LatestMessages,
-    Observer,
-)
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
@@ -25,7 +20,7 @@ from surefoot.sim_robot.robot_loop import run_robot
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from tests.command import command, environment
-from tests.nodes.processes import running
+from tests.nodes.processes import Onlooker, looking, running
 from tests.patient_robot import GENTLE, gentle_settings, patient_robot_file
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check
@@ -64,23 +59,8 @@ def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
     )
 
 
-class ReadOnlyClient:
-    """Looks on, and waits until it has seen something."""
-
-    def __init__(self, observer: Observer) -> None:
-        self.observer = observer
-
-    def until(
-        self, condition: Callable[[LatestMessages], object], *, what: str
-    ) -> LatestMessages:
-        def look() -> LatestMessages | None:
-            sight = self.observer.latest_messages()
-            is_whole = sight.status and sight.stabilizer and sight.joints
-            return sight if is_whole and condition(sight) else None
-
-        seen = wait_until(look, what=what)
-        assert seen is not None
-        return seen
+class Commanded(Onlooker):
+    """A robot that somebody commands."""
 
     def mode(self, mode: RobotMode, commander: str) -> None:
         self.until(
@@ -92,17 +72,9 @@ class ReadOnlyClient:
             what=f"{mode} by {commander}",
         )
 
-    def let_go_on(self) -> None:
-        start = self.until(lambda sight: True, what="anything").joints
-        assert start is not None
-        self.until(
-            lambda sight: sight.joints and sight.joints.tick > start.tick + LATER_TICKS,
-            what="the run to go on",
-        )
-
 
 @contextmanager
-def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyClient]:
+def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Commanded]:
     """A recorder and an onlooker of a robot; the robot must end inside."""
     log = out.with_suffix(".log")
     with log.open("w") as stderr:
@@ -117,14 +89,8 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
         )
     try:
         wait_until(lambda: "ready" in log.read_text(), what="the recorder")
-        with Observer(
-            load_robot(path),
-            endpoints=endpoints,
-            channels=VIEWER_CHANNELS,
-            identity="eve",
-        ) as observer:
-            observer.connect(timeout_s=PATIENCE_S)
-            yield ReadOnlyClient(observer)
+        with looking(endpoints, path) as observer:
+            yield Commanded(observer)
         assert recorder.wait(PATIENCE_S) == 0, log.read_text()
     finally:
         recorder.kill()
@@ -144,18 +110,18 @@ def test_gains_holds_and_pushes_are_equal(
     ):
         ask = onlooker.observer.requests
         onlooker.mode(RobotMode.ACTIVE, "ann")
-        onlooker.let_go_on()
+        onlooker.let_go_on(LATER_TICKS)
         ask.change_settings({"tsid.com_kp": [35.0]})
         ask.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
         # The ramp is on its way when the hold begins, and goes on after it.
         ask.control("hold")
         onlooker.mode(RobotMode.HOLD, "ann")
         ask.change_settings({"dik.com_gain": [2.5], "tsid.base_kd": [22.0]})
-        onlooker.let_go_on()
+        onlooker.let_go_on(LATER_TICKS)
         ask.control("resume")
         onlooker.mode(RobotMode.ACTIVE, "ann")
         for _ in range(5):
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
         robot.signal(signal.SIGINT)
         robot.result()
     code, found = check(out, *AS_RECORDED)
@@ -181,9 +147,9 @@ def test_a_stabilizer_that_was_asked_to_stop_is_equal_to_its_rest(
     ):
         with running(balance, path, endpoints, pace, "ann") as stabilizer:
             onlooker.mode(RobotMode.ACTIVE, "ann")
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
             onlooker.observer.requests.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
             stabilizer.signal(signal.SIGINT)
             stabilizer.result()
         onlooker.mode(RobotMode.HOLD, "")
@@ -209,13 +175,13 @@ def test_a_second_stabilizer_is_a_session_of_its_own(
     ):
         with running(balance, path, endpoints, Pace.LOCKSTEP, "ann") as first:
             onlooker.mode(RobotMode.ACTIVE, "ann")
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
             first.kill()
         onlooker.mode(RobotMode.HOLD, "")
         with running(balance, path, endpoints, Pace.LOCKSTEP, "bob"):
             onlooker.mode(RobotMode.ACTIVE, "bob")
-            onlooker.let_go_on()
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
+            onlooker.let_go_on(LATER_TICKS)
             robot.signal(signal.SIGINT)
             robot.result()
     code, found = check(out, *AS_RECORDED)
