@@ -11,6 +11,7 @@ import pytest
 from surefoot.robot_io.robot_side.mode_machine import CommandResult, Refusal
 from surefoot.robot_io.robot_side.server import CommandInbox, NoAnswer
 from surefoot.schemas.codec import encode
+from surefoot.schemas.messages import SCHEMA_VERSION
 from tests.robot_io.gate_at_work import PERIOD_S, WALKER, active_gate, command, offset
 
 INTERRUPT = None
@@ -120,10 +121,11 @@ def test_of_the_newest_the_last_one_accepted_counts() -> None:
         wire(0, 0.002, sequence=2),
         wire(0, 0.003, sequence=0),
         b"nonsense",
+        wire(0, 0.004, sequence=3, schema=SCHEMA_VERSION + 1),
     )
     robot.gate.begin_tick(now_s=0.0, tick=0)
     result = robot.inbox.newest(0, now_s=0.0)
     assert result is not None
     assert np.array_equal(result.posture, offset("left_knee", 0.002))
-    assert robot.gate.refused == {"sequence": 1, "malformed": 1}
+    assert robot.gate.refused == {"sequence": 1, "malformed": 1, "schema": 1}
     assert robot.inbox.newest(0, now_s=0.0) is None
