@@ -23,7 +23,6 @@ from surefoot.run_folder import CONTROLLER_TICKS, TICKS
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.signals import QP_WORDS, SIGNALS, WALK_SIGNALS, lay_out
-from surefoot.signals import file_sinks
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.telemetry import ControllerRecorder
 from tests.support import wait_until
@@ -215,25 +214,6 @@ def test_every_status_of_the_solver_has_its_word() -> None:
 def test_every_part_of_an_answer_is_a_signal() -> None:
     parts = {field.name for field in dataclasses.fields(ControllerOutput)}
     assert parts - {"walk"} <= set(ALL)
-
-
-def test_files_end_whole_however_a_run_ends(tmp_path: Path) -> None:
-    sim = None
-
-    def interrupted() -> None:
-        with file_sinks(tmp_path) as sinks:
-            nonlocal sim
-            plan = make_plan(SHORT, robot="walker", controller="hold")
-            sim = sf.Simulation.of_plan(plan, sinks=sinks)
-            controller = sf.make_controller("hold", sim.robot)
-            for _ in range(30):
-                sim.step(controller)
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        interrupted()
-    signals = sf.read_signals(tmp_path)
-    assert (signals.count, signals.is_cut_off) == (30, False)
 
 
 def test_a_killed_run_leaves_readable_ticks(tmp_path: Path) -> None:
