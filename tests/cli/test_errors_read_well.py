@@ -13,7 +13,7 @@ import pytest
 
 from surefoot.robot_io.errors import TickFileError
 from surefoot.robot_io.ticks.read import TickFileTable
-from tests.command import Surefoot
+from tests.command import Surefoot, scenario_file
 from tests.support import free_port
 
 NOTE = re.compile(r"\d\d:\d\d:\d\d INFO ")
@@ -295,8 +295,7 @@ def test_a_disk_that_fills_up_ends_the_record_and_not_the_run(
 ) -> None:
     """64 MiB are left to others, so some of 66 are for the record."""
     out = mount("size=66m") / "run"
-    scenario = tmp_path / "still.toml"
-    scenario.write_text('name = "still"\nduration_s = 3.0\n')
+    scenario = scenario_file(tmp_path, 3.0)
     done = surefoot("run", scenario, "--controller", "hold", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
@@ -313,8 +312,7 @@ def test_a_disk_too_small_for_the_run_leaves_nothing_that_looks_whole(
     surefoot: Surefoot, mount: Mount, tmp_path: Path, inline: list[str]
 ) -> None:
     out = mount("size=256k") / "run"
-    scenario = tmp_path / "still.toml"
-    scenario.write_text('name = "still"\nduration_s = 2.0\n')
+    scenario = scenario_file(tmp_path, 2.0)
     words = ["run", scenario, "--controller", "hold", *inline, "--out", out]
     told = complaint(surefoot(*words), 3)
     assert "No space left on device; make room" in told

@@ -1,15 +1,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
-from tests.command import Surefoot, environment
+from tests.command import Surefoot, run_python
 
 HEAVY = {
     "numpy",
@@ -57,13 +55,8 @@ finally:
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", SHOW_MODULES, *arguments],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_python("-c", SHOW_MODULES, *arguments)
+    assert done.returncode == 0, done.stderr
     (modules,) = (
         set(line.split()) for line in done.stderr.splitlines() if "MODULES" in line
     )

@@ -14,7 +14,7 @@ import pytest
 from surefoot.robot_io.security.certificates import make_certificates
 from surefoot.schemas.relay_plan import load_relay_plan
 from surefoot.schemas.result import RunResult
-from tests.command import REPOSITORY, Surefoot, command, environment
+from tests.command import REPOSITORY, Surefoot, command, environment, scenario_file
 from tests.support import PATIENCE_S, wait_until
 
 SERVICES_ONLY = """
@@ -81,8 +81,7 @@ def test_a_relay_that_would_dial_itself_is_refused(surefoot_here: Surefoot) -> N
 def test_a_relay_that_dies_is_named_as_the_one_who_failed(
     tmp_path: Path,
 ) -> None:
-    scenario, out = tmp_path / "long.toml", tmp_path / "out"
-    scenario.write_text('name = "long"\nduration_s = 600.0\n')
+    scenario, out = scenario_file(tmp_path, 600.0), tmp_path / "out"
     words = ["run", str(scenario), "--realtime", "--controller", "hold"]
     run = subprocess.Popen(
         command(*words, "--relay", "clear", "--out", out),

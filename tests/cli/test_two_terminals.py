@@ -13,7 +13,7 @@ from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult
 from tests.cli.conftest import Start
-from tests.command import Surefoot
+from tests.command import Surefoot, scenario_file
 from tests.nodes.test_nodes import is_running, observer
 from tests.support import PATIENCE_S, free_port, wait_until
 
@@ -90,8 +90,7 @@ def test_a_robot_nobody_came_for_ends_on_ctrl_c(start: Start, tmp_path: Path) ->
 def test_ctrl_c_brings_the_robot_to_rest_and_gives_the_lease_back(
     start: Start, tmp_path: Path
 ) -> None:
-    scenario = tmp_path / "hour.toml"
-    scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
+    scenario = scenario_file(tmp_path, 3600.0)
     endpoints = Endpoints(
         listen=[locator := f"tcp/127.0.0.1:{free_port()}"], connect=[locator]
     )

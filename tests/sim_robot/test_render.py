@@ -1,9 +1,5 @@
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -16,6 +12,7 @@ from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.render import Camera, Renderer
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.world import build_world
+from tests.command import run_python
 from tests.sim_robot.conftest import MakeScenario
 
 WIDTH, HEIGHT = 160, 120
@@ -46,17 +43,7 @@ def test_missing_graphics_say_what_to_install() -> None:
         "Renderer(load_robot('walker'), load_scenario('standing'),"
         " width=32, height=24)\n"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", script],
-        env={
-            **os.environ,
-            "MUJOCO_GL": "disabled",
-            "PYTHONPATH": os.pathsep.join(sys.path),
-        },
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ran = run_python("-c", script, MUJOCO_GL="disabled")
     assert ran.returncode == 1
     assert "RenderError: no picture can be drawn" in ran.stderr
     assert "apt-get install libegl1" in ran.stderr
