@@ -1,4 +1,4 @@
-"""What tests of several processes share: patience instead of sleeps."""
+"""What tests share: patience instead of sleeps, what a run leaves, a short scenario."""
 
 from __future__ import annotations
 
@@ -61,3 +61,17 @@ def ticks_on_disk(out: Path) -> int:
         return sf.read_signals(out).count
     except sf.UsageError:
         return 0
+
+
+ROLLING = sf.Scenario(
+    name="short roll",
+    duration_s=0.5,
+    platform=[
+        sf.Platform(
+            foot="both",
+            motion=[sf.SineMotion(axis="roll", amplitude_deg=3.0, frequency_hz=2.0)],
+        )
+    ],
+    sensors=sf.Sensors(force_noise_n=2.0, gyro_noise_rad_s=0.002),
+)
+"""Half a second in which every signal moves, with noise that depends on the seed."""

@@ -9,11 +9,12 @@ import sys
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 import surefoot as sf
 from surefoot.out_folder import OutFolder, check_replaceable, claim_file, new_file
-from surefoot.run_folder import MARKER, RUN_FILES, run_folder
+from surefoot.run_folder import MARKER, RUN_FILES, TICKS, run_folder
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.reasons import Outcome
@@ -239,6 +240,15 @@ def test_a_killed_run_can_be_read_and_the_next_command_says_how(
     signals = sf.read_signals(out)
     assert signals.count > 1000
     assert signals.is_cut_off
+    robot = sf.read_signals(out / TICKS)
+    still = sf.Scenario(name="still", duration_s=600.0)
+    sim = sf.Simulation("walker", still, record=True)
+    controller = sf.make_controller("hold", sim.robot)
+    while sim.tick < robot.count:
+        sim.step(controller)
+    for name in robot:
+        expected = sim.signals.read(name, 0, robot.count)
+        np.testing.assert_array_equal(robot[name], expected)
 
 
 def test_a_name_that_is_not_unicode(tmp_path: Path) -> None:
