@@ -23,7 +23,7 @@ from surefoot.sim_robot.robot_loop import RobotRun, run_robot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.patient_robot import patient
+from tests.patient_robot import gentle_settings, patient
 from tests.support import PATIENCE_S, wait_until
 
 FORKED = multiprocessing.get_context("forkserver")
@@ -183,6 +183,22 @@ def balancing(endpoints: Endpoints, identity: str = "ann") -> Any:
         pace=Pace.LOCKSTEP,
         identity=identity,
         connect_timeout_s=PATIENCE_S,
+    )
+
+
+def balance(
+    endpoints: Endpoints, pace: Pace, identity: str = "ann", path: str = "walker"
+) -> Any:
+    """The whole-body controller, gentle, its settings open to change."""
+    walker = load_robot(path)
+    return run_stabilizer(
+        lambda settings: WholeBodyController(walker, settings),
+        walker,
+        endpoints=endpoints,
+        pace=pace,
+        identity=identity,
+        connect_timeout_s=PATIENCE_S,
+        settings=gentle_settings(),
     )
 
 

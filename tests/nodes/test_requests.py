@@ -24,7 +24,7 @@ from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from surefoot.stabilizer.walking.footsteps import Pace as WalkPace
 from surefoot.stabilizer.walking.footsteps import half_width_of
-from tests.nodes.processes import Onlooker, Running, looking, robot, running
+from tests.nodes.processes import Onlooker, Running, balance, looking, robot, running
 from tests.patient_robot import gentle_settings
 from tests.support import PATIENCE_S, wait_until
 
@@ -33,20 +33,6 @@ SHORT = {"duration_s": 1.5, "sensors": {"force_noise_n": 2.0}}
 LATER_TICKS = 300
 NEW_GAIN = 35.0
 PUSH_N = [30.0, 0.0, 0.0]
-
-
-def balance(endpoints: Endpoints, pace: Pace) -> Any:
-    """A gentle whole-body stabilizer, its settings open to change."""
-    walker = load_robot("walker")
-    return run_stabilizer(
-        lambda settings: make_controller("whole-body", walker, settings),
-        walker,
-        endpoints=endpoints,
-        pace=pace,
-        identity="ann",
-        connect_timeout_s=PATIENCE_S,
-        settings=gentle_settings(),
-    )
 
 
 class Run(Onlooker):

@@ -23,7 +23,7 @@ from surefoot.schemas.messages import (
     StabilizerReply,
 )
 from tests.robot_io.client_at_work import new_client
-from tests.robot_io.secured import ModeMachine
+from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import serving
 from tests.support import PATIENCE_S, wait_until
 
@@ -44,9 +44,9 @@ class Meeting:
     """A stabilizer in command of a robot, and whoever wants something of it."""
 
     def __init__(
-        self, robot: Robot, modes: ModeMachine, ann: RobotClient, *, routed: bool
+        self, robot: Robot, authority: Authority, ann: RobotClient, *, routed: bool
     ) -> None:
-        self.robot, self._authority, self._ann = robot, modes, ann
+        self.robot, self._authority, self._ann = robot, authority, ann
         self._routed = routed
         self.asked = 0
 
@@ -81,8 +81,8 @@ class Meeting:
         return reply.ok.payload.to_bytes() if reply and reply.ok else None
 
 
-def as_who(modes: ModeMachine, identity: str, *, routed: bool) -> Endpoints:
-    endpoints = modes.endpoints(identity)
+def as_who(authority: Authority, identity: str, *, routed: bool) -> Endpoints:
+    endpoints = authority.endpoints(identity)
     router = endpoints.listen if routed else []
     return msgspec.structs.replace(endpoints, router=router)
 
@@ -93,21 +93,21 @@ def meeting(
 ) -> Iterator[Meeting]:
     robot, routed = load_robot("walker-real"), request.param
     folder: Path = tmp_path_factory.mktemp("authority") / "certs"
-    modes = ModeMachine(folder)
+    authority = Authority(folder)
     with ExitStack() as stack:
         if routed:
-            endpoints = as_who(modes, "router", routed=True)
+            endpoints = as_who(authority, "router", routed=True)
             stack.enter_context(
                 open_session(
                     endpoints, Role.ROUTER, namespace="walker", keys=robot.keys
                 )
             )
-        stack.enter_context(serving(robot, as_who(modes, "robot", routed=routed)))
-        theirs = as_who(modes, "stabilizer", routed=routed)
+        stack.enter_context(serving(robot, as_who(authority, "robot", routed=routed)))
+        theirs = as_who(authority, "stabilizer", routed=routed)
         ann = stack.enter_context(new_client(theirs, "ann", robot=robot))
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
-        yield Meeting(robot, modes, ann, routed=routed)
+        yield Meeting(robot, authority, ann, routed=routed)
 
 
 @pytest.mark.parametrize("request_", [SETTINGS, CONTROL], ids=["settings", "control"])

@@ -12,7 +12,7 @@ from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from tests.robot_io.client_at_work import new_client
-from tests.robot_io.secured import ModeMachine
+from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import serving
 from tests.support import PATIENCE_S, wait_until
 
@@ -21,10 +21,10 @@ ATTEMPTS = 5
 
 def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
     robot = load_robot("walker-real")
-    modes = ModeMachine(tmp_path / "certs")
+    authority = Authority(tmp_path / "certs")
 
     def as_who(identity: str) -> Endpoints:
-        endpoints = modes.endpoints(identity)
+        endpoints = authority.endpoints(identity)
         return msgspec.structs.replace(endpoints, router=endpoints.listen)
 
     with (

@@ -17,11 +17,9 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.robot_loop import run_robot
-from surefoot.stabilizer.factory import make_controller
-from surefoot.stabilizer.node import run_stabilizer
 from tests.command import command, environment
-from tests.nodes.processes import Onlooker, looking, running
-from tests.patient_robot import GENTLE, gentle_settings, patient_robot_file
+from tests.nodes.processes import Onlooker, balance, looking, running
+from tests.patient_robot import GENTLE, patient_robot_file
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check
 from tests.surefoot.recording.mcap_reading import messages
@@ -43,19 +41,6 @@ def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
         endpoints=endpoints,
         pace=pace,
         wait_s=PATIENCE_S,
-    )
-
-
-def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
-    walker = load_robot(path)
-    return run_stabilizer(
-        lambda settings: make_controller("whole-body", walker, settings),
-        walker,
-        endpoints=endpoints,
-        pace=pace,
-        identity=identity,
-        connect_timeout_s=PATIENCE_S,
-        settings=gentle_settings(),
     )
 
 
@@ -106,7 +91,7 @@ def test_gains_holds_and_pushes_are_equal(
     with (
         running(plant, path, endpoints, pace) as robot,
         recorded(path, endpoints, out) as onlooker,
-        running(balance, path, endpoints, pace, "ann"),
+        running(balance, endpoints, pace, "ann", path),
     ):
         ask = onlooker.observer.requests
         onlooker.mode(RobotMode.ACTIVE, "ann")
@@ -145,7 +130,7 @@ def test_a_stabilizer_that_was_asked_to_stop_is_equal_to_its_rest(
         running(plant, path, endpoints, pace) as robot,
         recorded(path, endpoints, out) as onlooker,
     ):
-        with running(balance, path, endpoints, pace, "ann") as stabilizer:
+        with running(balance, endpoints, pace, "ann", path) as stabilizer:
             onlooker.mode(RobotMode.ACTIVE, "ann")
             onlooker.let_go_on(LATER_TICKS)
             onlooker.observer.requests.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
@@ -173,12 +158,12 @@ def test_a_second_stabilizer_is_a_session_of_its_own(
         running(plant, path, endpoints, Pace.LOCKSTEP) as robot,
         recorded(path, endpoints, out) as onlooker,
     ):
-        with running(balance, path, endpoints, Pace.LOCKSTEP, "ann") as first:
+        with running(balance, endpoints, Pace.LOCKSTEP, "ann", path) as first:
             onlooker.mode(RobotMode.ACTIVE, "ann")
             onlooker.let_go_on(LATER_TICKS)
             first.kill()
         onlooker.mode(RobotMode.HOLD, "")
-        with running(balance, path, endpoints, Pace.LOCKSTEP, "bob"):
+        with running(balance, endpoints, Pace.LOCKSTEP, "bob", path):
             onlooker.mode(RobotMode.ACTIVE, "bob")
             onlooker.let_go_on(LATER_TICKS)
             onlooker.let_go_on(LATER_TICKS)
