@@ -18,11 +18,7 @@ Surefoot = Callable[..., subprocess.CompletedProcess[str]]
 
 def environment() -> dict[str, str]:
     """Plain output, and this code whatever is installed."""
-    return {
-        **os.environ,
-        "PYTHONPATH": str(REPOSITORY),
-        **PLAIN,
-    }
+    return {**os.environ, "PYTHONPATH": str(REPOSITORY), **PLAIN}
 
 
 def command(*words: object) -> list[str]:
@@ -59,6 +55,43 @@ def run_surefoot(
         timeout=patience_s,
         check=False,
     )
+
+
+def run_python(
+    *words: object, cwd: Path | None = None, **more: str
+) -> subprocess.CompletedProcess[str]:
+    """Run this Python to its end.
+
+    Args:
+        words: what follows ``python``.
+        cwd: the folder it starts in.
+        more: of the environment.
+    """
+    return subprocess.run(
+        [sys.executable, *map(str, words)],
+        cwd=cwd,
+        env={**environment(), **more},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+def scenario_file(
+    folder: Path, duration_s: float, *, name: str = "still", more: str = ""
+) -> Path:
+    """A scenario on firm ground, named as its file.
+
+    Args:
+        folder: gets the file.
+        duration_s: how long it takes [s].
+        name: of the scenario.
+        more: what else it says.
+    """
+    path = folder / f"{name}.toml"
+    path.write_text(f'name = "{name}"\nduration_s = {duration_s}\n{more}')
+    return path
 
 
 def cut_short(name: str, folder: Path, duration_s: float) -> Path:

@@ -15,7 +15,7 @@ from surefoot.cli import console
 from surefoot.cli.__main__ import main
 from surefoot.robot_io.bus.bus import loopback_endpoints
 from surefoot.schemas.endpoints import Endpoints
-from tests.command import PLAIN, Surefoot, run_surefoot
+from tests.command import PLAIN, Surefoot, run_surefoot, scenario_file
 from tests.one_name import modules_with_two_names
 from tests.patient_robot import patient_robot_file
 
@@ -96,11 +96,8 @@ def surefoot(tmp_path: Path, surefoot_here: Surefoot) -> Surefoot:
 @pytest.fixture
 def short_scenario(tmp_path: Path) -> Path:
     """Standing on firm ground for a fraction of a second."""
-    path = tmp_path / "short.toml"
-    path.write_text(
-        'name = "short"\nduration_s = 0.3\n[sensors]\nforce_noise_n = 2.0\n'
-    )
-    return path
+    noise = "[sensors]\nforce_noise_n = 2.0\n"
+    return scenario_file(tmp_path, 0.3, name="short", more=noise)
 
 
 @pytest.fixture

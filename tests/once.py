@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import run_surefoot
+from tests.command import run_surefoot, scenario_file
 
 
 def made_once(
@@ -40,8 +40,7 @@ def short_run(folders: pytest.TempPathFactory) -> Path:
     """A folder of a run of 300 ticks on the bus under the controller that holds."""
 
     def make(folder: Path) -> None:
-        scenario = folder / "short.toml"
-        scenario.write_text('name = "short"\nduration_s = 0.3\n')
+        scenario = scenario_file(folder, 0.3, name="short")
         words = ("--controller", "hold", "--out", folder / "run")
         done = run_surefoot("run", scenario, *words)
         assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""What tests of several processes share: patience instead of sleeps."""
+"""What tests share: patience instead of sleeps, what a run leaves, a short scenario."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import os
 import socket
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import TypeVar
+
+import surefoot as sf
 
 _T = TypeVar("_T")
 PATIENCE_S = 300.0 * float(os.environ.get("SUREFOOT_TEST_PATIENCE", "1"))
@@ -41,3 +44,34 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
+
+
+def is_gone(process: int) -> bool:
+    """Whether a process of that id has ended."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def ticks_on_disk(out: Path) -> int:
+    """How many ticks of a run that goes on can be read from its folder."""
+    try:
+        return sf.read_signals(out).count
+    except sf.UsageError:
+        return 0
+
+
+ROLLING = sf.Scenario(
+    name="short roll",
+    duration_s=0.5,
+    platform=[
+        sf.Platform(
+            foot="both",
+            motion=[sf.SineMotion(axis="roll", amplitude_deg=3.0, frequency_hz=2.0)],
+        )
+    ],
+    sensors=sf.Sensors(force_noise_n=2.0, gyro_noise_rad_s=0.002),
+)
+"""Half a second in which every signal moves, with noise that depends on the seed."""

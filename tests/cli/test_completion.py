@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.command import Surefoot, environment
-from tests.support import PATIENCE_S
+from tests.command import Surefoot, run_python
 
 
 def offered(folder: Path, line: str) -> list[str]:
     """What is offered at the end of a line."""
     words = line.split(" ")
-    env = {
-        **environment(),
-        "_SUREFOOT_COMPLETE": "complete_bash",
-        "COMP_WORDS": line,
-        "COMP_CWORD": str(len(words) - 1),
-    }
-    done = subprocess.run(
-        [sys.executable, "-m", "surefoot.cli"],
+    done = run_python(
+        *("-m", "surefoot.cli"),
         cwd=folder,
-        env=env,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
+        _SUREFOOT_COMPLETE="complete_bash",
+        COMP_WORDS=line,
+        COMP_CWORD=str(len(words) - 1),
     )
     assert done.stderr == ""
     return done.stdout.split()

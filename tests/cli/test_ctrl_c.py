@@ -20,7 +20,7 @@ from surefoot.runs import load_run
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.topics import ALIVE_OBSERVER
-from tests.command import command, environment
+from tests.command import command, environment, scenario_file
 from tests.support import PATIENCE_S, free_port, wait_until
 
 ENDLESS_S = "36000"
@@ -48,7 +48,7 @@ WORKING = {
 @contextmanager
 def started(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     """A command in a process group of its own, as a shell gives it."""
-    (folder / "hour.toml").write_text('name = "hour"\nduration_s = 3600.0\n')
+    scenario_file(folder, 3600.0, name="hour")
     with subprocess.Popen(
         command(*words),
         cwd=folder,

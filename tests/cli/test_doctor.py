@@ -105,7 +105,7 @@ def test_a_port_in_use_is_a_warning() -> None:
 
 
 def test_variables_that_keep_libraries_from_starting_would_stop_a_run(
-    surefoot: Surefoot, monkeypatch: pytest.MonkeyPatch
+    surefoot: Surefoot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "elg")
     monkeypatch.setenv("ZENOH_RUNTIME", "two threads")
@@ -119,7 +119,8 @@ def test_variables_that_keep_libraries_from_starting_would_stop_a_run(
     ):
         assert told[name]["verdict"] == "FAIL"
         assert variable in told[name]["got"]
-    run = surefoot("run", "standing", "--inline")
+    # A process of its own: in this one, MuJoCo may be loaded already.
+    run = run_surefoot("run", "standing", "--inline", cwd=tmp_path)
     assert run.returncode == 3
     assert "Traceback" not in run.stderr
     assert "MUJOCO_GL=elg" in run.stderr

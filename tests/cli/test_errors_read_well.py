@@ -13,11 +13,13 @@ import pytest
 
 from surefoot.robot_io.errors import TickFileError
 from surefoot.robot_io.ticks.read import TickFileTable
-from tests.command import Surefoot
+from tests.command import Surefoot, scenario_file
 from tests.support import free_port
 
 NOTE = re.compile(r"\d\d:\d\d:\d\d INFO ")
 STANDING = ["run", "standing", "--controller", "hold", "--inline"]
+PRIORITY = ["--realtime-priority", "20"]
+MISSPELT_ENDPOINTS = ["--endpoints", 'conect = ["tcp/127.0.0.1:7447"]', "conect"]
 PUSH = """name = "push"
 duration_s = 0.3
 [[push]]
@@ -131,7 +133,27 @@ def test_what_only_the_robot_finds_reads_the_same_from_two_processes(
         ([*STANDING, "--settings", "mine.toml"], "mine.toml: no such file"),
         (["stabilizer", "--endpoints", "mine.toml"], "mine.toml: no such file"),
         (["log", "info", "mine.mcap"], "mine.mcap: No such file"),
-        (["echo", "left_ankle"], "did you mean 'left_ankle_ft'?"),
+        (["run", "dancing"], "no scenario named 'dancing'"),
+        (["robot", "dancing"], "moving-platform-slow"),
+        (["robot", "mine.toml"], "mine.toml: no such scenario file"),
+        (["stabilizer", "--set", "tsid.base_kpp=3"], "did you mean 'tsid.base_kp'?"),
+        ([*STANDING, "--set", "tsid.base_kp"], "expected KEY=VALUE"),
+        ([*STANDING, "--set", "tsid.base_kp=stiff"], "tsid.base_kp"),
+        ([*STANDING, "--set", "tsid.base_kp=-1"], "tsid.base_kp"),
+        ([*STANDING, "--set", "tsid.base_kp=nan"], "tsid.base_kp"),
+        ([*STANDING, "--robot", "runner"], "shipped are walker"),
+        (["robot", "--robot", "runner"], "shipped are walker"),
+        (["stabilizer", "--robot", "runner"], "shipped are walker"),
+        ([*STANDING, "--servo-profile", "magic"], "servo.profile: got 'magic'"),
+        (["robot", "--servo-profile", "magic"], "harmonic, ideal"),
+        (["run", "standing", "--controller", "magic"], "whole-body"),
+        ([*STANDING, "--settings", "zmp-stok"], "zmp-stock, zmp-tuned"),
+        ([*STANDING, "--realtime"], "--realtime"),
+        ([*STANDING, "--listen", "tcp/127.0.0.1:0"], "--listen"),
+        ([*STANDING, "--connect", "tcp/a:1"], "--connect"),
+        (["run", "standing", *PRIORITY], "goes with --realtime"),
+        (["robot", "standing", *PRIORITY], "goes with --realtime"),
+        (["stabilizer", *PRIORITY], "goes with --realtime"),
     ],
 )
 def test_wrong_words_and_missing_files_are_usage_errors(
@@ -140,14 +162,41 @@ def test_wrong_words_and_missing_files_are_usage_errors(
     assert expected in complaint(surefoot_here(*words), 2)
 
 
-def test_a_robot_file_without_its_urdf_is_named(
-    surefoot_here: Surefoot, tmp_path: Path
+@pytest.mark.parametrize(
+    ("words", "option", "text", "key"),
+    [
+        (["run", "standing"], *MISSPELT_ENDPOINTS),
+        (["robot"], *MISSPELT_ENDPOINTS),
+        (["stabilizer"], *MISSPELT_ENDPOINTS),
+        (STANDING, "--settings", "[tsid]\nbase_k = 1.0\n", "tsid.base_k"),
+    ],
+)
+def test_a_wrong_file_is_named_with_its_key(
+    surefoot_here: Surefoot,
+    tmp_path: Path,
+    words: list[str],
+    option: str,
+    text: str,
+    key: str,
 ) -> None:
-    robot = Path(__file__).parents[2] / "robot_io/robots/walker/walker.toml"
-    mine = tmp_path / "mine.toml"
-    mine.write_text(robot.read_text())
-    told = complaint(surefoot_here(*STANDING, "--robot", mine), 2)
-    assert f"{mine}: urdf: no such file: {tmp_path / 'walker.urdf'}" in told
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    told = complaint(surefoot_here(*words, option, path), 2)
+    assert f"{path}: {key}: no such key" in told
+    assert "did you mean" in told
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
+@pytest.mark.parametrize(
+    "option",
+    ["velocity", "lateral", "yaw-rate", "step-s", "double-s", "height", "wait"],
+)
+def test_a_walk_by_numbers_that_are_none_is_refused(
+    surefoot_here: Surefoot, option: str, value: str
+) -> None:
+    done = surefoot_here("walk", f"--{option}={value}")
+    assert done.returncode == 2
+    assert f"Invalid value for '--{option}'" in done.stderr
 
 
 @pytest.mark.parametrize("command", ["robot", "router", "run"])
@@ -174,6 +223,7 @@ def test_a_port_in_use(surefoot: Surefoot, tmp_path: Path, command: str) -> None
         ["topics"],
         ["echo", "joints"],
         ["hz"],
+        ["relay", "clear", "--listen", "tcp/127.0.0.1:0"],
     ],
     ids=lambda words: words[0],
 )
@@ -245,8 +295,7 @@ def test_a_disk_that_fills_up_ends_the_record_and_not_the_run(
 ) -> None:
     """64 MiB are left to others, so some of 66 are for the record."""
     out = mount("size=66m") / "run"
-    scenario = tmp_path / "still.toml"
-    scenario.write_text('name = "still"\nduration_s = 3.0\n')
+    scenario = scenario_file(tmp_path, 3.0)
     done = surefoot("run", scenario, "--controller", "hold", "--out", out)
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
@@ -263,8 +312,7 @@ def test_a_disk_too_small_for_the_run_leaves_nothing_that_looks_whole(
     surefoot: Surefoot, mount: Mount, tmp_path: Path, inline: list[str]
 ) -> None:
     out = mount("size=256k") / "run"
-    scenario = tmp_path / "still.toml"
-    scenario.write_text('name = "still"\nduration_s = 2.0\n')
+    scenario = scenario_file(tmp_path, 2.0)
     words = ["run", scenario, "--controller", "hold", *inline, "--out", out]
     told = complaint(surefoot(*words), 3)
     assert "No space left on device; make room" in told

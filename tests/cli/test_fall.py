@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.test_two_terminals import Start, start
+from tests.cli.conftest import Start
 from tests.command import Surefoot
 from tests.support import PATIENCE_S, free_port
 
-__all__ = ["start"]
 FELL = 5
 
 
@@ -26,7 +25,7 @@ def huge_push(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("mode", ["--lockstep"])
+@pytest.mark.parametrize("mode", ["--lockstep", "--inline"])
 def test_a_run_in_which_the_robot_falls(
     surefoot: Surefoot, huge_push: Path, mode: str
 ) -> None:

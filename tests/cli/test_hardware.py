@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from surefoot.robot_io.security.certificates import make_certificates
-from tests.command import command, environment
+from tests.cli.conftest import Start
 from tests.support import PATIENCE_S, free_port
 
-Start = Callable[..., subprocess.Popen[str]]
 TICKS = 800
 SHORT = f"""
 name = "short and rocking"
@@ -35,29 +33,6 @@ def scenario(tmp_path: Path) -> Path:
     path = tmp_path / "rocking.toml"
     path.write_text(SHORT)
     return path
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Iterator[Start]:
-    """Start commands; what they say goes to a file each."""
-    processes: list[subprocess.Popen[str]] = []
-
-    def start_one(*arguments: object) -> subprocess.Popen[str]:
-        with (tmp_path / f"{len(processes)}-{arguments[0]}.log").open("w") as log:
-            process = subprocess.Popen(
-                command(*arguments),
-                env=environment(),
-                text=True,
-                stdout=subprocess.PIPE,
-                stderr=log,
-            )
-        processes.append(process)
-        return process
-
-    yield start_one
-    for process in processes:
-        process.kill()
-        process.communicate()
 
 
 def secured(folder: Path, *, router: bool = False) -> Callable[..., Path]:

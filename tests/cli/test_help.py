@@ -1,15 +1,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 
 import pytest
 import typer
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
-from tests.command import Surefoot, environment
+from tests.command import Surefoot, run_python
 
 HEAVY = {
     "numpy",
@@ -57,13 +55,8 @@ finally:
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"]])
 def test_help_loads_nothing_heavy(arguments: list[str]) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", SHOW_MODULES, *arguments],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
+    done = run_python("-c", SHOW_MODULES, *arguments)
+    assert done.returncode == 0, done.stderr
     (modules,) = (
         set(line.split()) for line in done.stderr.splitlines() if "MODULES" in line
     )
@@ -77,16 +70,6 @@ def test_help_names_all_commands_and_exit_codes(surefoot: Surefoot) -> None:
     assert done.returncode == 0
     for word in (*COMMANDS, "4 robot unreachable", "130 interrupted"):
         assert word in " ".join(done.stdout.split())
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_every_command_explains_itself(surefoot: Surefoot, command: str) -> None:
-    done = surefoot(command, "--help")
-    assert done.returncode == 0
-    assert f"Usage: surefoot {command}" in done.stdout
-    # Options for the processes among themselves are nobody's business.
-    assert "--result-file" not in done.stdout
-    assert "--child" not in done.stdout
 
 
 def test_unknown_commands_and_options_are_usage_errors(surefoot: Surefoot) -> None:
@@ -107,11 +90,15 @@ def commands() -> list[tuple[str, ...]]:
 
 
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
-def test_help_speaks_of_values_as_a_terminal_does(
+def test_every_command_explains_itself_as_a_terminal_does(
     surefoot: Surefoot, words: tuple[str, ...]
 ) -> None:
     done = surefoot(*words, "--help")
     assert done.returncode == 0
+    assert " ".join(["Usage: surefoot", *words]) in done.stdout
+    # Options for the processes among themselves are nobody's business.
+    assert "--result-file" not in done.stdout
+    assert "--child" not in done.stdout
     assert not re.search(r"<[a-z]+[\[> ]|[{}]|int range", done.stdout)
 
 

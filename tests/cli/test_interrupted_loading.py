@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-from tests.command import environment
-from tests.support import PATIENCE_S
+from tests.command import run_python
 
 INTERRUPTED = 130
 SCRIPT = """
@@ -39,14 +36,6 @@ def test_a_library_that_turns_it_into_its_own_error(
     assert hasattr(signal, name)
     script = SCRIPT.format(name=name, error=error)
     (tmp_path / "interrupted.py").write_text(script)
-    done = subprocess.run(
-        [sys.executable, "-m", "interrupted"],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        env=environment(),
-        check=False,
-    )
+    done = run_python("-m", "interrupted", cwd=tmp_path)
     assert done.returncode == INTERRUPTED, done.stderr
     assert done.stderr == f"surefoot: interrupted by {name}\n"

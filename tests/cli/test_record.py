@@ -17,8 +17,10 @@ from surefoot.recording.write import McapFile
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.topics import TICK_SENSORS
+from tests.cli.conftest import Start
 from tests.command import Surefoot, command, environment
 from tests.support import PATIENCE_S, free_port, wait_until
+from tests.surefoot.playback.conftest import standing
 from tests.surefoot.recording.mcap_reading import (
     attached,
     channels,
@@ -30,18 +32,10 @@ TICKS = 3_000
 PROCESS = re.compile(r"recorder, process (\d+)")
 
 
-def scenario(folder: Path, duration_s: float) -> Path:
-    path = folder / "still.toml"
-    path.write_text(
-        f'name = "still"\nduration_s = {duration_s}\n[sensors]\nforce_noise_n = 2.0\n'
-    )
-    return path
-
-
 def test_nothing_is_lost_in_seconds_faster_than_real_time(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
-    words = ["run", scenario(tmp_path, TICKS * 1e-3), "--controller", "hold", "--json"]
+    words = ["run", standing(tmp_path, TICKS * 1e-3), "--controller", "hold", "--json"]
     done = surefoot(*words, "--out", tmp_path / "run")
     assert done.returncode == 0, done.stderr
     result = json.loads(done.stdout)
@@ -94,35 +88,18 @@ def test_a_record_tells_all_a_run_depends_on(
 
 
 def test_recording_apart_with_the_bytes_of_the_bus(
-    short_scenario: Path, tmp_path: Path
+    start: Start, short_scenario: Path, tmp_path: Path
 ) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
     out = tmp_path / "raw.mcap"
-    meet = {"env": environment(), "text": True, "stdout": subprocess.PIPE}
-    robot = subprocess.Popen(
-        command("robot", short_scenario, "--listen", locator), **meet
-    )
-    recorder = subprocess.Popen(
-        command("record", "--out", out, "--raw", "--json", "--connect", locator),
-        **meet,
-        stderr=subprocess.PIPE,
-    )
     partial = out.with_name("raw.mcap.partial")
-    try:
-        wait_until(partial.exists, what="the recorder to connect")
-        stabilizer = subprocess.run(
-            command("stabilizer", "--controller", "hold", "--connect", locator),
-            env=environment(),
-            capture_output=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
-        stdout, stderr = recorder.communicate(timeout=PATIENCE_S)
-        robot.communicate(timeout=PATIENCE_S)
-    finally:
-        robot.kill()
-        recorder.kill()
-    assert (stabilizer.returncode, recorder.returncode) == (0, 0), stderr
+    start("robot", short_scenario, "--listen", locator)
+    words = ("--raw", "--json", "--connect", locator)
+    recorder = start("record", "--out", out, *words)
+    wait_until(partial.exists, what="the recorder to connect")
+    stabilizer = start("stabilizer", "--controller", "hold", "--connect", locator)
+    stdout, _ = recorder.communicate(timeout=PATIENCE_S)
+    assert (stabilizer.wait(PATIENCE_S), recorder.returncode) == (0, 0)
     assert not partial.exists()
     told = {entry["channel"]: entry for entry in json.loads(stdout)}
     kept = [m for m in messages(out) if m.channel == "joints"]
@@ -131,74 +108,48 @@ def test_recording_apart_with_the_bytes_of_the_bus(
     assert channels(out)["joints"].encoding == "msgpack"
 
 
-def test_ctrl_c_leaves_a_whole_file(short_scenario: Path, tmp_path: Path) -> None:
+def test_ctrl_c_leaves_a_whole_file(
+    start: Start, short_scenario: Path, tmp_path: Path
+) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
-    out = tmp_path / "part.mcap"
-    log = tmp_path / "recorder.log"
-    robot = subprocess.Popen(
-        command("robot", short_scenario, "--listen", locator), env=environment()
-    )
-    with log.open("w") as stderr:
-        recorder = subprocess.Popen(
-            command("record", "--out", out, "--connect", locator),
-            env=environment(),
-            stdout=subprocess.DEVNULL,
-            stderr=stderr,
-        )
-    try:
-        # Said once the first status is there: from then on nothing is missed.
-        wait_until(lambda: "ready" in log.read_text(), what="the recorder")
-        recorder.send_signal(signal.SIGINT)
-        assert recorder.wait(PATIENCE_S) == 130
-    finally:
-        robot.kill()
-        robot.wait()
-        recorder.kill()
+    out, log = tmp_path / "part.mcap", tmp_path / "record.log"
+    start("robot", short_scenario, "--listen", locator)
+    recorder = start("record", "--out", out, "--connect", locator)
+    # Said once the first status is there: from then on nothing is missed.
+    wait_until(lambda: "ready" in log.read_text(), what="the recorder")
+    recorder.send_signal(signal.SIGINT)
+    recorder.communicate(timeout=PATIENCE_S)
+    assert recorder.returncode == 130
     assert "Traceback" not in log.read_text()
     assert "status" in {m.channel for m in messages(out)}
 
 
 def test_a_full_disk_ends_the_recording_with_one_message(
-    tmp_path: Path,
+    start: Start, tmp_path: Path
 ) -> None:
     """The kernel's limit on file size stands in for a disk: the same write fails."""
     locator = f"tcp/127.0.0.1:{free_port()}"
     out = tmp_path / "full.mcap"
-    robot = subprocess.Popen(
-        command("robot", scenario(tmp_path, 3.0), "--listen", locator, "--json"),
-        env=environment(),
-        text=True,
-        stdout=subprocess.PIPE,
-    )
+    robot = start("robot", standing(tmp_path, 3.0), "--listen", locator, "--json")
     words = " ".join(command("record", "--out", out, "--connect", locator))
     # Ignored, the signal of the limit becomes an error of the write.
-    recorder = subprocess.Popen(
+    with subprocess.Popen(
         ["bash", "-c", f"trap '' XFSZ; ulimit -f 600; exec {words}"],
         env=environment(),
         text=True,
-        stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-    )
-    try:
+        stdout=subprocess.DEVNULL,
+    ) as recorder:
         partial = out.with_name("full.mcap.partial")
         wait_until(partial.exists, what="the recorder to connect")
-        stabilizer = subprocess.run(
-            command("stabilizer", "--controller", "hold", "--connect", locator),
-            env=environment(),
-            capture_output=True,
-            timeout=PATIENCE_S,
-            check=False,
-        )
+        stabilizer = start("stabilizer", "--controller", "hold", "--connect", locator)
         _, stderr = recorder.communicate(timeout=PATIENCE_S)
-        told, _ = robot.communicate(timeout=PATIENCE_S)
-    finally:
-        robot.kill()
-        recorder.kill()
+    told, _ = robot.communicate(timeout=PATIENCE_S)
     assert recorder.returncode == 3, stderr
     assert f"cannot record to {out}" in stderr
     assert "Traceback" not in stderr
     assert not out.exists()
-    assert (stabilizer.returncode, robot.returncode) == (0, 0)
+    assert (stabilizer.wait(PATIENCE_S), robot.returncode) == (0, 0)
     assert json.loads(told)["ticks"] == 3000
 
 

@@ -14,8 +14,8 @@ import pytest
 from surefoot.robot_io.security.certificates import make_certificates
 from surefoot.schemas.relay_plan import load_relay_plan
 from surefoot.schemas.result import RunResult
-from tests.command import REPOSITORY, Surefoot, command, environment
-from tests.support import PATIENCE_S, free_port, wait_until
+from tests.command import REPOSITORY, Surefoot, command, environment, scenario_file
+from tests.support import PATIENCE_S, wait_until
 
 SERVICES_ONLY = """
 name = "services and commands late"
@@ -71,18 +71,6 @@ def test_what_cannot_be_relayed_is_said_before_anything_starts(
     assert "Traceback" not in done.stderr
 
 
-def test_a_mistake_in_a_plan_is_named_by_file_and_key(
-    surefoot_here: Surefoot, tmp_path: Path
-) -> None:
-    plan = tmp_path / "plan.toml"
-    plan.write_text('name = "x"\n[[fault]]\nkind = "delay"\ndirection = "all"\nmss = 1')
-    for words in (["run", "standing", "--realtime", "--relay"], ["relay"]):
-        done = surefoot_here(*words, plan)
-        assert done.returncode == 2, done.stderr
-        assert f"{plan}: fault[0].mss: no such key" in done.stderr
-        assert "did you mean 'ms'?" in done.stderr
-
-
 def test_a_relay_that_would_dial_itself_is_refused(surefoot_here: Surefoot) -> None:
     here = "tcp/127.0.0.1:7447"
     done = surefoot_here("relay", "clear", "--listen", here, "--connect", here)
@@ -90,21 +78,10 @@ def test_a_relay_that_would_dial_itself_is_refused(surefoot_here: Surefoot) -> N
     assert "would dial itself" in done.stderr
 
 
-def test_a_relay_without_a_robot_ends_with_4(surefoot: Surefoot) -> None:
-    done = surefoot(
-        *("relay", "clear", "--wait", 0.1),
-        *("--connect", f"tcp/127.0.0.1:{free_port()}"),
-        *("--listen", f"tcp/127.0.0.1:{free_port()}"),
-    )
-    assert done.returncode == 4, done.stderr
-    assert "nobody answers" in done.stderr
-
-
 def test_a_relay_that_dies_is_named_as_the_one_who_failed(
     tmp_path: Path,
 ) -> None:
-    scenario, out = tmp_path / "long.toml", tmp_path / "out"
-    scenario.write_text('name = "long"\nduration_s = 600.0\n')
+    scenario, out = scenario_file(tmp_path, 600.0), tmp_path / "out"
     words = ["run", str(scenario), "--realtime", "--controller", "hold"]
     run = subprocess.Popen(
         command(*words, "--relay", "clear", "--out", out),

@@ -95,16 +95,3 @@ def test_the_summary_is_for_people(surefoot: Surefoot, short_scenario: Path) -> 
     # No progress bar, no colours when it is not a terminal.
     assert done.stderr == ""
     assert "\x1b" not in done.stdout
-
-
-def test_a_fall_is_exit_code_5(surefoot: Surefoot, tmp_path: Path) -> None:
-    scenario = tmp_path / "shove.toml"
-    scenario.write_text(
-        'name = "shove"\nduration_s = 4.0\n[[push]]\nbody = "torso"\n'
-        "force_n = [0.0, 900.0, 0.0]\nstart_s = 0.1\nduration_s = 0.4\n"
-    )
-    done = surefoot("run", scenario, "--controller", "hold", "--json", "--inline")
-    assert done.returncode == 5, done.stderr
-    result = json.loads(done.stdout)
-    assert result["fell"] is True
-    assert 0.1 < result["fell_at_s"] < 4.0

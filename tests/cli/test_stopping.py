@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.command import command, environment
-from tests.support import PATIENCE_S, wait_until
+from surefoot.runs import load_run
+from surefoot.schemas.reasons import Outcome
+from tests.command import command, environment, scenario_file
+from tests.support import PATIENCE_S, is_gone, ticks_on_disk, wait_until
 
 _PROCESS = re.compile(r"process (\d+)")
 
@@ -24,8 +26,7 @@ def endless_run(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Path]]:
 
     It is started as from a terminal, though the suite itself may run under nohup.
     """
-    scenario = tmp_path / "hour.toml"
-    scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
+    scenario = scenario_file(tmp_path, 3600.0)
     folder = tmp_path / "out"
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     with subprocess.Popen(
@@ -56,14 +57,6 @@ def children(folder: Path) -> tuple[int, int]:
         return ids[0], ids[1]
 
     return wait_until(active_ids, what="robot and stabilizer to start")
-
-
-def is_gone(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    return False
 
 
 # SIGINT to such a run: test_out_folder.py.
@@ -113,6 +106,8 @@ def test_a_killed_child_ends_the_run_and_is_named(
 ) -> None:
     process, folder = endless_run
     ids = children(folder)
+    if name == "stabilizer":
+        wait_until(lambda: ticks_on_disk(folder / "run"), what="ticks on the disk")
     os.kill(ids[victim], signal.SIGKILL)
     stdout, stderr = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 1
@@ -121,3 +116,8 @@ def test_a_killed_child_ends_the_run_and_is_named(
     assert "SIGTERM" not in stdout
     assert f"{name}: was ended by signal 9" in stderr
     assert all(map(is_gone, ids))
+    if name == "stabilizer":
+        kept = load_run(folder / "run")
+        assert kept.outcome in (Outcome.HELD, Outcome.FAULT, Outcome.INTERRUPTED)
+        assert kept.outcome in stdout
+        assert kept.signals.count == kept.result.ticks

@@ -9,21 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from surefoot.studies.store import RUNS, read_rows
-from tests.command import Surefoot, command, environment, run_surefoot
+from tests.command import Surefoot, command, environment, run_surefoot, scenario_file
 from tests.support import wait_until
 
-SCENARIO = """
-name = "short"
-duration_s = 0.4
-[sensors]
-force_noise_n = 2.0
-"""
+NOISE = "[sensors]\nforce_noise_n = 2.0\n"
 
 
-def scenario(folder: Path) -> Path:
-    path = folder / "short.toml"
-    path.write_text(SCENARIO)
-    return path
+def scenario(folder: Path, more: str = "") -> Path:
+    return scenario_file(folder, 0.4, name="short", more=more + NOISE)
 
 
 def sweep(folder: Path, *more: object) -> list[object]:
@@ -41,8 +34,7 @@ def test_sweep_gives_the_runs_that_run_gives(
         ({"friction": 0.5}, 2, 2),
         ({"friction": 0.9}, 2, 2),
     ]
-    single = scenario(tmp_path)
-    single.write_text("friction = 0.9\n" + SCENARIO)
+    single = scenario(tmp_path, "friction = 0.9\n")
     alone = json.loads(
         surefoot_here("run", single, "--inline", "--seed", 1, "--json").stdout
     )

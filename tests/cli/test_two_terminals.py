@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import msgspec
@@ -14,35 +12,10 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import ControllerResult, PlantResult
-from tests.command import Surefoot, command, environment
+from tests.cli.conftest import Start
+from tests.command import Surefoot, scenario_file
 from tests.nodes.test_nodes import is_running, observer
 from tests.support import PATIENCE_S, free_port, wait_until
-
-Started = subprocess.Popen[str]
-Start = Callable[..., Started]
-
-
-@pytest.fixture
-def start(tmp_path: Path) -> Iterator[Start]:
-    """Start commands that talk to each other; their stderr goes to a file."""
-    processes: list[Started] = []
-
-    def start_one(name: str, *arguments: object) -> Started:
-        with (tmp_path / f"{name}.log").open("w") as log:
-            process = subprocess.Popen(
-                command(name, *arguments),
-                env=environment(),
-                text=True,
-                stdout=subprocess.PIPE,
-                stderr=log,
-            )
-        processes.append(process)
-        return process
-
-    yield start_one
-    for process in processes:
-        process.kill()
-        process.communicate()
 
 
 @pytest.mark.usual("--realtime")
@@ -117,8 +90,7 @@ def test_a_robot_nobody_came_for_ends_on_ctrl_c(start: Start, tmp_path: Path) ->
 def test_ctrl_c_brings_the_robot_to_rest_and_gives_the_lease_back(
     start: Start, tmp_path: Path
 ) -> None:
-    scenario = tmp_path / "hour.toml"
-    scenario.write_text('name = "hour"\nduration_s = 3600.0\n')
+    scenario = scenario_file(tmp_path, 3600.0)
     endpoints = Endpoints(
         listen=[locator := f"tcp/127.0.0.1:{free_port()}"], connect=[locator]
     )

@@ -14,20 +14,6 @@ from tests.support import PATIENCE_S, free_port, wait_until
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
 
-SCENARIO = """
-name = "a while"
-duration_s = 2.0
-[sensors]
-force_noise_n = 2.0
-"""
-
-
-@pytest.fixture
-def scenario(tmp_path: Path) -> Path:
-    path = tmp_path / "while.toml"
-    path.write_text(SCENARIO)
-    return path
-
 
 def test_a_port_in_use_is_the_environments_fault(surefoot_here: Surefoot) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -46,19 +32,19 @@ def test_a_malformed_locator_is_told_at_once(surefoot_here: Surefoot) -> None:
 
 
 def test_a_run_in_one_process_has_nothing_to_show(
-    surefoot: Surefoot, scenario: Path
+    surefoot: Surefoot, short_scenario: Path
 ) -> None:
-    done = surefoot("run", scenario, "--inline", "--view")
+    done = surefoot("run", short_scenario, "--inline", "--view")
     assert done.returncode == 2
     assert "--inline" in done.stderr
 
 
 def test_a_run_says_that_its_page_cannot_be_served(
-    surefoot: Surefoot, scenario: Path
+    surefoot: Surefoot, short_scenario: Path
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-        done = surefoot("run", scenario, "--view", "--view-port", port)
+        done = surefoot("run", short_scenario, "--view", "--view-port", port)
     assert done.returncode == 3
     assert f"127.0.0.1:{port}" in done.stderr
     assert "Traceback" not in done.stderr

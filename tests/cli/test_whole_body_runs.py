@@ -1,4 +1,4 @@
-"""The stabilizer itself, through the command line, on the scenarios that ship."""
+"""Both controllers, through the command line, on the scenarios that ship."""
 
 from __future__ import annotations
 
@@ -48,15 +48,18 @@ def run(surefoot: Surefoot, scenario: object, *extra: object) -> dict[str, Any]:
     return result
 
 
+@pytest.mark.parametrize(("law", "command_ms"), [("whole-body", 3.0), ("zmp", 1.0)])
 def test_two_processes_and_one_are_the_same_run_bit_for_bit(
-    surefoot: Surefoot, tmp_path: Path
+    surefoot: Surefoot, tmp_path: Path, law: str, command_ms: float
 ) -> None:
     """With a delay, too: an answer acts on its own tick."""
     scenario = tmp_path / "moving.toml"
-    scenario.write_text(MOVING.format(command_ms=3.0))
+    scenario.write_text(MOVING.format(command_ms=command_ms))
+    words = ("--controller", law, "--seed", 3)
     inline, lockstep = (
-        run(surefoot, scenario, "--seed", 3, *more) for more in (["--inline"], [])
+        run(surefoot, scenario, *words, *more) for more in (["--inline"], [])
     )
+    assert lockstep["controller"] == law
     assert lockstep["log_sha256"] == inline["log_sha256"]
     assert lockstep["com_error_rms_mm"] == inline["com_error_rms_mm"]
     assert lockstep["deadline_misses"] == 0
@@ -86,4 +89,21 @@ def test_fast_platform_is_balanced_within_its_bounds(
     x, y, _ = result["com_error_rms_mm"]
     assert max(x, y) <= 10.0
     assert max(result["com_error_max_mm"][:2]) <= 25.0
+    assert result["contact_lost_s"] == [0.0, 0.0]
+
+
+def test_shipped_settings_are_given_by_name(
+    surefoot: Surefoot, short_scenario: Path
+) -> None:
+    words = ("--controller", "zmp", "--inline")
+    default = run(surefoot, short_scenario, *words)
+    tuned = run(surefoot, short_scenario, *words, "--settings", "zmp-tuned")
+    assert tuned["log_sha256"] == default["log_sha256"]
+
+
+def test_slow_platform_is_survived_by_the_baseline(
+    surefoot: Surefoot, tmp_path: Path
+) -> None:
+    scenario = cut_short("moving-platform-slow", tmp_path, 6.0)
+    result = run(surefoot, scenario, "--inline", "--controller", "zmp")
     assert result["contact_lost_s"] == [0.0, 0.0]

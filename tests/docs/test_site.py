@@ -1,9 +1,6 @@
 from __future__ import annotations
 
-import os
 import re
-import subprocess
-import sys
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -14,6 +11,7 @@ from mkdocs.config import load_config
 from mkdocs.exceptions import Abort
 
 from docs.site_build import generated_pages, source_links
+from tests.command import run_python
 from tests.once import made_once
 
 ROOT = Path(__file__).parents[2]
@@ -29,14 +27,8 @@ def build_well(site: Path) -> None:
         "from mkdocs.commands.build import build;"
         "build(load_config(sys.argv[1], site_dir=sys.argv[2]))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script, ROOT / "mkdocs.yml", site],
-        cwd=ROOT,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    words = ("-c", script, ROOT / "mkdocs.yml", site)
+    done = run_python(*words, cwd=ROOT, NO_MKDOCS_2_WARNING="1")
     assert done.returncode == 0, done.stderr
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import shlex
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -17,8 +16,7 @@ import pytest
 from surefoot.cli.app import app
 from surefoot.errors import ExitCode
 from surefoot.sim_robot.catalogue import find_scenario
-from tests.command import Surefoot, environment
-from tests.support import PATIENCE_S
+from tests.command import Surefoot, run_surefoot
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
@@ -57,15 +55,7 @@ def folder(tmp_path: Path, surefoot_here: Surefoot) -> Path:
 
 def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
     assert words[0] == "surefoot"
-    return subprocess.run(
-        [sys.executable, "-m", "surefoot.cli", *words[1:]],
-        cwd=folder,
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    return run_surefoot(*words[1:], cwd=folder)
 
 
 def known() -> set[str]:

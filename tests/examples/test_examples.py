@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import importlib.util
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 import surefoot as sf
-from tests.command import cut_short
+from tests.command import cut_short, run_surefoot, scenario_file
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
-SHORT = 'name = "short"\nduration_s = 1.5\n[sensors]\nforce_noise_n = 2.0\n'
 PNG = b"\x89PNG\r\n"
 SHORTER = ("duration_s=2.0", "duration_s=1.2")
 """Of the notebook's scenario, run seven times: errors are counted from one second."""
@@ -29,9 +25,8 @@ LEAST_BYTES = 5000
 
 @pytest.fixture
 def scenario(tmp_path: Path) -> Path:
-    path = tmp_path / "short.toml"
-    path.write_text(SHORT, encoding="utf-8")
-    return path
+    noise = "[sensors]\nforce_noise_n = 2.0\n"
+    return scenario_file(tmp_path, 1.5, name="short", more=noise)
 
 
 @pytest.fixture
@@ -83,21 +78,8 @@ def test_own_controller_is_the_same_in_a_process_of_its_own(
     here = sf.simulate(
         "walker", short_scenario, controller=load("own_controller").AnkleController
     )
-    done = subprocess.run(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", str(short_scenario)),
-            *(
-                "--json",
-                "--controller",
-                f"{EXAMPLES / 'own_controller.py'}:AnkleController",
-            ),
-        ],
-        cwd=ROOT,
-        env=dict(os.environ),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    law = f"{EXAMPLES / 'own_controller.py'}:AnkleController"
+    done = run_surefoot("run", short_scenario, "--json", "--controller", law, cwd=ROOT)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["log_sha256"] == here.result.log_sha256
 

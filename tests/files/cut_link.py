@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
-import time
 from types import TracebackType
 from typing import Self
 
@@ -24,7 +23,6 @@ class Cable:
         self._target = (host, int(port))
         self._server = socket.create_server(("127.0.0.1", 0))
         self._ends: list[socket.socket] = []
-        self._thaws_at = 0.0
         self._plugged = threading.Event()
         self._plugged.set()
         self.locator = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
@@ -50,10 +48,6 @@ class Cable:
                 end.shutdown(socket.SHUT_RDWR)
             end.close()
         self._ends.clear()
-
-    def freeze(self, seconds: float) -> None:
-        """Nothing passes for a while, and neither side is told."""
-        self._thaws_at = time.monotonic() + seconds
 
     def plug_in(self) -> None:
         """Who dials gets through again."""
@@ -82,8 +76,6 @@ class Cable:
     def _pass_on(self, source: socket.socket, target: socket.socket) -> None:
         with contextlib.suppress(OSError):
             while data := source.recv(_BYTES):
-                while (left := self._thaws_at - time.monotonic()) > 0.0:
-                    time.sleep(left)
                 target.sendall(data)
         for end in (source, target):
             with contextlib.suppress(OSError):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import threading
 import time
 from pathlib import Path
@@ -17,7 +16,7 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.command import environment
+from tests.command import command, environment
 from tests.files.cut_link import Cable
 from tests.support import PATIENCE_S, wait_until
 
@@ -75,7 +74,7 @@ def interrupted(cable: Cable) -> None:
 def start(words: tuple[object, ...], log: Path) -> subprocess.Popen[str]:
     with log.open("w") as stderr:
         return subprocess.Popen(
-            [sys.executable, "-m", "surefoot.cli", *map(str, words)],
+            command(*words),
             env=environment(),
             stdout=subprocess.PIPE,
             stderr=stderr,
@@ -130,6 +129,17 @@ def test_a_robot_that_ends_in_order_is_a_success(
     assert "lost" not in log.read_text()
 
 
+def heard_by(
+    cable: Cable, robot: Robot, words: tuple[object, ...], log: Path
+) -> subprocess.Popen[str]:
+    """A tool of the bus that dials through the cable and has heard the robot."""
+    tool = start((*words, "--connect", cable.locator, "--wait", 60), log)
+    wait_until(lambda: len(cable._ends) > 0, what="the tool to dial")
+    begin = robot.tick
+    wait_until(lambda: robot.tick > begin + 700, what="the tool to hear")
+    return tool
+
+
 @pytest.mark.usual("hz")
 @pytest.mark.parametrize(
     "words",
@@ -146,10 +156,7 @@ def test_tools_of_the_bus_say_that_the_link_was_lost(
     robot = Robot()
     log = tmp_path / "log"
     with Cable(endpoints.connect[0]) as cable, talking_robot(endpoints, robot.say):
-        tool = start((*words, "--connect", cable.locator, "--wait", 60), log)
-        wait_until(lambda: len(cable._ends) > 0, what="the tool to dial")
-        begin = robot.tick
-        wait_until(lambda: robot.tick > begin + 700, what="the tool to hear")
+        tool = heard_by(cable, robot, words, log)
         interrupted(cable)
         tool.communicate(timeout=PATIENCE_S)
     told = log.read_text()
@@ -170,10 +177,7 @@ def test_tools_of_the_bus_end_well_with_a_robot_that_does(
     log = tmp_path / "log"
     with Cable(endpoints.connect[0]) as cable:
         with talking_robot(endpoints, robot.say):
-            tool = start((*words, "--connect", cable.locator, "--wait", 60), log)
-            wait_until(lambda: len(cable._ends) > 0, what="the tool to dial")
-            begin = robot.tick
-            wait_until(lambda: robot.tick > begin + 700, what="the tool to hear")
+            tool = heard_by(cable, robot, words, log)
             robot.end()
         tool.communicate(timeout=PATIENCE_S)
     assert tool.returncode == 0, log.read_text()

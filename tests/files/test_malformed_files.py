@@ -72,6 +72,17 @@ def error_of(read: Callable[[], object]) -> Exception | None:
     return None
 
 
+def check_malformed_tomls(
+    path: Path, texts: list[str], read: Callable[[], object], count: int
+) -> None:
+    """Each text in turn, changed, as the file that is read."""
+
+    def write(seed: int) -> None:
+        path.write_bytes(malformed_toml(texts[seed % len(texts)], seed))
+
+    verdicts(write, read, count, str(path))
+
+
 def stand(robot: str | Path, scenario: str | Path) -> None:
     """Some ticks of a run, through everything that reads both files."""
     sim = sf.Simulation(robot, scenario, seed=0)
@@ -81,60 +92,39 @@ def stand(robot: str | Path, scenario: str | Path) -> None:
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_urdfs(count: int, tmp_path: Path) -> None:
-    toml = Path(shutil.copy(WALKER / "walker.toml", tmp_path))
-    text = (WALKER / "walker.urdf").read_text()
-    urdf = tmp_path / "walker.urdf"
-    verdicts(
-        lambda seed: urdf.write_bytes(malformed_urdf(text, seed)) and None,
-        lambda: stand(toml, "standing"),
-        count,
-        str(tmp_path),
-    )
+def test_urdfs(count: int, files: Path) -> None:
+    urdf = files.with_suffix(".urdf")
+    text = urdf.read_text()
+
+    def write(seed: int) -> None:
+        urdf.write_bytes(malformed_urdf(text, seed))
+
+    verdicts(write, lambda: stand(files, "standing"), count, str(files.parent))
 
 
 @pytest.mark.parametrize("count", COUNTS)
-def test_robot_files(count: int, tmp_path: Path) -> None:
-    shutil.copy(WALKER / "walker.urdf", tmp_path)
-    text = (WALKER / "walker.toml").read_text()
-    toml = tmp_path / "walker.toml"
-    verdicts(
-        lambda seed: toml.write_bytes(malformed_toml(text, seed)) and None,
-        lambda: stand(toml, "standing"),
-        count,
-        str(toml),
-    )
+def test_robot_files(count: int, files: Path) -> None:
+    texts = [files.read_text()]
+    check_malformed_tomls(files, texts, lambda: stand(files, "standing"), count)
 
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_scenarios(count: int, tmp_path: Path) -> None:
     texts = [path.read_text() for path in sorted(SCENARIOS_DIR.glob("*.toml"))]
     path = tmp_path / "odd.toml"
-    verdicts(
-        lambda seed: (
-            path.write_bytes(malformed_toml(texts[seed % len(texts)], seed)) and None
-        ),
-        lambda: stand("walker", path),
-        count,
-        str(path),
-    )
+    check_malformed_tomls(path, texts, lambda: stand("walker", path), count)
 
 
 @pytest.mark.parametrize("count", COUNTS)
 def test_settings(count: int, tmp_path: Path) -> None:
-    text = settings_text(ControllerSettings())
     path = tmp_path / "odd.toml"
 
     def read() -> None:
         sf.make_controller("whole-body", "walker", settings=path)
         settings_text(resolve_settings(path))
 
-    verdicts(
-        lambda seed: path.write_bytes(malformed_toml(text, seed)) and None,
-        read,
-        count,
-        str(path),
-    )
+    texts = [settings_text(ControllerSettings())]
+    check_malformed_tomls(path, texts, read, count)
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -151,12 +141,7 @@ def test_endpoint_files(count: int, tmp_path: Path) -> None:
             config = session_config(endpoints, role, namespace="a", timeout_s=1.0)
             zenoh.Config.from_json5(session.json.dumps(config))
 
-    verdicts(
-        lambda seed: path.write_bytes(malformed_toml(ENDPOINTS, seed)) and None,
-        read,
-        count,
-        str(path),
-    )
+    check_malformed_tomls(path, [ENDPOINTS], read, count)
 
 
 @pytest.mark.parametrize("count", COUNTS)
@@ -171,14 +156,7 @@ def test_relay_plans(count: int, tmp_path: Path) -> None:
             for number in range(5):
                 lane.pass_on(b"\x80", now_s=0.1 * number, elapsed_s=0.1 * number)
 
-    verdicts(
-        lambda seed: (
-            path.write_bytes(malformed_toml(texts[seed % len(texts)], seed)) and None
-        ),
-        read,
-        count,
-        str(path),
-    )
+    check_malformed_tomls(path, texts, read, count)
 
 
 HEAD_YAW = 'joint name="head_yaw" type="revolute"'
@@ -206,6 +184,9 @@ CASES = {
     "not finite": ('upper="1.6572"', 'upper="nan"', "got 'nan', expected a number"),
     "no direction": ('axis xyz="0 0 1"', 'axis xyz="0 0 0"', "expected a direction"),
     "broken": ("</robot>", "", "not valid XML"),
+    "no number": ('lower="-1.6572"', 'lower="low"', "lower: got 'low', expected a num"),
+    "no effort": (' effort="3.5"', "", "effort: got ''"),
+    "no limit": (r'<limit lower="-1.6572"[^>]*/>', "", "'head_yaw' has no <limit>"),
     "other": (r"<robot name", "<sdf/><robot name", "not valid XML"),
     "in millimetres": (r'origin xyz="([-\d.]+) ([-\d.]+) ([-\d.]+)"',
                        r'origin xyz="\g<1>e3 \g<2>e3 \g<3>e3"', "lengths in metres"),

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
+from surefoot.robot_io.client_side.observer import (
+    VIEWER_CHANNELS,
+    LatestMessages,
+    Observer,
+)
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.ticks.write import TickFile
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.result import PlantResult
 from surefoot.schemas.scenario import scenario_from_table
@@ -17,8 +24,8 @@ from surefoot.sim_robot.robot_loop import run_robot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.node import run_stabilizer
-from tests.patient_robot import patient
-from tests.support import PATIENCE_S
+from tests.patient_robot import gentle_settings, patient
+from tests.support import PATIENCE_S, wait_until
 
 FORKED = multiprocessing.get_context("forkserver")
 FORKED.set_forkserver_preload(
@@ -138,6 +145,22 @@ def robot(
     )
 
 
+def recorded_robot(
+    endpoints: Endpoints, table: dict[str, Any], record: Path
+) -> PlantResult:
+    """The Walker in lockstep, its ticks kept in a file."""
+    with TickFile(record, may_wait=True) as ticks:
+        return run_robot(
+            load_robot("walker"),
+            scenario_from_table({"name": "test", **table}, source="test"),
+            seed=SEED,
+            endpoints=endpoints,
+            pace=Pace.LOCKSTEP,
+            ticks=ticks,
+            wait_s=PATIENCE_S,
+        )
+
+
 def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
     """A controller that keeps the posture."""
     walker = load_robot("walker")
@@ -151,7 +174,7 @@ def stabilizer(endpoints: Endpoints, pace: Pace, identity: str = "ann") -> Any:
     )
 
 
-def balancing(endpoints: Endpoints) -> Any:
+def balancing(endpoints: Endpoints, identity: str = "ann") -> Any:
     """The whole-body controller, in lockstep."""
     walker = load_robot("walker")
     return run_stabilizer(
@@ -159,9 +182,70 @@ def balancing(endpoints: Endpoints) -> Any:
         walker,
         endpoints=endpoints,
         pace=Pace.LOCKSTEP,
-        identity="ann",
+        identity=identity,
         connect_timeout_s=PATIENCE_S,
     )
+
+
+def balance(
+    endpoints: Endpoints, pace: Pace, identity: str = "ann", path: str = "walker"
+) -> Any:
+    """The whole-body controller, gentle, its settings open to change."""
+    walker = load_robot(path)
+    return run_stabilizer(
+        lambda settings: WholeBodyController(walker, settings),
+        walker,
+        endpoints=endpoints,
+        pace=pace,
+        identity=identity,
+        connect_timeout_s=PATIENCE_S,
+        settings=gentle_settings(),
+    )
+
+
+class Onlooker:
+    """Looks on, and waits until it has seen something."""
+
+    def __init__(self, observer: Observer) -> None:
+        self.observer = observer
+
+    def until(
+        self, condition: Callable[[LatestMessages], object], *, what: str
+    ) -> LatestMessages:
+        """The first sight of status, stabilizer and joints that fulfils it."""
+
+        def look() -> LatestMessages | None:
+            sight = self.observer.latest_messages()
+            is_whole = sight.status and sight.stabilizer and sight.joints
+            return sight if is_whole and condition(sight) else None
+
+        seen = wait_until(look, what=what)
+        assert seen is not None
+        return seen
+
+    def tick(self) -> int:
+        joints = self.until(lambda sight: True, what="any message").joints
+        assert joints is not None
+        return joints.tick
+
+    def let_go_on(self, ticks: int) -> LatestMessages:
+        """Sight of the run so many ticks later."""
+        later = self.tick() + ticks
+        return self.until(
+            lambda sight: sight.joints and sight.joints.tick > later,
+            what="the run to go on",
+        )
+
+
+@contextmanager
+def looking(endpoints: Endpoints, path: str = "walker") -> Iterator[Observer]:
+    """Eve, who looks on as the live page does."""
+    robot = load_robot(path)
+    with Observer(
+        robot, endpoints=endpoints, channels=VIEWER_CHANNELS, identity="eve"
+    ) as observer:
+        observer.connect(timeout_s=PATIENCE_S)
+        yield observer
 
 
 def _report(results: Connection, target: Any, *args: Any) -> None:

@@ -21,7 +21,7 @@ import pytest
 import surefoot as sf
 from tests.command import command, cut_short, environment
 from tests.patient_robot import patient_robot_file
-from tests.support import PATIENCE_S, free_port, wait_until
+from tests.support import PATIENCE_S, free_port, is_gone, ticks_on_disk, wait_until
 from tests.surefoot.recording.mcap_reading import messages_of_cut_off
 
 pytest.importorskip("viser", reason="the live page needs viser: pip install -e .[view]")
@@ -82,13 +82,6 @@ def test_nothing_unsafe_nothing_half_written(
     no_step_is_unsafe(out)
 
 
-def ticks_on_disk(out: Path) -> int:
-    try:
-        return sf.read_signals(out).count
-    except sf.UsageError:
-        return 0
-
-
 def ids_of(out: Path) -> dict[str, int]:
     """Process ids of a run's children by name."""
 
@@ -103,14 +96,6 @@ def ids_of(out: Path) -> dict[str, int]:
         return found
 
     return wait_until(find, what="all processes to start")
-
-
-def is_gone(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return True
-    return False
 
 
 def all_files_are_whole(out: Path) -> None:

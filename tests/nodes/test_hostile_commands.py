@@ -9,7 +9,7 @@ from itertools import cycle
 import numpy as np
 
 from surefoot.robot_io.bus.bus import Bus
-from surefoot.robot_io.bus.channel import Latest
+from surefoot.robot_io.bus.channel import TOKEN_BYTES, Latest
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
@@ -62,7 +62,7 @@ def hostile_commands(heard: bytes) -> list[bytes]:
     nothing = np.full(WALKER.n_a, np.nan)
     kinds = cycle(
         (
-            lambda: rng.bytes(int(rng.integers(1, 300))),
+            lambda: rng.bytes(int(rng.choice([0, TOKEN_BYTES, 5000, 100, 300]))),
             mutated,
             lambda: command(wild(), schema=SCHEMA_VERSION, commander="bob"),
             lambda: command(nothing, schema=SCHEMA_VERSION, commander="ann"),

@@ -11,7 +11,6 @@ import pytest
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.channel import Latest
 from surefoot.robot_io.bus.session import Role
-from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.ticks.recorder import BLOCK_TICKS, Block, BlockFormat
@@ -20,10 +19,8 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     RobotMode,
     RobotStatus,
-    StabilizerStatus,
-    Truth,
 )
-from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState
+from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.topics import topic
@@ -80,7 +77,7 @@ def in_one_process(table: dict, controller: str = "hold") -> str:
     walker = load_robot("walker")
     scenario = scenario_from_table({"name": "test", **table}, source="test")
     run = simulate(walker, scenario, controller=controller, seed=SEED, record=False)
-    return run.result.log_sha256
+    return run.log_sha256
 
 
 @pytest.mark.usual("1.0")
@@ -186,35 +183,6 @@ def test_real_time_goes_by_the_clock_and_measures_itself(endpoints: Endpoints) -
     assert 0 < answered.ticks <= 500
 
 
-def test_killed_stabilizer_leaves_the_robot_holding_and_another_takes_over(
-    endpoints: Endpoints,
-) -> None:
-    with running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant:
-        with (
-            running(stabilizer, endpoints, Pace.LOCKSTEP, "ann") as doomed,
-            observer(endpoints) as when,
-        ):
-            when(is_running, what="ann in command")
-            doomed.kill()
-            held = when(lambda s: s.mode is RobotMode.HOLD, what="HOLD")
-            assert held.cause is ModeCause.COMMANDER_GONE
-            assert held.detail == "ann is gone"
-            assert held.commander == ""
-            with running(stabilizer, endpoints, Pace.LOCKSTEP, "bob") as heir:
-                taken = when(
-                    lambda s: s.commander == "bob" and s.mode is RobotMode.ACTIVE,
-                    what="bob in command",
-                )
-                assert taken.q_command == held.q_command
-                heir.signal(signal.SIGTERM)
-                assert heir.result().end is EndReason.STOPPED
-            when(lambda s: s.mode is RobotMode.HOLD and "bob" in s.detail, what="HOLD")
-        plant.signal(signal.SIGINT)
-        run = plant.result()
-        assert (run.end, run.end_detail) == (ModeCause.STOPPED, "SIGINT")
-        assert plant.exit_code() == 0
-
-
 def test_the_stabilizer_says_that_a_killed_robot_is_gone(endpoints: Endpoints) -> None:
     with (
         running(robot, endpoints, LONG, Pace.LOCKSTEP) as plant,
@@ -256,66 +224,6 @@ def test_a_hung_stabilizer_is_given_up_and_finds_out(endpoints: Endpoints) -> No
             EndReason.LEASE_LOST,
             EndReason.ROBOT_FAULT,
             EndReason.ROBOT_GONE,
-        )
-
-
-def test_a_second_stabilizer_is_refused_by_the_name_of_the_first(
-    endpoints: Endpoints,
-) -> None:
-    with (
-        running(robot, endpoints, LONG, Pace.LOCKSTEP),
-        running(stabilizer, endpoints, Pace.LOCKSTEP, "ann"),
-        observer(endpoints) as when,
-    ):
-        before = when(is_running, what="ann in command")
-        with (
-            running(stabilizer, endpoints, Pace.LOCKSTEP, "bob") as second,
-            pytest.raises(
-                ProcessError, match=r"RequestRefusedError: .*ann holds the lease"
-            ),
-        ):
-            second.result()
-        after = when(lambda s: s.tick > before.tick + 50, what="ann to go on")
-        assert after.commander == "ann"
-        assert after.mode is RobotMode.ACTIVE
-
-
-def test_observers_see_truth_and_the_stabilizers_status(endpoints: Endpoints) -> None:
-    with (
-        running(robot, endpoints, LONG, Pace.LOCKSTEP),
-        Bus(endpoints, Role.CLIENT, namespace="walker", timeout_s=PATIENCE_S) as bus,
-        running(stabilizer, endpoints, Pace.LOCKSTEP),
-    ):
-        truths = Latest(bus.channel(topic("truth").key, depth=1), Truth)
-        told = Latest(bus.channel(topic("stabilizer").key, depth=1), StabilizerStatus)
-        truth = wait_until(truths.poll, what="truth")
-        status = wait_until(told.poll, what="the stabilizer's status")
-    assert truth is not None
-    assert status is not None
-    assert sum(truth.normal_force) > 0.0
-    assert status.controller == "hold"
-    assert status.state is StabilizerState.ACTIVE
-    assert status.qp_status == "ok"
-
-
-def test_a_port_in_use_is_an_error_of_the_robot(endpoints: Endpoints) -> None:
-    with (
-        Bus(endpoints, Role.ROBOT, namespace="walker"),
-        running(robot, endpoints, SHORT, Pace.LOCKSTEP) as plant,
-        pytest.raises(ProcessError, match=r"EndpointError: .*in use"),
-    ):
-        plant.result()
-
-
-def test_no_robot_is_an_error_of_the_stabilizer(endpoints: Endpoints) -> None:
-    walker = load_robot("walker")
-    with pytest.raises(RobotUnreachableError, match=r"within 0.2 s"):
-        run_stabilizer(
-            lambda settings: HoldController(walker.n_a),
-            walker,
-            endpoints=endpoints,
-            pace=Pace.LOCKSTEP,
-            connect_timeout_s=0.2,
         )
 
 

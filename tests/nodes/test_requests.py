@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -11,7 +10,6 @@ from msgspec.structs import replace
 
 from surefoot.planner import VelocityPlanner, walk_on_bus
 from surefoot.robot_io.client_side.observer import (
-    VIEWER_CHANNELS,
     LatestMessages,
     Observer,
 )
@@ -26,7 +24,7 @@ from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.node import run_stabilizer
 from surefoot.stabilizer.walking.footsteps import Pace as WalkPace
 from surefoot.stabilizer.walking.footsteps import half_width_of
-from tests.nodes.processes import Running, robot, running
+from tests.nodes.processes import Onlooker, Running, balance, looking, robot, running
 from tests.patient_robot import gentle_settings
 from tests.support import PATIENCE_S, wait_until
 
@@ -37,61 +35,15 @@ NEW_GAIN = 35.0
 PUSH_N = [30.0, 0.0, 0.0]
 
 
-def balance(endpoints: Endpoints, pace: Pace) -> Any:
-    """A gentle whole-body stabilizer, its settings open to change."""
-    walker = load_robot("walker")
-    return run_stabilizer(
-        lambda settings: make_controller("whole-body", walker, settings),
-        walker,
-        endpoints=endpoints,
-        pace=pace,
-        identity="ann",
-        connect_timeout_s=PATIENCE_S,
-        settings=gentle_settings(),
-    )
-
-
-class Run:
+class Run(Onlooker):
     """A robot and its stabilizer, and someone who looks on."""
 
     def __init__(self, plant: Running, control: Running, observer: Observer) -> None:
-        self.plant, self.control, self.observer = plant, control, observer
-
-    def when(
-        self, condition: Callable[[LatestMessages], object], *, what: str
-    ) -> LatestMessages:
-        def look() -> LatestMessages | None:
-            sight = self.observer.latest_messages()
-            complete = sight.status and sight.stabilizer and sight.joints
-            return sight if complete and condition(sight) else None
-
-        sight = wait_until(look, what=what)
-        assert sight is not None
-        return sight
-
-    def tick(self) -> int:
-        joints = self.when(lambda sight: True, what="any message").joints
-        assert joints is not None
-        return joints.tick
+        super().__init__(observer)
+        self.plant, self.control = plant, control
 
     def has_gone_on(self) -> LatestMessages:
-        start = self.tick()
-        return self.when(
-            lambda sight: sight.joints and sight.joints.tick > start + LATER_TICKS,
-            what="the run to go on",
-        )
-
-
-@contextmanager
-def looking(endpoints: Endpoints) -> Iterator[Observer]:
-    with Observer(
-        load_robot("walker"),
-        endpoints=endpoints,
-        channels=VIEWER_CHANNELS,
-        identity="eve",
-    ) as observer:
-        observer.connect(timeout_s=PATIENCE_S)
-        yield observer
+        return self.let_go_on(LATER_TICKS)
 
 
 @pytest.fixture(params=list(Pace), ids=str)
@@ -102,7 +54,7 @@ def run(request: pytest.FixtureRequest, endpoints: Endpoints) -> Iterator[Run]:
         looking(endpoints) as observer,
     ):
         started = Run(plant, control, observer)
-        started.when(
+        started.until(
             lambda sight: sight.status and sight.status.mode is RobotMode.ACTIVE,
             what="the robot to be commanded",
         )
@@ -115,7 +67,7 @@ def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
     observer = run.observer
     assert observer.requests.change_settings({}).settings["tsid.com_kp"] == [30.0] * 3
     # Of the stabilizer's own ticks: the robot's may be one ahead of what it has read.
-    answered = run.when(lambda sight: True, what="any message").stabilizer
+    answered = run.until(lambda sight: True, what="any message").stabilizer
     assert answered is not None
     reply = observer.requests.change_settings({"tsid.com_kp": [NEW_GAIN]})
     assert reply.settings["tsid.com_kp"] == [NEW_GAIN] * 3
@@ -138,7 +90,7 @@ def test_gains_change_and_are_recorded_with_their_tick(run: Run) -> None:
 def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
     run.has_gone_on()
     run.observer.requests.control("hold")
-    held = run.when(
+    held = run.until(
         lambda sight: sight.status and sight.status.mode is RobotMode.HOLD,
         what="the hold",
     )
@@ -147,14 +99,14 @@ def test_a_hold_keeps_the_posture_until_resumed(run: Run) -> None:
     assert later.status is not None
     assert later.status.q_command == held.status.q_command
     assert later.status.commander == "ann"
-    run.when(
+    run.until(
         lambda sight: (
             sight.stabilizer and sight.stabilizer.state is StabilizerState.PAUSED
         ),
         what="the stabilizer to say so",
     )
     run.observer.requests.control("resume")
-    resumed = run.when(
+    resumed = run.until(
         lambda sight: (
             sight.status
             and sight.status.mode is RobotMode.ACTIVE
@@ -180,7 +132,7 @@ def test_a_push_acts_and_is_recorded(run: Run) -> None:
         run.observer.requests.push("torso", [1e6, 0.0, 0.0], duration_s=0.2)
     with pytest.raises(RequestRefusedError, match="duration_s"):
         run.observer.requests.push("torso", PUSH_N, duration_s=-1.0)
-    moving = run.when(
+    moving = run.until(
         lambda sight: sight.truth and abs(sight.truth.com_velocity[0]) > 0.005,
         what="the body to move",
     )
@@ -254,10 +206,10 @@ def test_a_walk_that_a_hold_has_ended_is_told_to_stand(endpoints: Endpoints) -> 
         run = Run(plant, control, observer)
         run.has_gone_on()
         client.send(planner.plan(None))
-        run.when(lambda s: s.walk_status and s.walk_status.phase == "shift", what="it")
+        run.until(lambda s: s.walk_status and s.walk_status.phase == "shift", what="it")
         for action in ("hold", "resume"):
             observer.requests.control(action)
-            seen = run.when(
+            seen = run.until(
                 lambda s: s.walk_status and s.walk_status.phase == "stand", what="it"
             )
             assert seen.walk_status is not None

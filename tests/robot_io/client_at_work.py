@@ -8,7 +8,7 @@ import numpy as np
 
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.realtime import StopRequest
-from surefoot.robot_io.robot import load_robot
+from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     RobotMode,
@@ -22,11 +22,15 @@ MakeClient = Callable[..., RobotClient]
 
 
 def new_client(
-    endpoints: Endpoints, identity: str, stop: StopRequest | None = None
+    endpoints: Endpoints,
+    identity: str,
+    stop: StopRequest | None = None,
+    *,
+    robot: Robot = WALKER,
 ) -> RobotClient:
     """A client in order, not connected yet."""
     return RobotClient(
-        WALKER,
+        robot,
         endpoints=endpoints,
         identity=identity,
         in_order=True,

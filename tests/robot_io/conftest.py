@@ -10,8 +10,15 @@ import pytest
 from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.schemas.endpoints import Endpoints
 from tests.robot_io.client_at_work import WALKER, MakeClient, new_client
+from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import PATIENCE_S
+
+
+@pytest.fixture(scope="module")
+def authority(tmp_path_factory: pytest.TempPathFactory) -> Authority:
+    """One per module: making its keys takes a while."""
+    return Authority(tmp_path_factory.mktemp("authority") / "certs")
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from surefoot.schemas.endpoints import Endpoints, Tls
 from tests.support import free_port
 
 
-class ModeMachine:
+class Authority:
     """An authority's folder, and endpoints as any of its identities."""
 
     def __init__(self, folder: Path) -> None:

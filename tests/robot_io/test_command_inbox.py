@@ -11,6 +11,7 @@ import pytest
 from surefoot.robot_io.robot_side.mode_machine import CommandResult, Refusal
 from surefoot.robot_io.robot_side.server import CommandInbox, NoAnswer
 from surefoot.schemas.codec import encode
+from surefoot.schemas.messages import SCHEMA_VERSION
 from tests.robot_io.gate_at_work import PERIOD_S, WALKER, active_gate, command, offset
 
 INTERRUPT = None
@@ -56,22 +57,16 @@ def test_the_answer_carries_its_tick_and_the_posture_to_follow() -> None:
     assert np.array_equal(result.posture, offset("left_knee", 0.002))
 
 
-def test_an_answer_that_is_refused_is_an_answer() -> None:
-    result = Robot(wire(0, 1.0)).answer(0, newest=0)
-    assert isinstance(result, CommandResult)
-    assert result.refusal is Refusal.FIRST_COMMAND
-    assert np.array_equal(result.posture, WALKER.nominal)
-
-
 @pytest.mark.parametrize(
     ("q", "refusal"),
     [
         ([math.nan] * WALKER.n_a, Refusal.NOT_FINITE),
         ([math.inf] * WALKER.n_a, Refusal.NOT_FINITE),
         ([0.0] * (WALKER.n_a - 1), Refusal.SIZE),
+        (offset("left_knee", 1.0), Refusal.FIRST_COMMAND),
     ],
 )
-def test_an_answer_without_a_posture_is_an_answer(
+def test_an_answer_that_is_refused_is_an_answer(
     q: list[float], refusal: Refusal
 ) -> None:
     """In one process, too, nobody waits for another one."""
@@ -126,10 +121,11 @@ def test_of_the_newest_the_last_one_accepted_counts() -> None:
         wire(0, 0.002, sequence=2),
         wire(0, 0.003, sequence=0),
         b"nonsense",
+        wire(0, 0.004, sequence=3, schema=SCHEMA_VERSION + 1),
     )
     robot.gate.begin_tick(now_s=0.0, tick=0)
     result = robot.inbox.newest(0, now_s=0.0)
     assert result is not None
     assert np.array_equal(result.posture, offset("left_knee", 0.002))
-    assert robot.gate.refused == {"sequence": 1, "malformed": 1}
+    assert robot.gate.refused == {"sequence": 1, "malformed": 1, "schema": 1}
     assert robot.inbox.newest(0, now_s=0.0) is None

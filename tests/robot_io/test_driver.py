@@ -20,7 +20,7 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import ModeCause
-from tests.command import REPOSITORY, Surefoot, environment
+from tests.command import REPOSITORY, Surefoot, environment, run_python
 from tests.patient_robot import JUDGED, patient_robot_file
 from tests.robot_io.client_at_work import WALKER, new_client, status_when
 from tests.robot_io.conformance.verdict import check_passes_but_for_time
@@ -139,15 +139,7 @@ def test_the_example_is_short() -> None:
 def test_the_example_tells_mistakes_in_one_line(
     tmp_path: Path, words: list[object], code: int, told: str
 ) -> None:
-    done = subprocess.run(
-        [sys.executable, DRIVER, *words],
-        cwd=tmp_path,
-        env=environment(),
-        text=True,
-        capture_output=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    done = run_python(DRIVER, *words, cwd=tmp_path)
     assert done.returncode == code
     assert told in done.stderr
     assert len(done.stderr.splitlines()) == 1

@@ -86,15 +86,23 @@ def test_posture_stays_in_range_and_never_steps_further_than_allowed(
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(commands, max_size=20))
-def test_a_refused_command_moves_nothing(offered: list[JointCommand]) -> None:
+@given(st.lists(commands, max_size=40))
+def test_a_refused_command_moves_nothing_and_is_counted_once(
+    offered: list[JointCommand],
+) -> None:
     gate = active_gate()
+    verdicts = []
     for tick, each in enumerate(offered):
         gate.begin_tick(now_s=tick * PERIOD_S)
         before = gate.posture.copy()
         verdict = gate.accept(each, tick=tick, now_s=tick * PERIOD_S)
         assert verdict.accepted == (verdict.refusal is None)
         assert verdict.accepted or np.array_equal(gate.posture, before)
+        verdicts.append(verdict)
+    refusals = [v.refusal for v in verdicts if v.refusal is not None]
+    assert gate.refused == {r: refusals.count(r) for r in refusals}
+    clips = [limit for v in verdicts for limit in v.clipped]
+    assert gate.clipped == {limit: clips.count(limit) for limit in clips}
 
 
 @settings(max_examples=100, deadline=None)
@@ -266,20 +274,6 @@ def test_status_tells_what_the_gate_does() -> None:
     assert told.refused == {"sequence": 1}
     assert told.q_command == WALKER.nominal.tolist()
     assert decode(encode(told), RobotStatus, joint_count=WALKER.n_a) == told
-
-
-@settings(max_examples=100, deadline=None)
-@given(st.lists(commands, max_size=40))
-def test_every_refusal_is_counted_once(offered: list[JointCommand]) -> None:
-    gate = active_gate()
-    verdicts = []
-    for tick, each in enumerate(offered):
-        gate.begin_tick(now_s=tick * PERIOD_S)
-        verdicts.append(gate.accept(each, tick=tick, now_s=tick * PERIOD_S))
-    refusals = [v.refusal for v in verdicts if v.refusal is not None]
-    assert gate.refused == {r: refusals.count(r) for r in refusals}
-    clips = [limit for v in verdicts for limit in v.clipped]
-    assert gate.clipped == {limit: clips.count(limit) for limit in clips}
 
 
 def test_a_smaller_step_limit_of_the_robot_file_is_kept() -> None:

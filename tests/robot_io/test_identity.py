@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -21,7 +19,7 @@ from surefoot.robot_io.identity import (
     parse_token,
 )
 from surefoot.robot_io.robot import Robot, load_robot
-from tests.command import environment
+from tests.command import run_python
 from tests.robot_io.strange_robots import MIRRORED, WALKER, changed, remade
 
 DESCRIBE = (
@@ -59,14 +57,8 @@ def test_the_digest_fits_a_chunk_of_a_key_and_has_a_hash_for_each_part() -> None
 
 def test_each_process_gets_the_same_digest(tmp_path: Path) -> None:
     for seed in ("1", "2"):
-        told = subprocess.run(
-            [sys.executable, "-c", DESCRIBE],
-            env={**environment(), "PYTHONHASHSEED": seed, "LC_ALL": "C"},
-            cwd=tmp_path,
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        words = ("-c", DESCRIBE)
+        told = run_python(*words, cwd=tmp_path, PYTHONHASHSEED=seed, LC_ALL="C")
         assert told.stdout.strip() == describe(WALKER)
 
 

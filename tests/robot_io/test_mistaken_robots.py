@@ -37,6 +37,7 @@ from surefoot.schemas.messages import (
 )
 from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.relay_plan import RelayPlan
+from tests.robot_io.client_at_work import new_client
 from tests.robot_io.meeting_places import meeting_place
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.robot_io.strange_robots import MIRRORED, WALKER
@@ -58,12 +59,8 @@ def routed() -> Iterator[Endpoints]:
         yield endpoints
 
 
-@contextmanager
-def as_client(robot: Robot, endpoints: Endpoints) -> Iterator[RobotClient]:
-    with RobotClient(
-        robot, endpoints=endpoints, identity="ann", in_order=True, stop=StopRequest()
-    ) as client:
-        yield client
+def as_client(robot: Robot, endpoints: Endpoints) -> RobotClient:
+    return new_client(endpoints, "ann", robot=robot)
 
 
 @contextmanager
@@ -173,20 +170,12 @@ def test_who_looks_on_refuses_a_robot_of_another_description(
             check_conformance(ours, endpoints=place, timeout_s=PATIENCE_S)
 
 
-def relay_endpoints(place: Endpoints) -> Endpoints:
-    return Endpoints(
-        listen=[f"tcp/127.0.0.1:{free_port()}"], connect=place.router or place.connect
-    )
-
-
 def relay_beside(place: Endpoints, replace: Callable[[], None] | None = None) -> None:
     """Run a relay of the Walker until something ends it."""
-    Relay(WALKER, RelayPlan(name="clear"), seed=0).run(
-        relay_endpoints(place),
-        stop=StopRequest(),
-        wait_s=PATIENCE_S,
-        on_ready=replace,
-    )
+    there = [f"tcp/127.0.0.1:{free_port()}"]
+    both = Endpoints(listen=there, connect=place.router or place.connect)
+    relay = Relay(WALKER, RelayPlan(name="clear"), seed=0)
+    relay.run(both, stop=StopRequest(), wait_s=PATIENCE_S, on_ready=replace)
 
 
 def test_a_relay_refuses_a_robot_of_another_description(place: Endpoints) -> None:
@@ -374,9 +363,11 @@ def test_a_replay_is_of_the_recorded_robot(place: Endpoints) -> None:
             assert client.connect(timeout_s=PATIENCE_S)
             with pytest.raises(RequestRefusedError, match=REFUSAL):
                 client.take_lease()
-        for dialing in (Observer(WALKER, endpoints=place),):
-            with dialing, pytest.raises(RobotMismatchError, match=DIFFERENT):
-                dialing.connect(timeout_s=PATIENCE_S)
+        with (
+            Observer(WALKER, endpoints=place) as stranger,
+            pytest.raises(RobotMismatchError, match=DIFFERENT),
+        ):
+            stranger.connect(timeout_s=PATIENCE_S)
 
 
 def test_a_replay_does_not_start_beside_a_robot(routed: Endpoints) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 import msgspec
@@ -12,7 +12,6 @@ import zenoh
 
 from surefoot.robot_io.bus.session import Role, open_session
 from surefoot.robot_io.client_side.client import RobotClient
-from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.endpoints import Endpoints
@@ -23,7 +22,8 @@ from surefoot.schemas.messages import (
     SettingsRequest,
     StabilizerReply,
 )
-from tests.robot_io.secured import ModeMachine
+from tests.robot_io.client_at_work import new_client
+from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import serving
 from tests.support import PATIENCE_S, wait_until
 
@@ -44,14 +44,15 @@ class Meeting:
     """A stabilizer in command of a robot, and whoever wants something of it."""
 
     def __init__(
-        self, robot: Robot, modes: ModeMachine, ann: RobotClient, *, routed: bool
+        self, robot: Robot, authority: Authority, ann: RobotClient, *, routed: bool
     ) -> None:
-        self.robot, self._authority, self._ann = robot, modes, ann
+        self.robot, self._authority, self._ann = robot, authority, ann
         self._routed = routed
         self.asked = 0
 
-    def endpoints(self, identity: str) -> Endpoints:
-        return as_who(self._authority, identity, routed=self._routed)
+    def session(self, identity: str) -> AbstractContextManager[zenoh.Session]:
+        endpoints = as_who(self._authority, identity, routed=self._routed)
+        return open_session(endpoints, Role.CLIENT, namespace="walker")
 
     def answers(
         self, session: zenoh.Session, name: str, data: bytes, *, attempts: int = TRIES
@@ -80,8 +81,8 @@ class Meeting:
         return reply.ok.payload.to_bytes() if reply and reply.ok else None
 
 
-def as_who(modes: ModeMachine, identity: str, *, routed: bool) -> Endpoints:
-    endpoints = modes.endpoints(identity)
+def as_who(authority: Authority, identity: str, *, routed: bool) -> Endpoints:
+    endpoints = authority.endpoints(identity)
     router = endpoints.listen if routed else []
     return msgspec.structs.replace(endpoints, router=router)
 
@@ -92,28 +93,21 @@ def meeting(
 ) -> Iterator[Meeting]:
     robot, routed = load_robot("walker-real"), request.param
     folder: Path = tmp_path_factory.mktemp("authority") / "certs"
-    modes = ModeMachine(folder)
+    authority = Authority(folder)
     with ExitStack() as stack:
         if routed:
-            endpoints = as_who(modes, "router", routed=True)
+            endpoints = as_who(authority, "router", routed=True)
             stack.enter_context(
                 open_session(
                     endpoints, Role.ROUTER, namespace="walker", keys=robot.keys
                 )
             )
-        stack.enter_context(serving(robot, as_who(modes, "robot", routed=routed)))
-        ann = stack.enter_context(
-            RobotClient(
-                robot,
-                endpoints=as_who(modes, "stabilizer", routed=routed),
-                identity="ann",
-                in_order=True,
-                stop=StopRequest(),
-            )
-        )
+        stack.enter_context(serving(robot, as_who(authority, "robot", routed=routed)))
+        theirs = as_who(authority, "stabilizer", routed=routed)
+        ann = stack.enter_context(new_client(theirs, "ann", robot=robot))
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
-        yield Meeting(robot, modes, ann, routed=routed)
+        yield Meeting(robot, authority, ann, routed=routed)
 
 
 @pytest.mark.parametrize("request_", [SETTINGS, CONTROL], ids=["settings", "control"])
@@ -121,18 +115,14 @@ def test_an_operator_is_answered_by_the_stabilizer(
     meeting: Meeting, request_: msgspec.Struct
 ) -> None:
     name = "settings" if request_ is SETTINGS else "control"
-    with open_session(
-        meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with meeting.session("operator") as session:
         data = meeting.answers(session, name, encode(request_))
         assert data is not None
         assert decode(data, StabilizerReply).tick == TICK
 
 
 def test_an_operator_does_not_command(meeting: Meeting) -> None:
-    with open_session(
-        meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with meeting.session("operator") as session:
         assert meeting.answers(session, "settings", encode(SETTINGS)) is not None
         assert meeting.answers(session, "lease", encode(LEASE), attempts=FEW) is None
         assert meeting.answers(session, "mode", encode(LEASE), attempts=FEW) is None
@@ -141,9 +131,7 @@ def test_an_operator_does_not_command(meeting: Meeting) -> None:
 @pytest.mark.parametrize("identity", ["observer", "planner"])
 def test_others_do_not_reach_the_stabilizer(meeting: Meeting, identity: str) -> None:
     before = meeting.asked
-    with open_session(
-        meeting.endpoints(identity), Role.CLIENT, namespace="walker"
-    ) as session:
+    with meeting.session(identity) as session:
         assert (
             meeting.answers(session, "settings", encode(SETTINGS), attempts=FEW) is None
         )
@@ -159,12 +147,8 @@ def test_an_operator_cannot_answer_in_the_place_of_the_stabilizer(
     key = meeting.robot.keys["settings"]
     forged: list[zenoh.Query] = []
     with (
-        open_session(
-            meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-        ) as impostor,
-        open_session(
-            meeting.endpoints("operator"), Role.CLIENT, namespace="walker"
-        ) as session,
+        meeting.session("operator") as impostor,
+        meeting.session("operator") as session,
     ):
         impostor.declare_queryable(key, forged.append)
         for _ in range(FEW):

@@ -23,7 +23,7 @@ from surefoot.robot_io.errors import (
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.security.locators import check_locators
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
-from tests.robot_io.secured import ModeMachine
+from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import serving
 from tests.support import free_port
 
@@ -53,11 +53,12 @@ def opened(endpoints: Endpoints, role: Role = Role.ROBOT) -> None:
         ("tpc/127.0.0.1:7447", "got the protocol 'tpc'"),
         ("127.0.0.1:7447", "no protocol"),
         ("", "no protocol"),
+        ("pigeon/1", "got the protocol 'pigeon'"),
         ("unixsock-stream/", "no path"),
         ("unixsock-stream/" + "x" * 200, "more than 103 bytes"),
     ],
 )
-@pytest.mark.parametrize("role", [Role.ROBOT, Role.CLIENT])
+@pytest.mark.parametrize("role", Role)
 def test_malformed_locators_are_refused_with_what_is_wrong(
     locator: str, words: str, role: Role
 ) -> None:
@@ -134,46 +135,41 @@ def test_a_router_listens_where_the_others_dial_it(tmp_path: Path) -> None:
     assert load_endpoints(file).listen == ["tcp/[::1]:1"]
 
 
-@pytest.fixture(scope="module")
-def authority(tmp_path_factory: pytest.TempPathFactory) -> ModeMachine:
-    return ModeMachine(tmp_path_factory.mktemp("authority") / "certs")
-
-
 def other_file(endpoints: Endpoints, **files: str) -> Endpoints:
     assert endpoints.tls is not None
     tls = msgspec.structs.replace(endpoints.tls, **files)
     return msgspec.structs.replace(endpoints, tls=tls)
 
 
-def expired(authority: ModeMachine, tmp_path: Path) -> Endpoints:
+def expired(authority: Authority, tmp_path: Path) -> Endpoints:
     authority.issue("robot-late", days=1, now=datetime.now(UTC) - timedelta(days=2))
     return authority.endpoints("robot-late")
 
 
-def early(authority: ModeMachine, tmp_path: Path) -> Endpoints:
+def early(authority: Authority, tmp_path: Path) -> Endpoints:
     authority.issue("robot-soon", days=9, now=datetime.now(UTC) + timedelta(days=2))
     return authority.endpoints("robot-soon")
 
 
-def others_key(authority: ModeMachine, tmp_path: Path) -> Endpoints:
+def others_key(authority: Authority, tmp_path: Path) -> Endpoints:
     key = str(authority.folder / "router.key.pem")
     return other_file(authority.endpoints("robot"), key=key)
 
 
-def no_key(authority: ModeMachine, tmp_path: Path) -> Endpoints:
+def no_key(authority: Authority, tmp_path: Path) -> Endpoints:
     path = tmp_path / "odd.key.pem"
     path.write_text("not a key")
     return other_file(authority.endpoints("robot"), key=str(path))
 
 
-def no_certificate(authority: ModeMachine, tmp_path: Path) -> Endpoints:
+def no_certificate(authority: Authority, tmp_path: Path) -> Endpoints:
     path = tmp_path / "odd.pem"
     path.write_bytes(os.urandom(100))
     return other_file(authority.endpoints("robot"), certificate=str(path))
 
 
-def other_authority(authority: ModeMachine, tmp_path: Path) -> Endpoints:
-    other = ModeMachine(tmp_path / "other")
+def other_authority(authority: Authority, tmp_path: Path) -> Endpoints:
+    other = Authority(tmp_path / "other")
     ca = str(other.folder / "ca.pem")
     return other_file(authority.endpoints("robot"), ca=ca)
 
@@ -196,7 +192,7 @@ def test_a_process_knows_what_is_wrong_with_its_own_certificate(
     name: str,
     words: str,
     role: Role,
-    authority: ModeMachine,
+    authority: Authority,
     tmp_path: Path,
 ) -> None:
     endpoints = make(authority, tmp_path)  # type: ignore[operator]
@@ -210,14 +206,14 @@ def test_a_process_knows_what_is_wrong_with_its_own_certificate(
 
 
 def test_who_listens_needs_a_certificate_to_listen_with(
-    authority: ModeMachine,
+    authority: Authority,
 ) -> None:
     with pytest.raises(CertificateError, match="not a certificate to listen with"):
         opened(authority.endpoints("stabilizer"), Role.ROBOT)
 
 
 def test_a_name_that_is_not_in_the_robots_certificate_is_told_with_those_that_are(
-    authority: ModeMachine,
+    authority: Authority,
 ) -> None:
     port = free_port()
     robot = msgspec.structs.replace(

@@ -7,13 +7,12 @@ from pathlib import Path
 import msgspec
 
 from surefoot.robot_io.bus.session import Role, open_session
-from surefoot.robot_io.client_side.client import RobotClient
-from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
-from tests.robot_io.secured import ModeMachine
+from tests.robot_io.client_at_work import new_client
+from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import serving
 from tests.support import PATIENCE_S, wait_until
 
@@ -22,10 +21,10 @@ ATTEMPTS = 5
 
 def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
     robot = load_robot("walker-real")
-    modes = ModeMachine(tmp_path / "certs")
+    authority = Authority(tmp_path / "certs")
 
     def as_who(identity: str) -> Endpoints:
-        endpoints = modes.endpoints(identity)
+        endpoints = authority.endpoints(identity)
         return msgspec.structs.replace(endpoints, router=endpoints.listen)
 
     with (
@@ -33,13 +32,7 @@ def test_a_router_lets_each_identity_do_its_own(tmp_path: Path) -> None:
             as_who("router"), Role.ROUTER, namespace="walker", keys=robot.keys
         ),
         serving(robot, as_who("robot")) as served,
-        RobotClient(
-            robot,
-            endpoints=as_who("stabilizer"),
-            identity="ann",
-            in_order=True,
-            stop=StopRequest(),
-        ) as ann,
+        new_client(as_who("stabilizer"), "ann", robot=robot) as ann,
         open_session(as_who("observer"), Role.CLIENT, namespace="walker") as observer,
     ):
         assert ann.connect(timeout_s=PATIENCE_S)

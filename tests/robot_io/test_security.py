@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -14,19 +15,17 @@ import zenoh
 from zenoh.handlers import RingChannel
 
 from surefoot.robot_io.bus.session import Role, open_session
-from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import LocatorError, RobotUnreachableError
 from surefoot.robot_io.identity import new_identity
-from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
-    SCHEMA_VERSION,
-    JointCommand,
     RobotMode,
 )
-from tests.robot_io.secured import ModeMachine
+from tests.robot_io.client_at_work import new_client
+from tests.robot_io.gate_at_work import command
+from tests.robot_io.secured import Authority
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import PATIENCE_S, free_port, wait_until
 
@@ -35,39 +34,26 @@ REFUSED_WITHIN_S = 1.0
 ATTEMPTS = 5
 
 
-@pytest.fixture(scope="module")
-def authority(tmp_path_factory: pytest.TempPathFactory) -> ModeMachine:
-    return ModeMachine(tmp_path_factory.mktemp("authority") / "certs")
-
-
-@pytest.fixture(scope="module", params=["walker", "walker-real"])
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param("walker", marks=pytest.mark.slow), "walker-real"],
+)
 def robot(request: pytest.FixtureRequest) -> Robot:
+    """The real one has keys of its own and some of the usual ones."""
     return load_robot(request.param)
 
 
 @pytest.fixture(scope="module")
-def served(authority: ModeMachine, robot: Robot) -> Iterator[ServedRobot]:
+def served(authority: Authority, robot: Robot) -> Iterator[ServedRobot]:
     with serving(robot, authority.endpoints("robot")) as served:
         yield served
 
 
-def client(robot: Robot, endpoints: Endpoints, name: str = "ann") -> RobotClient:
-    return RobotClient(
-        robot, endpoints=endpoints, identity=name, in_order=True, stop=StopRequest()
-    )
-
-
-def command(robot: Robot, who: str = "ann", *, sequence: int = 0) -> bytes:
-    return encode(
-        JointCommand(
-            schema=SCHEMA_VERSION,
-            tick=0,
-            stamp_ns=1,
-            q=robot.nominal.tolist(),
-            commander=who,
-            sequence=sequence,
-        )
-    )
+def as_one(
+    authority: Authority, identity: str
+) -> AbstractContextManager[zenoh.Session]:
+    """A session of one of the identities."""
+    return open_session(authority.endpoints(identity), Role.CLIENT, namespace="walker")
 
 
 def refusals(served: ServedRobot) -> int:
@@ -104,9 +90,9 @@ def ask(session: zenoh.Session, key: str, data: bytes) -> bool:
 
 
 def test_the_stabilizer_reads_commands_and_asks(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+    authority: Authority, robot: Robot, served: ServedRobot
 ) -> None:
-    with client(robot, authority.endpoints("stabilizer")) as ann:
+    with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         q = ann.enable()
@@ -125,17 +111,15 @@ def test_the_stabilizer_reads_commands_and_asks(
 
 
 def test_an_observer_reads_but_does_not_command(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+    authority: Authority, robot: Robot, served: ServedRobot
 ) -> None:
     before = refusals(served)
-    with open_session(
-        authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "observer") as session:
         assert can_read(session, robot, served)
         for sequence in range(ATTEMPTS):
             session.put(
                 robot.keys["joint_command"],
-                command(robot, sequence=sequence),
+                encode(command(robot.nominal, sequence=sequence)),
                 congestion_control=zenoh.CongestionControl.BLOCK,
             )
         lease = served.lease_request("eve")
@@ -145,28 +129,12 @@ def test_an_observer_reads_but_does_not_command(
     assert served.do(lambda server, gate: gate.modes.lease.holder) == ""
 
 
-def test_the_stabilizer_commands_reach_the_gate(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
-) -> None:
-    """What makes the observer's silence above mean something."""
-    before = refusals(served)
-    with open_session(
-        authority.endpoints("stabilizer"), Role.CLIENT, namespace="walker"
-    ) as session:
-        publisher = session.declare_publisher(robot.keys["joint_command"])
-        wait_until(lambda: publisher.matching_status.matching, what="the robot")
-        publisher.put(command(robot, "nobody"))
-        wait_until(lambda: refusals(served) > before, what="the refusal")
-
-
 def test_messages_that_are_too_long_are_dropped_unread(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+    authority: Authority, robot: Robot, served: ServedRobot
 ) -> None:
     limit = authority.endpoints("robot").max_bytes
     before = refusals(served)
-    with open_session(
-        authority.endpoints("stabilizer"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "stabilizer") as session:
         publisher = session.declare_publisher(
             robot.keys["joint_command"],
             congestion_control=zenoh.CongestionControl.BLOCK,
@@ -182,19 +150,13 @@ def test_messages_that_are_too_long_are_dropped_unread(
 
 
 def test_a_planner_is_heard_by_the_stabilizer_and_does_not_command(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+    authority: Authority, robot: Robot, served: ServedRobot
 ) -> None:
     before = refusals(served)
     with (
-        open_session(
-            authority.endpoints("stabilizer"), Role.CLIENT, namespace="walker"
-        ) as session,
-        open_session(
-            authority.endpoints("planner"), Role.CLIENT, namespace="walker"
-        ) as planner,
-        open_session(
-            authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-        ) as observer,
+        as_one(authority, "stabilizer") as session,
+        as_one(authority, "planner") as planner,
+        as_one(authority, "observer") as observer,
     ):
         references = session.declare_subscriber(robot.keys["reference"], RingChannel(9))
         publisher = planner.declare_publisher(robot.keys["reference"])
@@ -203,7 +165,7 @@ def test_a_planner_is_heard_by_the_stabilizer_and_does_not_command(
         publisher.put(b"planned")
         sample = wait_until(references.handler.try_recv, what="the reference")
         assert sample.payload.to_bytes() == b"planned"
-        planner.put(robot.keys["joint_command"], command(robot))
+        planner.put(robot.keys["joint_command"], encode(command(robot.nominal)))
         publisher.put(b"again")
         wait_until(references.handler.try_recv, what="the second")
     assert refusals(served) == before
@@ -211,39 +173,33 @@ def test_a_planner_is_heard_by_the_stabilizer_and_does_not_command(
 
 @pytest.mark.parametrize("identity", ["observer", "planner", "guest"])
 def test_everyone_with_a_certificate_can_stop_the_robot(
-    authority: ModeMachine, robot: Robot, served: ServedRobot, identity: str
+    authority: Authority, robot: Robot, served: ServedRobot, identity: str
 ) -> None:
     authority.issue("guest", days=1)
-    with open_session(
-        authority.endpoints(identity), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, identity) as session:
         assert ask(session, robot.keys["estop"], b"stop")
     assert served.do(lambda server, gate: gate.mode) is RobotMode.FAULT
-    with client(robot, authority.endpoints("stabilizer")) as ann:
+    with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
         ann.request_mode("reset")
 
 
 def test_an_identity_that_is_not_listed_reads_nothing(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+    authority: Authority, robot: Robot, served: ServedRobot
 ) -> None:
     authority.issue("guest", days=1)
-    with open_session(
-        authority.endpoints("guest"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "guest") as session:
         assert not can_read(session, robot, served)
 
 
 def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+    authority: Authority, robot: Robot, served: ServedRobot
 ) -> None:
-    with client(robot, authority.endpoints("stabilizer")) as ann:
+    with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
         assert ann.connect(timeout_s=PATIENCE_S)
         ann.take_lease()
-        with open_session(
-            authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-        ) as session:
+        with as_one(authority, "observer") as session:
             token = session.liveliness().declare_token("alive/stabilizer/ann")
             assert can_read(session, robot, served)
             token.undeclare()
@@ -252,32 +208,30 @@ def test_an_observer_cannot_pose_as_a_stabilizer_that_left(
 
 
 def test_an_observer_cannot_pose_as_a_second_robot(
-    authority: ModeMachine, robot: Robot, served: ServedRobot
+    authority: Authority, robot: Robot, served: ServedRobot
 ) -> None:
-    with open_session(
-        authority.endpoints("observer"), Role.CLIENT, namespace="walker"
-    ) as session:
+    with as_one(authority, "observer") as session:
         token = session.liveliness().declare_token(new_identity(robot).token)
         assert token is not None
         assert can_read(session, robot, served)
-        with client(robot, authority.endpoints("stabilizer")) as ann:
+        with new_client(authority.endpoints("stabilizer"), "ann", robot=robot) as ann:
             assert ann.connect(timeout_s=10.0)
             assert ann.take_lease().instance == served.server.identity.instance
 
 
-def no_certificate(authority: ModeMachine, tmp_path: Path) -> dict:
+def no_certificate(authority: Authority, tmp_path: Path) -> dict:
     del tmp_path
     return {"root_ca_certificate": str(authority.folder / "ca.pem")}
 
 
-def expired(authority: ModeMachine, tmp_path: Path) -> dict:
+def expired(authority: Authority, tmp_path: Path) -> dict:
     del tmp_path
     authority.issue("late", days=1, now=datetime.now(UTC) - timedelta(days=2))
     return _as_zenoh(authority.endpoints("late"))
 
 
-def foreign(authority: ModeMachine, tmp_path: Path) -> dict:
-    other = ModeMachine(tmp_path / "other").endpoints("stabilizer")
+def foreign(authority: Authority, tmp_path: Path) -> dict:
+    other = Authority(tmp_path / "other").endpoints("stabilizer")
     # Trusts the robot's authority, but is signed by another.
     return {**_as_zenoh(other), "root_ca_certificate": str(authority.folder / "ca.pem")}
 
@@ -295,7 +249,7 @@ def _as_zenoh(endpoints: Endpoints) -> dict:
 @pytest.mark.parametrize("make", [no_certificate, expired, foreign])
 def test_without_a_valid_certificate_nothing_is_read_or_commanded(
     make: object,
-    authority: ModeMachine,
+    authority: Authority,
     robot: Robot,
     served: ServedRobot,
     tmp_path: Path,
@@ -321,39 +275,23 @@ def test_without_a_valid_certificate_nothing_is_read_or_commanded(
     else:
         with session:
             assert not can_read(session, robot, served)
-            session.put(robot.keys["joint_command"], command(robot))
+            session.put(robot.keys["joint_command"], encode(command(robot.nominal)))
             assert not ask(session, robot.keys["estop"], b"stop")
     assert refusals(served) == before
     assert served.do(lambda server, gate: gate.mode) is not RobotMode.FAULT
 
 
 def test_a_client_is_told_that_the_robot_is_of_another_authority(
-    authority: ModeMachine, robot: Robot, served: ServedRobot, tmp_path: Path
+    authority: Authority, robot: Robot, served: ServedRobot, tmp_path: Path
 ) -> None:
     """Its own name is not known here, so it is asked whether it is trusted there."""
-    other = ModeMachine(tmp_path / "other").endpoints("stabilizer")
+    other = Authority(tmp_path / "other").endpoints("stabilizer")
     there = msgspec.structs.replace(other, connect=authority.endpoints("robot").connect)
     with (
         pytest.raises(RobotUnreachableError, match="of another authority than ours"),
-        client(robot, there) as late,
+        new_client(there, "ann", robot=robot) as late,
     ):
         late.connect(timeout_s=REFUSED_WITHIN_S)
-
-
-def test_a_client_does_not_talk_to_a_robot_of_another_authority(
-    authority: ModeMachine, robot: Robot, served: ServedRobot, tmp_path: Path
-) -> None:
-    strange = ModeMachine(tmp_path / "other").endpoints("stabilizer")
-    strange = msgspec.structs.replace(
-        strange, connect=authority.endpoints("robot").connect
-    )
-    with (
-        pytest.raises(RobotUnreachableError),
-        open_session(
-            strange, Role.CLIENT, namespace="walker", timeout_s=REFUSED_WITHIN_S
-        ),
-    ):
-        pass
 
 
 @pytest.mark.parametrize(
@@ -394,7 +332,7 @@ def test_loopback_needs_no_tls(locator: str) -> None:
         pass
 
 
-def test_tls_and_plain_locators_do_not_mix(authority: ModeMachine) -> None:
+def test_tls_and_plain_locators_do_not_mix(authority: Authority) -> None:
     plain = msgspec.structs.replace(
         authority.endpoints("robot"), listen=["tcp/127.0.0.1:0"]
     )

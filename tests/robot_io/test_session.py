@@ -17,18 +17,6 @@ from surefoot.schemas.endpoints import Endpoints
 from tests.support import wait_until
 
 
-def test_a_client_hears_the_robot(endpoints: Endpoints) -> None:
-    with (
-        open_session(endpoints, Role.ROBOT, namespace="walker") as robot,
-        open_session(endpoints, Role.CLIENT, namespace="walker") as client,
-    ):
-        subscriber = client.declare_subscriber("state/x", RingChannel(4))
-        publisher = robot.declare_publisher("state/x")
-        wait_until(lambda: publisher.matching_status.matching, what="the client")
-        publisher.put(b"hello")
-        assert subscriber.handler.recv().payload.to_bytes() == b"hello"
-
-
 def test_namespaces_do_not_hear_each_other(endpoints: Endpoints) -> None:
     with (
         open_session(endpoints, Role.ROBOT, namespace="walker") as robot,
@@ -58,17 +46,6 @@ def test_port_in_use_names_the_endpoint() -> None:
     assert caught.value.locators == [locator]
 
 
-@pytest.mark.parametrize("role", Role)
-@pytest.mark.parametrize("locator", ["pigeon/1", "tcp/127.0.0.1", "127.0.0.1:7447"])
-def test_a_malformed_locator_is_refused_on_both_ends(role: Role, locator: str) -> None:
-    endpoints = Endpoints(listen=[locator], connect=[locator])
-    with (
-        pytest.raises(EndpointError, match=r"expected protocol/address.*such as tcp/"),
-        open_session(endpoints, role, namespace="walker"),
-    ):
-        pass
-
-
 def test_a_name_that_does_not_resolve_cannot_be_listened_on() -> None:
     endpoints = Endpoints(listen=["tcp/nowhere.invalid:7447"], insecure=True)
     with (
@@ -76,17 +53,6 @@ def test_a_name_that_does_not_resolve_cannot_be_listened_on() -> None:
         open_session(endpoints, Role.ROBOT, namespace="walker"),
     ):
         pass
-
-
-def test_nobody_there_is_an_error_that_names_endpoint_and_limit(
-    endpoints: Endpoints,
-) -> None:
-    with (
-        pytest.raises(RobotUnreachableError, match=r"within 0.1 s.*is the robot") as e,
-        open_session(endpoints, Role.CLIENT, namespace="walker", timeout_s=0.1),
-    ):
-        pass
-    assert endpoints.connect[0] in str(e.value)
 
 
 def test_clients_hear_each_other_through_the_robot(endpoints: Endpoints) -> None:

@@ -25,11 +25,6 @@ def write(folder: Path, *, key_mode: int = 0o600) -> Path:
     return path
 
 
-def test_the_default_is_loopback_only() -> None:
-    assert all("/127.0.0.1:" in locator for locator in Endpoints().listen)
-    assert not Endpoints().insecure
-
-
 def test_certificates_are_looked_for_beside_the_file(tmp_path: Path) -> None:
     endpoints = load_endpoints(write(tmp_path))
     assert endpoints.tls is not None

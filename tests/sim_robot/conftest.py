@@ -10,8 +10,15 @@ import msgspec
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.result import NO_TIME, PlantResult
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.sim_robot.plant import Plant
+from surefoot.sim_robot.simulated_robot import SimulatedRobot
+
+MakeScenario = Callable[..., Scenario]
+"""Of keywords that are keys of a scenario."""
+MakePlant = Callable[..., Plant]
+"""Likewise; with ``seed`` and ``robot``."""
 
 
 def with_rate(robot: Robot, rate_hz: float) -> Robot:
@@ -25,7 +32,7 @@ def walker() -> Robot:
 
 
 @pytest.fixture(scope="session")
-def make_scenario() -> Callable[..., Scenario]:
+def make_scenario() -> MakeScenario:
     def make(**table: Any) -> Scenario:
         table.setdefault("duration_s", 5.0)
         return scenario_from_table({"name": "test", **table}, source="test")
@@ -34,9 +41,7 @@ def make_scenario() -> Callable[..., Scenario]:
 
 
 @pytest.fixture(scope="session")
-def make_plant(
-    walker: Robot, make_scenario: Callable[..., Scenario]
-) -> Callable[..., Plant]:
+def make_plant(walker: Robot, make_scenario: MakeScenario) -> MakePlant:
     """Build a plant that stands at tick 0; keywords are keys of a scenario."""
 
     def make(*, seed: int = 0, robot: Robot = walker, **table: Any) -> Plant:
@@ -46,6 +51,18 @@ def make_plant(
 
 
 @pytest.fixture(scope="module")
-def standing_plant(make_plant: Callable[..., Plant]) -> Plant:
+def standing_plant(make_plant: MakePlant) -> Plant:
     """A plant at rest on firm ground; not to be stepped."""
     return make_plant()
+
+
+def figures(simulated: SimulatedRobot) -> PlantResult:
+    """What is told of a run, with two deadlines missed and three answers late."""
+    return simulated.result(
+        real_time_factor=1.0,
+        round_trip_ms=NO_TIME,
+        period_jitter_ms=NO_TIME,
+        deadline_misses=2,
+        refused={"late": 3},
+        clipped={},
+    )

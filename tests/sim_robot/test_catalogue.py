@@ -21,18 +21,6 @@ def test_shipped_scenario_bears_the_name_of_its_file(name: str) -> None:
     assert scenario.description
 
 
-def test_fast_platform_is_the_slow_one_four_times_as_fast() -> None:
-    slow, fast = (
-        load_scenario(f"moving-platform-{pace}").platform[0].motion
-        for pace in ("slow", "fast")
-    )
-    for one, other in zip(slow, fast, strict=True):
-        assert other.axis == one.axis
-        assert other.amplitude == one.amplitude
-        assert other.start_s == one.start_s
-        assert other.frequency_hz == pytest.approx(4.0 * one.frequency_hz)
-
-
 def test_path_is_a_scenario_too(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text('name = "mine"\nduration_s = 2.0\n')

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import mujoco
@@ -13,6 +12,7 @@ from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.ground import PlatformPlan, plan_platforms
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.robot_spec import Stance
+from tests.sim_robot.conftest import MakePlant, MakeScenario
 
 PERIOD_S = 0.001
 SOLE_LEFT = np.array([0.026, 0.11, 0.0])
@@ -67,7 +67,7 @@ def vee(matrix: Mat) -> Array:
 
 
 def test_contacts_see_the_velocity_of_the_poses(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     """Central differences of the poses, one tick before and after."""
     plant = make_plant(platform=[{"foot": "both", "motion": WILD_MOTIONS}])
@@ -87,7 +87,7 @@ def test_contacts_see_the_velocity_of_the_poses(
 
 
 def test_velocity_of_smooth_motion_matches_tightly(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     smooth = [motion for motion in WILD_MOTIONS if motion["kind"] == "sine"]
     plant = make_plant(platform=[{"foot": "left", "motion": smooth}])
@@ -109,7 +109,7 @@ def test_velocity_of_smooth_motion_matches_tightly(
 
 
 def test_rotations_compose_as_yaw_pitch_roll_after_translation(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     ramps = [
         {"axis": axis, "kind": "ramp", "amplitude_deg": angle, "rate_deg_s": 400.0}
@@ -128,7 +128,7 @@ def test_rotations_compose_as_yaw_pitch_roll_after_translation(
 
 
 def test_truth_tells_the_platform_poses_of_the_scenario(
-    make_plant: Callable[..., Plant],
+    make_plant: MakePlant,
 ) -> None:
     plant = make_plant(platform=[{"foot": "right"}])
     (platform,) = plant.truth().platforms
@@ -138,9 +138,7 @@ def test_truth_tells_the_platform_poses_of_the_scenario(
     assert make_plant().truth().platforms == ()
 
 
-def test_friction_carries_the_feet_along(
-    make_plant: Callable[..., Plant], walker: Robot
-) -> None:
+def test_friction_carries_the_feet_along(make_plant: MakePlant, walker: Robot) -> None:
     speed = 0.05
     ramp = {"axis": "x", "kind": "ramp", "amplitude_m": 0.2, "rate_m_s": speed}
     plant = make_plant(platform=[{"foot": "both", "motion": [ramp]}])
@@ -158,7 +156,7 @@ def test_friction_carries_the_feet_along(
 
 
 def test_weight_does_not_hold_a_platform_back(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     """The ground's motion is the scenario's, whatever stands on it."""
     lift = {"axis": "z", "kind": "ramp", "amplitude_m": 0.05, "rate_m_s": 0.2}
@@ -184,7 +182,7 @@ def plans_by_name(scenario: Scenario) -> dict[str, PlatformPlan]:
 
 
 def test_feet_without_a_platform_stand_on_fixed_ground(
-    make_scenario: Callable[..., Scenario],
+    make_scenario: MakeScenario,
 ) -> None:
     alone = plans_by_name(make_scenario())
     assert list(alone) == ["ground_both"]
@@ -205,7 +203,7 @@ def test_feet_without_a_platform_stand_on_fixed_ground(
 )
 @pytest.mark.parametrize("ground", [{}, {"platform": [{"foot": "both"}]}])
 def test_ground_lasts_for_a_walk_of_five_minutes(
-    make_scenario: Callable[..., Scenario], walk: dict[str, Any], ground: dict[str, Any]
+    make_scenario: MakeScenario, walk: dict[str, Any], ground: dict[str, Any]
 ) -> None:
     plans = plans_by_name(make_scenario(duration_s=300.0, walk=walk, **ground))
     farthest = 290.0 if "step" in walk else 300.0 * abs(walk["velocity_m_s"])
@@ -213,7 +211,7 @@ def test_ground_lasts_for_a_walk_of_five_minutes(
 
 
 def test_platforms_of_two_feet_lie_under_them_without_overlap(
-    make_scenario: Callable[..., Scenario],
+    make_scenario: MakeScenario,
 ) -> None:
     plans = plans_by_name(make_scenario(platform=[{"foot": "left"}, {"foot": "right"}]))
     for name, sole, outward in (

@@ -11,9 +11,9 @@ import pytest
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.reasons import FallCriterion
-from surefoot.schemas.result import NO_TIME, PlantResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
+from tests.sim_robot.conftest import figures
 
 SCENARIO = {"name": "test", "duration_s": 0.1}
 OFF_RAD = 0.1
@@ -59,17 +59,6 @@ def test_a_robot_that_sinks_before_the_run_says_by_what_one_knows(
         SimulatedRobot(walker, scenario, seed=0)
 
 
-def result(run: SimulatedRobot) -> PlantResult:
-    return run.result(
-        real_time_factor=1.0,
-        round_trip_ms=NO_TIME,
-        period_jitter_ms=NO_TIME,
-        deadline_misses=0,
-        refused={},
-        clipped={},
-    )
-
-
 @pytest.mark.parametrize(("ticks", "counts"), [(200, False), (201, True)])
 def test_no_force_peak_before_peaks_count(
     walker: Robot, ticks: int, counts: bool
@@ -78,22 +67,9 @@ def test_no_force_peak_before_peaks_count(
     run = SimulatedRobot(walker, scenario, seed=0)
     for _ in range(ticks):
         run.advance(walker.nominal)
-    peak = result(run).force_peak_n
+    peak = figures(run).force_peak_n
     assert (peak is not None) == counts
     assert peak is None or min(peak) > 0.0
-
-
-def test_a_fall_names_its_criterion(walker: Robot) -> None:
-    push = {"body": "torso", "force_n": [900.0, 0.0, 0.0], "start_s": 0.0}
-    table = {**SCENARIO, "duration_s": 5.0, "push": [{**push, "duration_s": 0.3}]}
-    run = SimulatedRobot(walker, scenario_from_table(table, source="x"), seed=0)
-    while not run.finished:
-        run.advance(walker.nominal)
-    found = result(run)
-    assert found.fell
-    assert found.fall in FallCriterion
-    assert found.fall_detail
-    assert found.end_detail == f"at {found.fell_at_s:.2f} s: {found.fall_detail}"
 
 
 def test_a_state_that_blew_up_is_named(walker: Robot) -> None:

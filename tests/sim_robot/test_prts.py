@@ -70,22 +70,8 @@ def test_too_fast_a_sequence_is_refused() -> None:
     motion = PrtsMotion(axis="x", peak_to_peak_m=0.01, speed=400.0, blend_s=1e-4)
     with pytest.raises(ScenarioError, match="blend_s"):
         motion_law(motion)
-    raw = {
-        "name": "fast",
-        "duration_s": 1.0,
-        "platform": [
-            {
-                "foot": "both",
-                "motion": [
-                    {
-                        "kind": "prts",
-                        "axis": "x",
-                        "peak_to_peak_m": 0.1,
-                        "speed": 20.0,
-                    }
-                ],
-            }
-        ],
-    }
+    course = {"kind": "prts", "axis": "x", "peak_to_peak_m": 0.1, "speed": 20.0}
+    platform = {"foot": "both", "motion": [course]}
+    raw = {"name": "fast", "duration_s": 1.0, "platform": [platform]}
     with pytest.raises(FileFormatError, match=r"lasts 0\.0125 s"):
         scenario_from_table(raw, source="here")

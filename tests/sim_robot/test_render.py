@@ -1,10 +1,5 @@
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -17,6 +12,8 @@ from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.render import Camera, Renderer
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.world import build_world
+from tests.command import run_python
+from tests.sim_robot.conftest import MakeScenario
 
 WIDTH, HEIGHT = 160, 120
 PLAIN = 20
@@ -25,7 +22,7 @@ TILT = {"axis": "roll", "kind": "ramp", "amplitude_deg": 10.0, "rate_deg_s": 100
 
 
 def test_scenery_does_not_change_the_plant(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     scenario = make_scenario(platform=[{"foot": "both", "motion": [TILT]}])
     plain = build_world(walker, scenario)
@@ -46,17 +43,7 @@ def test_missing_graphics_say_what_to_install() -> None:
         "Renderer(load_robot('walker'), load_scenario('standing'),"
         " width=32, height=24)\n"
     )
-    ran = subprocess.run(
-        [sys.executable, "-c", script],
-        env={
-            **os.environ,
-            "MUJOCO_GL": "disabled",
-            "PYTHONPATH": os.pathsep.join(sys.path),
-        },
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ran = run_python("-c", script, MUJOCO_GL="disabled")
     assert ran.returncode == 1
     assert "RenderError: no picture can be drawn" in ran.stderr
     assert "apt-get install libegl1" in ran.stderr
@@ -70,7 +57,7 @@ def open_renderer(walker: Robot, scenario: Scenario) -> Renderer:
 
 
 def test_a_seesaw_is_drawn_as_it_was_recorded(
-    walker: Robot, make_scenario: Callable[..., Scenario], standing_plant: Plant
+    walker: Robot, make_scenario: MakeScenario, standing_plant: Plant
 ) -> None:
     plank = {"center_m": [0.6, 0.0], "size_m": [0.5, 0.5], "tip_deg": 10.0}
     truth = standing_plant.truth()
@@ -92,7 +79,7 @@ def test_a_seesaw_is_drawn_as_it_was_recorded(
 
 
 def test_moving_the_ground_changes_the_picture(
-    walker: Robot, make_scenario: Callable[..., Scenario], standing_plant: Plant
+    walker: Robot, make_scenario: MakeScenario, standing_plant: Plant
 ) -> None:
     scenario = make_scenario(platform=[{"foot": "both", "motion": [TILT]}])
     truth = standing_plant.truth()
@@ -114,7 +101,7 @@ def test_moving_the_ground_changes_the_picture(
 
 
 def test_recorded_run_can_be_drawn_from_its_signals(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     scenario = make_scenario(
         duration_s=0.2, platform=[{"foot": "both", "motion": [TILT]}]

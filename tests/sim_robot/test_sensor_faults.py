@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import replace
 
 import numpy as np
@@ -11,9 +10,8 @@ import pytest
 from surefoot.robot_io.snapshot import Snapshot, readings
 from surefoot.schemas.scenario import SensorFault
 from surefoot.schemas.sensors import SENSORS, SNAPSHOT_FIELDS, Sensor
-from surefoot.sim_robot.metrics import RunDigest
 from surefoot.sim_robot.sensor_lines import SensorFaults
-from tests.robot_io.sensor_messages import JOINTS, snapshot_at
+from tests.robot_io.sensor_messages import snapshot_at
 
 PERIOD_S = 1e-3
 every_sensor = pytest.mark.parametrize("entry", SENSORS, ids=lambda entry: entry.name)
@@ -76,15 +74,3 @@ def test_a_jump_touches_what_the_table_says(entry: Sensor) -> None:
     rest = replace(reported, **{field: getattr(snapshot_at(1), field)})
     for one, other in zip(readings(rest), readings(snapshot_at(1)), strict=True):
         assert np.array_equal(one, other)
-
-
-def test_the_digest_is_over_every_reading_in_the_order_of_the_table() -> None:
-    digest, posture = RunDigest(joints=JOINTS), np.arange(float(JOINTS))
-    whole = hashlib.sha256()
-    for tick in range(3):
-        snapshot = snapshot_at(tick)
-        digest.add(snapshot, posture)
-        for name in SNAPSHOT_FIELDS:
-            whole.update(getattr(snapshot, name).astype("<f8").tobytes())
-        whole.update(posture.astype("<f8").tobytes())
-    assert digest.hexdigest() == whole.hexdigest()

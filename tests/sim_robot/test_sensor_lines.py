@@ -1,6 +1,7 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from surefoot.schemas.messages import Message
 from surefoot.schemas.sensors import SENSORS
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.plant import Plant
+from tests.sim_robot.conftest import MakePlant
 
 PERIOD_NS = 1_000_000
 SHAKE = [
@@ -32,7 +34,6 @@ SHAKE = [
 ]
 TICKS = 60
 NAMES = [entry.name for entry in SENSORS]
-Make = Callable[..., Plant]
 
 
 def readings(plant: Plant, posture: Array, *, ticks: int = TICKS) -> Iterator[Snapshot]:
@@ -41,12 +42,12 @@ def readings(plant: Plant, posture: Array, *, ticks: int = TICKS) -> Iterator[Sn
         plant.step(posture)
 
 
-def shaken(make_plant: Make, robot: Robot, **keys: object) -> list[Snapshot]:
+def shaken(make_plant: MakePlant, robot: Robot, **keys: object) -> list[Snapshot]:
     return list(readings(make_plant(platform=SHAKE, **keys), robot.nominal))
 
 
 @pytest.fixture(scope="module")
-def prompt(make_plant: Make, walker: Robot) -> list[Snapshot]:
+def prompt(make_plant: MakePlant, walker: Robot) -> list[Snapshot]:
     """Readings of every tick, at once."""
     return shaken(make_plant, walker)
 
@@ -56,7 +57,7 @@ def measured_ticks(snapshot: Snapshot, name: str) -> int:
 
 
 def test_a_slow_sensor_holds_its_reading_and_tells_when_it_was_measured(
-    make_plant: Make, walker: Robot, prompt: list[Snapshot]
+    make_plant: MakePlant, walker: Robot, prompt: list[Snapshot]
 ) -> None:
     slow = shaken(make_plant, walker, sensors={"force_torque_rate_hz": 200.0})
     for tick, snapshot in enumerate(slow):
@@ -70,7 +71,7 @@ def test_a_slow_sensor_holds_its_reading_and_tells_when_it_was_measured(
 
 
 def test_a_rate_that_does_not_divide_is_kept_on_average(
-    make_plant: Make, walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     slow = shaken(make_plant, walker, sensors={"joints_rate_hz": 300.0})
     taken = sorted({measured_ticks(s, "joints") for s in slow})
@@ -79,7 +80,7 @@ def test_a_rate_that_does_not_divide_is_kept_on_average(
 
 
 def test_a_slow_accelerometer_still_integrates_to_the_velocity(
-    make_plant: Make, walker: Robot, prompt: list[Snapshot]
+    make_plant: MakePlant, walker: Robot, prompt: list[Snapshot]
 ) -> None:
     """Five readings of 1 ms and one of 5 ms tell the same change of velocity."""
     slow = shaken(make_plant, walker, sensors={"imu_rate_hz": 200.0})
@@ -90,27 +91,38 @@ def test_a_slow_accelerometer_still_integrates_to_the_velocity(
         np.testing.assert_allclose(slow[tick].linear_acceleration, fast, atol=0.02)
 
 
+@pytest.mark.parametrize(
+    ("delay", "force", "joints", "imu"),
+    [({"force_torque": 2.0, "joints": 5.0}, 2, 5, 0), (3.0, 3, 3, 3)],
+    ids=["each", "all"],
+)
 def test_each_kind_of_sensor_has_its_own_delay(
-    make_plant: Make, walker: Robot, prompt: list[Snapshot]
+    make_plant: MakePlant,
+    walker: Robot,
+    prompt: list[Snapshot],
+    delay: Any,
+    force: int,
+    joints: int,
+    imu: int,
 ) -> None:
-    late = shaken(
-        make_plant,
-        walker,
-        delay={"sensor_ms": {"force_torque": 2.0, "joints": 5.0}},
-    )
+    """And reports the past under the present tick."""
+    late = shaken(make_plant, walker, delay={"sensor_ms": delay})
     for tick, snapshot in enumerate(late):
-        force, joints = max(0, tick - 2), max(0, tick - 5)
-        np.testing.assert_array_equal(snapshot.ft_right, prompt[force].ft_right)
-        np.testing.assert_array_equal(snapshot.dq, prompt[joints].dq)
-        np.testing.assert_array_equal(
-            snapshot.angular_velocity, prompt[tick].angular_velocity
-        )
-        assert measured_ticks(snapshot, "right_ankle_ft") == force
-        assert measured_ticks(snapshot, "joints") == joints
+        assert (snapshot.tick, snapshot.stamp_ns) == (tick, tick * PERIOD_NS)
+        for fields, name, ticks in (
+            (("ft_left", "ft_right"), "right_ankle_ft", force),
+            (("q", "dq"), "joints", joints),
+            (("angular_velocity", "linear_acceleration"), "imu", imu),
+        ):
+            then = max(0, tick - ticks)
+            assert measured_ticks(snapshot, name) == then
+            for field in fields:
+                expected = getattr(prompt[then], field)
+                np.testing.assert_array_equal(getattr(snapshot, field), expected)
 
 
 def test_jitter_is_bounded_in_order_and_the_same_for_a_seed(
-    make_plant: Make, walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     delay = {"sensor_ms": 1.0, "jitter_ms": 3.0}
     one, other = (shaken(make_plant, walker, delay=delay) for _ in range(2))
@@ -123,7 +135,7 @@ def test_jitter_is_bounded_in_order_and_the_same_for_a_seed(
 
 
 def test_messages_are_stamped_when_they_were_measured(
-    make_plant: Make, walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     late = shaken(make_plant, walker, delay={"sensor_ms": {"force_torque": 2.0}})[-1]
     messages = dict(zip(NAMES, sensor_messages(late, stamp_ns=10**10), strict=True))
@@ -134,7 +146,7 @@ def test_messages_are_stamped_when_they_were_measured(
 
 @pytest.mark.parametrize("missing", [(), ("imu",), ("left_ankle_ft",)])
 def test_delivery_tells_of_stamps_what_messages_tell(
-    make_plant: Make, walker: Robot, missing: tuple[str, ...]
+    make_plant: MakePlant, walker: Robot, missing: tuple[str, ...]
 ) -> None:
     """In one process and on the bus a controller must see the same."""
     delay = {"sensor_ms": {"force_torque": 2.0}, "jitter_ms": 2.0}
@@ -152,7 +164,7 @@ def test_delivery_tells_of_stamps_what_messages_tell(
             np.testing.assert_array_equal(one, other)
 
 
-def test_errors_of_each_axis_and_side(make_plant: Make) -> None:
+def test_errors_of_each_axis_and_side(make_plant: MakePlant) -> None:
     clean = make_plant().sense()
     wrong = make_plant(
         sensors={
@@ -173,7 +185,7 @@ def test_errors_of_each_axis_and_side(make_plant: Make) -> None:
     np.testing.assert_allclose(shift, [0.0, 0.0, 0.03], atol=1e-12)
 
 
-def test_offsets_drift_by_the_minute(make_plant: Make, walker: Robot) -> None:
+def test_offsets_drift_by_the_minute(make_plant: MakePlant, walker: Robot) -> None:
     keys = {
         "gyro_drift_rad_s_min": [0.6, 0.0, 0.0],
         "force_drift_n_min": {"left": 60.0},
@@ -188,7 +200,7 @@ def test_offsets_drift_by_the_minute(make_plant: Make, walker: Robot) -> None:
     np.testing.assert_array_equal(drifting.ft_right, clean.ft_right)
 
 
-def test_encoder_offsets_by_joint(make_plant: Make, walker: Robot) -> None:
+def test_encoder_offsets_by_joint(make_plant: MakePlant, walker: Robot) -> None:
     name = "left_ankle_roll"
     plant = make_plant(sensors={"encoder_offset_rad": {name: 0.02}})
     shift = plant.sense().q - make_plant().sense().q
@@ -208,7 +220,7 @@ def test_encoder_offsets_by_joint(make_plant: Make, walker: Robot) -> None:
     ],
 )
 def test_what_the_robot_cannot_do_is_refused(
-    make_plant: Make, table: dict[str, object], words: str
+    make_plant: MakePlant, table: dict[str, object], words: str
 ) -> None:
     with pytest.raises(ScenarioError, match=words):
         make_plant(**table)
@@ -224,7 +236,7 @@ def test_what_the_robot_cannot_do_is_refused(
     ],
 )
 def test_what_is_no_such_value_is_refused(
-    make_plant: Make, sensors: dict[str, object]
+    make_plant: MakePlant, sensors: dict[str, object]
 ) -> None:
     with pytest.raises(FileFormatError, match=next(iter(sensors))):
         make_plant(sensors=sensors)

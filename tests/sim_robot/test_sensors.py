@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
@@ -12,6 +12,7 @@ from surefoot.schemas.arrays import Array, Mat
 from surefoot.schemas.robot_file import Foot
 from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.plant import Plant
+from tests.sim_robot.conftest import MakePlant
 
 PERIOD_S = 0.001
 NOISY = {
@@ -76,7 +77,7 @@ def test_sole_forces_sum_to_the_weight(standing_plant: Plant) -> None:
 
 
 def test_force_sensor_is_the_contact_wrench_plus_the_plate_at_rest(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     plant = make_plant(platform=[{"foot": "both", "motion": [TILT]}])
     for _ in range(3000):
@@ -93,7 +94,7 @@ def test_force_sensor_is_the_contact_wrench_plus_the_plate_at_rest(
 
 
 def test_true_wrench_is_the_sum_of_the_contacts(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     """Add up MuJoCo's own contact forces while they are those of the step."""
     plant = make_plant(platform=[{"foot": "both", "motion": SHAKE}])
@@ -130,7 +131,7 @@ def test_accelerometer_reads_gravity_upwards_at_rest(standing_plant: Plant) -> N
 
 
 def test_accelerometer_integrates_to_the_velocity(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     plant = make_plant(platform=[{"foot": "both", "motion": SHAKE}])
     gravity = np.array([0.0, 0.0, -GRAVITY_M_S2])
@@ -158,7 +159,7 @@ def test_accelerometer_integrates_to_the_velocity(
 
 
 def test_gyroscope_is_the_rate_of_the_attitude(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     plant = make_plant(platform=[{"foot": "both", "motion": SHAKE}])
     taken = list(readings(plant, walker.nominal, ticks=600))
@@ -171,7 +172,7 @@ def test_gyroscope_is_the_rate_of_the_attitude(
 
 
 def test_noise_has_the_deviation_of_the_scenario(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     ticks = 2000
     noisy = list(readings(make_plant(sensors=NOISY), walker.nominal, ticks=ticks))
@@ -198,7 +199,7 @@ def test_noise_has_the_deviation_of_the_scenario(
 
 
 def test_one_sensor_does_not_shift_the_noise_of_another(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     all_noisy = make_plant(sensors=NOISY)
     only_gyro = make_plant(sensors={"gyro_noise_rad_s": 0.002})
@@ -210,7 +211,7 @@ def test_one_sensor_does_not_shift_the_noise_of_another(
         np.testing.assert_array_equal(one.angular_velocity, other.angular_velocity)
 
 
-def test_biases_add_to_every_axis(make_plant: Callable[..., Plant]) -> None:
+def test_biases_add_to_every_axis(make_plant: MakePlant) -> None:
     biased = make_plant(
         sensors={
             "gyro_bias_rad_s": 0.01,
@@ -231,32 +232,8 @@ def test_biases_add_to_every_axis(make_plant: Callable[..., Plant]) -> None:
         )
 
 
-def test_sensor_delay_reports_the_past_under_the_present_tick(
-    make_plant: Callable[..., Plant], walker: Robot
-) -> None:
-    delay = 3
-    motion = [{"foot": "both", "motion": SHAKE}]
-    prompt = list(readings(make_plant(platform=motion), walker.nominal, ticks=50))
-    late = list(
-        readings(
-            make_plant(platform=motion, delay={"sensor_ms": float(delay)}),
-            walker.nominal,
-            ticks=50,
-        )
-    )
-    for tick, snapshot in enumerate(late):
-        then = prompt[max(0, tick - delay)]
-        assert snapshot.tick == tick
-        assert snapshot.stamp_ns == tick * 1_000_000
-        np.testing.assert_array_equal(snapshot.q, then.q)
-        np.testing.assert_array_equal(snapshot.ft_left, then.ft_left)
-        np.testing.assert_array_equal(
-            snapshot.linear_acceleration, then.linear_acceleration
-        )
-
-
 def test_encoders_round_and_still_tell_the_velocity(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     resolution = 1e-4
     plant = make_plant(sensors={"encoder_resolution_rad": resolution})
@@ -274,13 +251,13 @@ def test_encoders_round_and_still_tell_the_velocity(
     assert np.mean(measured[-100:]) == pytest.approx(speed, rel=0.02)
 
 
-def test_a_tick_is_measured_once(make_plant: Callable[..., Plant]) -> None:
+def test_a_tick_is_measured_once(make_plant: MakePlant) -> None:
     plant = make_plant(sensors=NOISY)
     assert plant.sense() is plant.sense()
 
 
 def test_later_steps_leave_a_snapshot_alone(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     plant = make_plant(platform=[{"foot": "both", "motion": SHAKE}])
     snapshot = plant.sense()

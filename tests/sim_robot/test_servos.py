@@ -1,14 +1,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.robot_file import ServoProfile
-from surefoot.sim_robot.plant import Plant, Servos
+from surefoot.sim_robot.plant import Servos
+from tests.sim_robot.conftest import MakePlant
 
 STEP_S = 0.001
 IDEAL = ServoProfile(velocity_limit_rad_s=1e6, lag_s=0.0)
@@ -59,20 +59,19 @@ def test_setpoint_does_not_write_into_posture_or_command() -> None:
     assert command[0] == 1.0
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.5])
 def test_torque_is_the_pd_law_on_the_setpoint(
-    make_plant: Callable[..., Plant], walker: Robot
+    make_plant: MakePlant, walker: Robot, scale: float
 ) -> None:
-    plant = make_plant()
+    plant = make_plant(model_error={"servo_kp_scale": scale})
     command = walker.nominal + 0.003
     before = plant.sense()
     plant.step(command)
-    expected = walker.kp * (command - before.q) - walker.kd * before.dq
+    expected = scale * walker.kp * (command - before.q) - walker.kd * before.dq
     np.testing.assert_allclose(plant.sense().effort, expected, atol=1e-9)
 
 
-def test_torque_stops_at_the_limit(
-    make_plant: Callable[..., Plant], walker: Robot
-) -> None:
+def test_torque_stops_at_the_limit(make_plant: MakePlant, walker: Robot) -> None:
     plant = make_plant()
     for _ in range(60):
         plant.step(walker.nominal + 0.5)
@@ -81,7 +80,7 @@ def test_torque_stops_at_the_limit(
 
 
 def test_servos_are_evaluated_every_simulation_step(
-    make_plant: Callable[..., Plant],
+    make_plant: MakePlant,
 ) -> None:
     harmonic = load_robot("walker", servo_profile="harmonic")
     plant = make_plant(robot=harmonic)
@@ -91,13 +90,3 @@ def test_servos_are_evaluated_every_simulation_step(
         plant.step(command)
     way = plant.data.ctrl[0] - harmonic.nominal[0]
     assert 0.0 < way < 20 * STEP_S * harmonic.servo_profile.velocity_limit_rad_s
-
-
-def test_kp_scale_softens_the_servos(
-    make_plant: Callable[..., Plant], walker: Robot
-) -> None:
-    plant = make_plant(model_error={"servo_kp_scale": 0.5})
-    before = plant.sense()
-    plant.step(walker.nominal)
-    expected = 0.5 * walker.kp * (walker.nominal - before.q) - walker.kd * before.dq
-    np.testing.assert_allclose(plant.sense().effort, expected, atol=1e-9)

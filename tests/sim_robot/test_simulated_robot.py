@@ -10,13 +10,12 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.robot_io.ticks.recorder import MemoryTicks
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.result import NO_TIME, PlantResult
-from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.reasons import FallCriterion
 from surefoot.schemas.sensors import SNAPSHOT_FIELDS
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
-from tests.sim_robot.conftest import with_rate
+from tests.sim_robot.conftest import MakeScenario, figures, with_rate
 
 PERIOD_S = 0.001
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002}
@@ -27,7 +26,7 @@ Make = Callable[..., SimulatedRobot]
 
 
 @pytest.fixture
-def make(walker: Robot, make_scenario: Callable[..., Scenario]) -> Make:
+def make(walker: Robot, make_scenario: MakeScenario) -> Make:
     def build(
         *, seed: int = 0, ticks: MemoryTicks | None = None, **table: object
     ) -> SimulatedRobot:
@@ -55,17 +54,6 @@ def run(simulated: SimulatedRobot, *, ticks: int) -> list[Array]:
     return answers
 
 
-def result(simulated: SimulatedRobot) -> PlantResult:
-    return simulated.result(
-        real_time_factor=1.0,
-        round_trip_ms=NO_TIME,
-        period_jitter_ms=NO_TIME,
-        deadline_misses=2,
-        refused={"late": 3},
-        clipped={},
-    )
-
-
 @pytest.mark.parametrize("delay", [0, 1, 4])
 def test_answer_acts_after_the_delay(make: Make, delay: int) -> None:
     ticks = MemoryTicks()
@@ -87,7 +75,7 @@ def test_answer_may_come_before_it_is_due(make: Make) -> None:
     for tick in range(50):
         prompt.apply(answer(prompt.sense(), prompt.held_posture), tick=tick)
         prompt.step()
-    assert result(pipelined).log_sha256 == result(prompt).log_sha256
+    assert figures(pipelined).log_sha256 == figures(prompt).log_sha256
 
 
 def test_needed_answer_is_the_delay_ago(make: Make) -> None:
@@ -138,7 +126,7 @@ def test_same_seed_same_digest_other_seed_another(make: Make) -> None:
     for seed in (5, 5, 6):
         simulated = make(seed=seed, **MOVING)
         run(simulated, ticks=200)
-        digests.append(result(simulated).log_sha256)
+        digests.append(figures(simulated).log_sha256)
     assert digests[0] == digests[1]
     assert digests[0] != digests[2]
 
@@ -154,14 +142,14 @@ def test_digest_is_that_of_sensors_and_commands_in_order(make: Make) -> None:
         for part in (s.linear_acceleration, s.ft_left, s.ft_right, posture):
             sha.update(part.astype("<f8").tobytes())
         simulated.advance(posture)
-    assert result(simulated).log_sha256 == sha.hexdigest()
+    assert figures(simulated).log_sha256 == sha.hexdigest()
 
 
 def test_recording_changes_nothing(make: Make) -> None:
     kept, plain = make(**MOVING, ticks=MemoryTicks()), make(**MOVING)
     run(kept, ticks=100)
     run(plain, ticks=100)
-    assert result(kept).log_sha256 == result(plain).log_sha256
+    assert figures(kept).log_sha256 == figures(plain).log_sha256
 
 
 def test_signals_of_every_tick_are_those_sensed_and_true(
@@ -202,7 +190,7 @@ def test_run_ends_with_the_scenario(make: Make) -> None:
     while not simulated.finished:
         simulated.step()
     assert simulated.tick == 50
-    report = result(simulated)
+    report = figures(simulated)
     assert not report.fell
     assert report.fell_at_s is None
     assert report.ticks == 50
@@ -216,8 +204,12 @@ def test_run_ends_with_the_fall_and_says_when(make: Make) -> None:
     simulated = make(platform=[{"foot": "both", "motion": [drop]}])
     while not simulated.finished:
         simulated.step()
-    report = result(simulated)
+    report = figures(simulated)
     assert report.fell
+    assert report.fall in FallCriterion
+    assert report.fall_detail
+    told = f"at {report.fell_at_s:.2f} s: {report.fall_detail}"
+    assert report.end_detail == told
     assert report.fell_at_s == pytest.approx(simulated.time_s)
     assert 0.2 < simulated.time_s < 4.0
     assert report.base_tilt_max_deg > 30.0
@@ -227,7 +219,7 @@ def test_standing_still_reports_figures_in_file_units(make: Make) -> None:
     simulated = make(duration_s=1.5)
     while not simulated.finished:
         simulated.step()
-    report = result(simulated)
+    report = figures(simulated)
     half = 0.5 * simulated.plant.world.weight
     # The servos give way under the weight: the held posture sags, and stays so.
     assert 0.5 < report.com_error_max_mm[2] < 3.0

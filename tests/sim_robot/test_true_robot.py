@@ -1,19 +1,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from surefoot.robot_io.robot import Robot
+from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.pushes import CaptureLimit
+from tests.sim_robot.conftest import MakePlant
 
-Make = Callable[..., Plant]
 CAPTURE_TOLERANCE = 1e-6
 
 
@@ -23,7 +22,7 @@ def held(plant: Plant, ticks: int, command: np.ndarray | None = None) -> Plant:
     return plant
 
 
-def test_starts_where_and_as_turned_as_asked(make_plant: Make) -> None:
+def test_starts_where_and_as_turned_as_asked(make_plant: MakePlant) -> None:
     plain = make_plant()
     turned = make_plant(start={"yaw_deg": 90.0, "position_m": [0.5, -0.3]})
     for name in ("sole_left", "sole_right", "com"):
@@ -36,7 +35,7 @@ def test_starts_where_and_as_turned_as_asked(make_plant: Make) -> None:
     np.testing.assert_allclose(forces, plain.view.normal_forces, rtol=1e-3)
 
 
-def test_platforms_turn_along_and_move_in_the_world(make_plant: Make) -> None:
+def test_platforms_turn_along_and_move_in_the_world(make_plant: MakePlant) -> None:
     ramp = {"axis": "x", "kind": "ramp", "amplitude_m": 0.05, "rate_m_s": 0.5}
     plant = make_plant(
         start={"yaw_deg": 90.0},
@@ -52,7 +51,7 @@ def test_platforms_turn_along_and_move_in_the_world(make_plant: Make) -> None:
 
 
 def test_a_posture_of_its_own_is_held_from_the_start(
-    make_plant: Make, walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     deeper = {}
     for side in ("left", "right"):
@@ -79,13 +78,13 @@ def test_a_posture_of_its_own_is_held_from_the_start(
     ],
 )
 def test_a_posture_that_cannot_be_is_refused(
-    make_plant: Make, start: dict[str, Any], words: str
+    make_plant: MakePlant, start: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(ScenarioError, match=words):
         make_plant(start=start)
 
 
-def test_a_payload_weighs_on_the_feet_and_moves_the_com(make_plant: Make) -> None:
+def test_a_payload_weighs_on_the_feet_and_moves_the_com(make_plant: MakePlant) -> None:
     load = {"link": "torso", "mass_kg": 3.0, "offset_m": [0.1, 0.0, 0.2]}
     plain, loaded = make_plant(), make_plant(payload=[load])
     gained = sum(loaded.view.vertical_forces) - sum(plain.view.vertical_forces)
@@ -97,7 +96,7 @@ def test_a_payload_weighs_on_the_feet_and_moves_the_com(make_plant: Make) -> Non
     np.testing.assert_allclose(loaded.view.com, moved, atol=3e-3)
 
 
-def test_a_payload_is_grasped_when_its_time_comes(make_plant: Make) -> None:
+def test_a_payload_is_grasped_when_its_time_comes(make_plant: MakePlant) -> None:
     load = {"link": "torso", "mass_kg": 3.0, "start_s": 0.1}
     plant = make_plant(payload=[load])
     before = sum(held(plant, 100).view.vertical_forces)
@@ -106,19 +105,19 @@ def test_a_payload_is_grasped_when_its_time_comes(make_plant: Make) -> None:
     assert after - before == pytest.approx(3.0 * 9.81, rel=0.05)
 
 
-def test_a_payload_on_no_link_is_refused(make_plant: Make) -> None:
+def test_a_payload_on_no_link_is_refused(make_plant: MakePlant) -> None:
     with pytest.raises(ScenarioError, match="has no link 'torsoo'; did you mean"):
         make_plant(payload=[{"link": "torsoo", "mass_kg": 1.0}])
 
 
-def test_com_offset_moves_that_of_the_whole_robot(make_plant: Make) -> None:
+def test_com_offset_moves_that_of_the_whole_robot(make_plant: MakePlant) -> None:
     plain = make_plant(start={"settle_s": 0.0})
     offset = [0.012, -0.004, 0.006]
     shifted = make_plant(start={"settle_s": 0.0}, model_error={"com_offset_m": offset})
     np.testing.assert_allclose(shifted.view.com - plain.view.com, offset, atol=1e-9)
 
 
-def test_gravity_of_the_place(make_plant: Make) -> None:
+def test_gravity_of_the_place(make_plant: MakePlant) -> None:
     plant = make_plant(model_error={"gravity_m_s2": 9.764})
     acceleration = np.linalg.norm(plant.sense().linear_acceleration)
     assert acceleration == pytest.approx(9.764, rel=1e-4)
@@ -139,7 +138,7 @@ def elbow_steps(plant: Plant, robot: Robot, target: float) -> float:
 
 
 def test_backlash_leaves_the_joint_behind_by_half_of_it(
-    make_plant: Make, walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     exact = make_plant()
     loose = make_plant(model_error={"backlash_rad": {"left_elbow": 0.04}})
@@ -149,7 +148,7 @@ def test_backlash_leaves_the_joint_behind_by_half_of_it(
     )
 
 
-def test_dry_friction_stops_a_joint_short(make_plant: Make, walker: Robot) -> None:
+def test_dry_friction_stops_a_joint_short(make_plant: MakePlant, walker: Robot) -> None:
     joint = walker.joint_names.index("left_elbow")
     kp = walker.file.joint[joint].kp_nm_rad
     exact = elbow_steps(make_plant(), walker, -0.3)
@@ -158,33 +157,21 @@ def test_dry_friction_stops_a_joint_short(make_plant: Make, walker: Robot) -> No
     assert 0.3 * 5.0 / kp < short - exact < 1.1 * 5.0 / kp
 
 
-def test_servo_lag_scales(make_plant: Make) -> None:
-    from surefoot.robot_io.robot import load_robot
-
+def test_servo_lag_scales(make_plant: MakePlant) -> None:
     robot = load_robot("walker", servo_profile="harmonic")
-    plant = make_plant()
     lags = []
     for scale in (1.0, 2.0):
-        scenario_plant = Plant(
-            robot, _scenario(model_error={"servo_lag_scale": scale}), seed=0
-        )
+        plant = make_plant(robot=robot, model_error={"servo_lag_scale": scale})
         command = robot.nominal.copy()
         command[-1] += 0.02
-        begin = scenario_plant._servos.setpoint[-1]
-        scenario_plant.step(command)
-        lags.append(0.02 / (scenario_plant._servos.setpoint[-1] - begin))
+        begin = plant._servos.setpoint[-1]
+        plant.step(command)
+        lags.append(0.02 / (plant._servos.setpoint[-1] - begin))
     assert lags[1] == pytest.approx(2.0 * lags[0], rel=0.05)
-    assert plant is not None
-
-
-def _scenario(**keys: Any) -> Any:
-    from surefoot.schemas.scenario import scenario_from_table
-
-    return scenario_from_table({"name": "x", "duration_s": 1.0, **keys}, source="x")
 
 
 def test_a_share_of_one_brings_the_capture_point_to_the_edge(
-    make_plant: Make, walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     plant = make_plant()
     limit = CaptureLimit(walker, plant.world, plant.data)
@@ -199,7 +186,7 @@ def test_a_share_of_one_brings_the_capture_point_to_the_edge(
 
 
 def test_a_push_by_share_acts_on_the_base_where_the_robot_looks(
-    make_plant: Make, walker: Robot
+    make_plant: MakePlant, walker: Robot
 ) -> None:
     push = {"impulse_share": 0.5, "start_s": 0.0, "duration_s": 0.05}
     plant = make_plant(start={"yaw_deg": 90.0}, push=[push])
@@ -222,7 +209,7 @@ def test_a_push_by_share_acts_on_the_base_where_the_robot_looks(
     ],
 )
 def test_a_push_has_one_size(
-    make_plant: Make, push: dict[str, Any], words: str
+    make_plant: MakePlant, push: dict[str, Any], words: str
 ) -> None:
     with pytest.raises(FileFormatError, match=words):
         make_plant(push=[{"start_s": 0.0, **push}])

@@ -1,23 +1,22 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable
 
 import mujoco
 import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.scenario import Scenario
 from surefoot.sim_robot.conventions import xyzw
 from surefoot.sim_robot.plant import Plant
 from surefoot.sim_robot.world import build_world
+from tests.sim_robot.conftest import MakeScenario
 
 TURN = np.sqrt(0.5)
 
 
 def test_free_joint_has_world_linear_and_body_angular_velocity(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     model = build_world(walker, make_scenario()).model
     qpos, qvel = np.zeros(model.nq), np.zeros(model.nv)
@@ -49,7 +48,7 @@ def test_actuators_and_addresses_are_in_bus_order(standing_plant: Plant) -> None
 
 
 def test_only_soles_collide_and_only_with_the_ground(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     model = build_world(
         walker, make_scenario(platform=[{"foot": "left"}, {"foot": "right"}])
@@ -80,14 +79,14 @@ def test_soles_of_the_robot_file_are_the_collision_boxes_of_the_urdf(
 
 
 def test_friction_is_that_of_the_scenario(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     model = build_world(walker, make_scenario(friction=0.35)).model
     np.testing.assert_allclose(model.pair_friction[:, :2], 0.35)
 
 
 def test_mass_scale_scales_every_link_but_no_rotor(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     scale = 1.07
     nominal = build_world(walker, make_scenario())
@@ -103,7 +102,7 @@ def test_mass_scale_scales_every_link_but_no_rotor(
 
 
 def test_soles_start_flat_on_the_ground_with_the_base_above_the_origin(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     world = build_world(walker, make_scenario())
     assert world.nominal.base_height == pytest.approx(
@@ -112,7 +111,7 @@ def test_soles_start_flat_on_the_ground_with_the_base_above_the_origin(
 
 
 def test_platforms_do_not_loosen_the_solver(
-    walker: Robot, make_scenario: Callable[..., Scenario]
+    walker: Robot, make_scenario: MakeScenario
 ) -> None:
     """MuJoCo's tolerance is relative to the mean inertia of all joints."""
     lift = {"axis": "z", "kind": "sine", "amplitude_m": 0.1, "frequency_hz": 1.0}

@@ -25,6 +25,19 @@ NOISE = {
 DELAY = {"command_ms": 1.0}
 
 
+def swing(
+    axis: str, size: float, frequency_hz: float, *, start_s: float = 0.0
+) -> dict[str, Any]:
+    """A sine of the ground [deg], or [m] along z."""
+    amplitude = "amplitude_m" if axis == "z" else "amplitude_deg"
+    motion = {"axis": axis, "kind": "sine", "frequency_hz": frequency_hz}
+    return {**motion, amplitude: size, "start_s": start_s}
+
+
+ROLLING = [{"foot": "both", "motion": [swing("roll", 3.0, 2.0)]}]
+"""Ground under both feet that moves at once."""
+
+
 @dataclass(frozen=True)
 class Run:
     """One row per tick.

@@ -5,9 +5,11 @@ from __future__ import annotations
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.snapshot import Snapshot
 from surefoot.stabilizer.model import RobotModel
 from tests.awkward_robot import AWKWARD, TURNED, Awkward, make_awkward
 from tests.stabilizer.rig import Rig
+from tests.stabilizer.standing_snapshot import standing_snapshot
 
 
 @pytest.fixture(scope="session")
@@ -25,6 +27,12 @@ def model(walker: Robot) -> RobotModel:
 def rig(model: RobotModel) -> Rig:
     """With default settings."""
     return Rig(model)
+
+
+@pytest.fixture
+def snapshot(model: RobotModel) -> Snapshot:
+    """At rest in the nominal stance."""
+    return standing_snapshot(model)
 
 
 @pytest.fixture(scope="session")

@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import Any
 
 import msgspec
+import numpy as np
 
+from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
+from tests.stabilizer.rig import BOTH, Rig
 
 PERIOD_S = 0.001
 NO_GAIN = (0.0,) * 6
+NOTHING = np.zeros(12)
 HALF_SIZES = ((0.1357, 0.0774), (0.1357, 0.0774))
 """Of the Walker's soles [m]."""
 
@@ -33,6 +37,20 @@ def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedba
         sole_scale=settings.tsid.sole_scale,
         period_s=PERIOD_S,
         lag_s=lag_s,
+    )
+
+
+def answer(
+    law: ForceFeedback,
+    rig: Rig,
+    F_meas: Array,
+    *,
+    F_id: Array = NOTHING,
+    in_contact: list[bool] = BOTH,
+) -> Array:
+    """(12,) what the law asks of the soles at the rig's state; the law's own array."""
+    return law.update(
+        rig.dynamics, rig.stance, F_meas=F_meas, F_id=F_id, in_contact=in_contact
     )
 
 

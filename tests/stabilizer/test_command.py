@@ -14,8 +14,7 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import Reference
 from surefoot.schemas.settings import build_settings
 from surefoot.stabilizer.control.whole_body import WholeBodyController
-from surefoot.stabilizer.model import RobotModel
-from tests.stabilizer.standing_snapshot import standing_reference, standing_snapshot
+from tests.stabilizer.standing_snapshot import standing_reference
 
 PERIOD_S = 0.001
 SETTINGS = build_settings(
@@ -27,11 +26,6 @@ FADED_IN_TICKS = CALIBRATION_TICKS + round(SETTINGS.dik.ramp_in_s / PERIOD_S)
 LONG = 800
 STEP_RAD = 0.05
 ROUNDING = 1e-9
-
-
-@pytest.fixture
-def snapshot(model: RobotModel) -> Snapshot:
-    return standing_snapshot(model)
 
 
 @pytest.fixture

@@ -49,6 +49,15 @@ def sole_yaw(model: RobotModel, q: Array) -> float:
     return float(np.mean([np.arctan2(R[1, 0], R[0, 0]) for R in rotations]))
 
 
+def rolled(model: RobotModel, angle: float) -> Array:
+    """Turned with the ground by that angle about the x-axis."""
+    turn = pin.AngleAxis(angle, np.array([1.0, 0.0, 0.0])).toRotationMatrix()
+    q = model.nominal_configuration().copy()
+    q[:3] = turn @ q[:3]
+    q[3:7] = pin.Quaternion(turn).coeffs()
+    return q
+
+
 def test_one_reading_of_a_leaning_robot_tells_its_whole_state(
     model: RobotModel, leaning: Array
 ) -> None:
@@ -142,11 +151,7 @@ def test_ground_that_turns_is_not_taken_for_bias(
 
     def turning(time_s: float) -> Array:
         angle = 0.1 + rate * time_s
-        turn = pin.AngleAxis(angle, np.array([1.0, 0.0, 0.0])).toRotationMatrix()
-        q = model.nominal_configuration().copy()
-        q[:3] = turn @ q[:3]
-        q[3:7] = pin.Quaternion(turn).coeffs()
-        return q
+        return rolled(model, angle)
 
     robot = KinematicRobot(model, turning)
     estimator = Estimator(model, SETTINGS, period_s=PERIOD_S)
@@ -164,11 +169,7 @@ def test_ground_about_to_turn_back_is_not_taken_for_bias(model: RobotModel) -> N
 
     def swaying(time_s: float) -> Array:
         angle = amplitude * np.cos(2.0 * np.pi * frequency * (time_s - 0.12))
-        turn = pin.AngleAxis(float(angle), np.array([1.0, 0.0, 0.0])).toRotationMatrix()
-        q = model.nominal_configuration().copy()
-        q[:3] = turn @ q[:3]
-        q[3:7] = pin.Quaternion(turn).coeffs()
-        return q
+        return rolled(model, float(angle))
 
     robot = KinematicRobot(model, swaying)
     estimator = Estimator(model, SETTINGS, period_s=PERIOD_S)

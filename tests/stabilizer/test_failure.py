@@ -20,7 +20,6 @@ from surefoot.stabilizer.qp import DenseQp
 from tests.stabilizer.standing_snapshot import (
     airborne_snapshot,
     standing_reference,
-    standing_snapshot,
 )
 
 WARM_TICKS, BAD_TICKS, GOOD_TICKS = 80, 5, 30
@@ -44,11 +43,6 @@ SENSORS = pytest.mark.parametrize(
     "sensor",
     ["q", "dq", "angular_velocity", "linear_acceleration", "ft_left", "ft_right"],
 )
-
-
-@pytest.fixture
-def snapshot(model: RobotModel) -> Snapshot:
-    return standing_snapshot(model)
 
 
 @pytest.fixture
@@ -84,59 +78,43 @@ def assert_no_jump(before: Array, after: Array) -> None:
     assert np.abs(moved).max() <= FASTEST_STEP_RAD * (1.0 + 1e-9)
 
 
-def test_good_ticks_keep_no_failure(controller: WholeBodyController) -> None:
+def assert_held_and_gone_on_from(
+    controller: WholeBodyController,
+    good: tuple[Snapshot, Reference | None],
+    bad: tuple[Snapshot, Reference | None],
+) -> set[str]:
+    """The posture is held in bad ticks, left without a jump after; the bad statuses."""
     assert controller.failure is None
+    before = controller.step(*good).q_command
+    outputs = [controller.step(*bad) for _ in range(BAD_TICKS)]
+    np.testing.assert_array_equal(
+        commands(outputs), np.broadcast_to(before, (BAD_TICKS, before.size))
+    )
+    after = [controller.step(*good) for _ in range(GOOD_TICKS)]
+    assert {output.qp_status for output in after} == {OK}
+    assert_no_jump(before, commands(after))
+    return {output.qp_status for output in outputs}
 
 
 @SENSORS
-def test_sensor_without_numbers_is_a_status_and_the_posture_is_held(
+def test_sensor_without_numbers_is_a_status_until_it_is_back(
     controller: WholeBodyController, snapshot: Snapshot, sensor: str
 ) -> None:
-    before = controller.step(snapshot).q_command
     blank = without_numbers(snapshot, sensor)
-    outputs = [controller.step(blank) for _ in range(BAD_TICKS)]
-    assert OK not in {output.qp_status for output in outputs}
-    np.testing.assert_array_equal(
-        commands(outputs), np.broadcast_to(before, (BAD_TICKS, before.size))
-    )
+    said = assert_held_and_gone_on_from(controller, (snapshot, None), (blank, None))
+    assert OK not in said
 
 
 @REFERENCES
-def test_mad_reference_is_a_status_and_the_posture_is_held(
+def test_mad_reference_is_a_status_until_it_is_sane_again(
     controller: WholeBodyController, snapshot: Snapshot, mad: dict[str, list[float]]
 ) -> None:
-    before = controller.step(snapshot).q_command
-    reference = reference_with(controller.model, mad)
-    outputs = [controller.step(snapshot, reference) for _ in range(BAD_TICKS)]
-    assert all(output.qp_status.startswith("wrenches") for output in outputs)
-    np.testing.assert_array_equal(
-        commands(outputs), np.broadcast_to(before, (BAD_TICKS, before.size))
-    )
-
-
-@SENSORS
-def test_it_goes_on_when_the_sensor_is_back(
-    controller: WholeBodyController, snapshot: Snapshot, sensor: str
-) -> None:
-    before = controller.step(snapshot).q_command
-    for _ in range(BAD_TICKS):
-        controller.step(without_numbers(snapshot, sensor))
-    outputs = [controller.step(snapshot) for _ in range(GOOD_TICKS)]
-    assert {output.qp_status for output in outputs} == {OK}
-    assert_no_jump(before, commands(outputs))
-
-
-@REFERENCES
-def test_it_goes_on_when_the_reference_is_sane_again(
-    controller: WholeBodyController, snapshot: Snapshot, mad: dict[str, list[float]]
-) -> None:
-    before = controller.step(snapshot).q_command
-    reference = reference_with(controller.model, mad)
-    assert controller.step(snapshot, reference).qp_status != OK
     sane = standing_reference(controller.model)
-    outputs = [controller.step(snapshot, sane) for _ in range(GOOD_TICKS)]
-    assert {output.qp_status for output in outputs} == {OK}
-    assert_no_jump(before, commands(outputs))
+    reference = reference_with(controller.model, mad)
+    said = assert_held_and_gone_on_from(
+        controller, (snapshot, sane), (snapshot, reference)
+    )
+    assert all(status.startswith("wrenches") for status in said)
 
 
 @REFERENCES

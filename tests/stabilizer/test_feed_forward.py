@@ -8,7 +8,7 @@ import pytest
 from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.dynamics import SOLE_ROWS
 from surefoot.stabilizer.model import RobotModel
-from tests.stabilizer.laws import HALF_SIZES, PERIOD_S, make_law, settings_with
+from tests.stabilizer.laws import HALF_SIZES, PERIOD_S, answer, make_law, settings_with
 from tests.stabilizer.rig import BOTH, LEFT, RIGHT, Rig
 from tests.stabilizer.states import State, nominal_state
 
@@ -39,9 +39,7 @@ def settled(rig: Rig, *, normals: tuple[float, float], in_contact: list[bool]) -
     F = np.zeros(12)
     F[[2, 8]] = normals
     for _ in range(LONG):
-        r = law.update(
-            rig.dynamics, rig.stance, F_meas=F, F_id=F, in_contact=in_contact
-        )
+        r = answer(law, rig, F, F_id=F, in_contact=in_contact)
     return r
 
 
@@ -68,7 +66,7 @@ def test_foot_moves_the_more_with_its_ground_the_firmer_it_stands(
 @pytest.mark.parametrize("side", [0, 1])
 def test_lifted_foot_has_no_ground_to_move_with(moving: Rig, side: int) -> None:
     """It comes down as if nothing moved, however loaded the other is."""
-    in_contact = RIGHT if side == 0 else LEFT
+    in_contact = [RIGHT, LEFT][side]
     normals = (0.0, FIRM) if side == 0 else (FIRM, 0.0)
     with_motion = settled(moving, normals=normals, in_contact=in_contact)[
         SOLE_ROWS[side]
@@ -88,15 +86,13 @@ def test_feed_forward_returns_slowly_after_a_foot_was_in_the_air(
 
     def update(F: Array, in_contact: list[bool]) -> float:
         """Share of the sole's own twist that is asked of it."""
-        r = law.update(
-            moving.dynamics, moving.stance, F_meas=F, F_id=F, in_contact=in_contact
-        )[SOLE_ROWS[side]]
+        r = answer(law, moving, F, F_id=F, in_contact=in_contact)[SOLE_ROWS[side]]
         full = np.array(GAIN) * law.ground_twist[SOLE_ROWS[side]]
         return float(r @ full / (full @ full))
 
     for _ in range(LONG):
         assert update(firm, BOTH) == pytest.approx(1.0)
-    update(np.zeros(12), RIGHT if side == 0 else LEFT)
+    update(np.zeros(12), [RIGHT, LEFT][side])
     ticks = round(SETTINGS.ground.recovery_s / PERIOD_S)
     shares = [update(firm, BOTH) for _ in range(ticks)]
     np.testing.assert_allclose(shares, np.arange(1, ticks + 1) / ticks, atol=SETTLED)
@@ -112,7 +108,7 @@ def test_lead_answers_a_change_before_the_low_pass_does(moving: Rig) -> None:
     """One tick after the ground sets off, more than the low-passed twist is there."""
     law = make_law(SETTINGS)
     F = np.zeros(12)
-    law.update(moving.dynamics, moving.stance, F_meas=F, F_id=F, in_contact=BOTH)
+    answer(law, moving, F, F_id=F)
     first = law.ground_twist.copy()
     blend = -np.expm1(-2.0 * np.pi * SETTINGS.ground.cutoff_hz * PERIOD_S)
     low_passed = blend * moving.dynamics.v_sole
@@ -135,7 +131,7 @@ def twist_fed_forward(rig: Rig, F: Array, *, turns: float = 1.0) -> Array:
     law = make_law(settings_with(ground={"gain": (1.0,) * 6}, dik={"stance_leak": 0.0}))
     law.turns = turns
     for _ in range(LONG):
-        r = law.update(rig.dynamics, rig.stance, F_meas=F, F_id=F, in_contact=BOTH)
+        r = answer(law, rig, F, F_id=F)
     return r
 
 
@@ -171,7 +167,7 @@ def test_rotation_fed_forward_fades_towards_the_edge_and_returns_in_time(
 
     def share(y: float) -> float:
         F = pressed_at(0.0, y)
-        law.update(moving.dynamics, moving.stance, F_meas=F, F_id=F, in_contact=BOTH)
+        answer(law, moving, F, F_id=F)
         return float(law.r[3] / law.ground_twist[3])
 
     for _ in range(LONG):

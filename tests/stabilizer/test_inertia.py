@@ -10,7 +10,7 @@ import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics
-from surefoot.stabilizer.model import N_BASE_V, RobotModel
+from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.states import State, states_anywhere
 
 STATES = 20
@@ -125,7 +125,3 @@ def test_armature_makes_the_ankle_several_times_stiffer_to_turn(
         dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
         turning.append(np.diag(dynamics.Lambda_c_inv)[3:5])
     assert (turning[1] > 2.0 * turning[0]).all()
-
-
-def test_the_base_has_no_armature(model: RobotModel) -> None:
-    assert not model.pin_model.armature[:N_BASE_V].any()

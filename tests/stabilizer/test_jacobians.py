@@ -65,6 +65,18 @@ def drift(model: RobotModel, state: State, of: Callable[[State], Array]) -> Arra
     return rate
 
 
+def jacobian_of(
+    model: RobotModel, state: State, way: Callable[[Array, Array], Array]
+) -> Array:
+    """(rows, n_v) central differences of a way from one configuration to another."""
+    columns = []
+    for index in range(model.n_v):
+        step = STEP * unit(model, index)
+        behind, ahead = (stepped(model, state.q, along=s * step) for s in (-1.0, 1.0))
+        columns.append(way(behind, ahead) / (2.0 * STEP))
+    return np.column_stack(columns)
+
+
 @pytest.mark.parametrize("side", [0, 1])
 def test_sole_jacobian_is_the_derivative_of_the_placement(
     model: RobotModel, dynamics: Dynamics, states: Iterator[State], side: int
@@ -72,33 +84,27 @@ def test_sole_jacobian_is_the_derivative_of_the_placement(
     for state in states:
         dynamics.update(state.q, state.v)
         here = placement(model, state.q, side=side)
-        for column in range(model.n_v):
-            step = STEP * unit(model, column)
-            ahead = placement(model, stepped(model, state.q, along=step), side=side)
-            behind = placement(model, stepped(model, state.q, along=-step), side=side)
-            # In the sole's own axes: log of T_here_moved.
-            moved = pin.log6(here.actInv(ahead)) - pin.log6(here.actInv(behind))
-            np.testing.assert_allclose(
-                dynamics.J_contact[SOLE_ROWS[side], column],
-                moved.vector / (2.0 * STEP),
-                atol=TOLERANCE,
-            )
+
+        def turn(q: Array, here: pin.SE3 = here) -> Array:
+            """In the sole's own axes: log of T_here_moved."""
+            log: Array = pin.log6(here.actInv(placement(model, q, side=side))).vector
+            return log
+
+        J = jacobian_of(model, state, lambda a, b, turn=turn: turn(b) - turn(a))
+        rows = dynamics.J_contact[SOLE_ROWS[side]]
+        np.testing.assert_allclose(rows, J, atol=TOLERANCE)
 
 
 def test_com_jacobian_is_the_derivative_of_the_centre_of_mass(
     model: RobotModel, dynamics: Dynamics, states: Iterator[State]
 ) -> None:
+    def way(behind: Array, ahead: Array) -> Array:
+        return centre_of_mass(model, ahead) - centre_of_mass(model, behind)
+
     for state in states:
         dynamics.update(state.q, state.v)
-        for column in range(model.n_v):
-            step = STEP * unit(model, column)
-            ahead = centre_of_mass(model, stepped(model, state.q, along=step))
-            behind = centre_of_mass(model, stepped(model, state.q, along=-step))
-            np.testing.assert_allclose(
-                dynamics.J_com[:, column],
-                (ahead - behind) / (2.0 * STEP),
-                atol=TOLERANCE,
-            )
+        J = jacobian_of(model, state, way)
+        np.testing.assert_allclose(dynamics.J_com, J, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("side", [0, 1])
@@ -168,24 +174,19 @@ def frame_twist(model: RobotModel, state: State, *, name: str) -> Array:
 def test_frame_jacobian_is_the_derivative_of_its_placement(
     model: RobotModel, dynamics: Dynamics, states: Iterator[State], name: str
 ) -> None:
-    frame_id = model.frame_id(name)
+    frame_id, moved = model.frame_id(name), Dynamics(model)
+
+    def placed(q: Array, R: Array) -> Array:
+        """Place, and turn about world axes: log of R_moved R^T."""
+        moved.update(q, np.zeros(model.n_v))
+        R_moved, p_moved = moved.frame_placement(frame_id)
+        return np.concatenate((p_moved, pin.log3(R_moved @ R.T)))
+
     for state in states:
         dynamics.update(state.q, state.v)
-        J, (R, _) = (
-            dynamics.frame_jacobian(frame_id),
-            dynamics.frame_placement(frame_id),
-        )
-        moved = Dynamics(model)
-        for column in range(model.n_v):
-            step = STEP * unit(model, column)
-            ends = []
-            for sign in (1.0, -1.0):
-                moved.update(stepped(model, state.q, along=sign * step), state.v)
-                R_moved, p_moved = moved.frame_placement(frame_id)
-                # Turned about world axes: R_moved R^T.
-                ends.append(np.concatenate((p_moved, pin.log3(R_moved @ R.T))))
-            rate = (ends[0] - ends[1]) / (2.0 * STEP)
-            np.testing.assert_allclose(J[:, column], rate, atol=TOLERANCE)
+        R, _ = dynamics.frame_placement(frame_id)
+        J = jacobian_of(model, state, lambda a, b, R=R: placed(b, R) - placed(a, R))
+        np.testing.assert_allclose(dynamics.frame_jacobian(frame_id), J, atol=TOLERANCE)
 
 
 @FRAMES

@@ -16,12 +16,6 @@ from surefoot.stabilizer.model import GRAVITY, RobotModel, skew
 TOLERANCE = 1e-12
 
 
-def test_joint_orders_undo_each_other(model: RobotModel) -> None:
-    rng = np.random.default_rng(30)
-    on_bus = rng.normal(size=model.n_a)
-    np.testing.assert_array_equal(on_bus[model.to_model][model.to_bus], on_bus)
-
-
 def test_joints_keep_their_names_on_the_way(walker: Robot, model: RobotModel) -> None:
     in_model = list(model.pin_model.names)[2:]
     assert [walker.joint_names[i] for i in model.to_model] == in_model

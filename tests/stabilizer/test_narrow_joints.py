@@ -10,10 +10,10 @@ from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.schemas.settings import ControllerSettings, DikSettings
 from surefoot.stabilizer.factory import check_settings, make_controller
 from surefoot.stabilizer.model import RobotModel
-from tests.stabilizer.closed_loop import run_closed_loop
+from tests.stabilizer.closed_loop import run_closed_loop, swing
 
 PUSH = {"body": "torso", "force_n": [0.0, 90.0, 0.0], "start_s": 0.8}
-MOTION = {"axis": "roll", "kind": "sine", "amplitude_deg": 3.0, "frequency_hz": 0.7}
+MOTION = swing("roll", 3.0, 0.7)
 LEAST_RANGE_RAD = 1e-12
 """Of a locked joint in floating point."""
 

@@ -19,21 +19,13 @@ from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.estimation.observer import Observer
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.zmp.controller import ZmpController
-from tests.stabilizer.closed_loop import Run, run_closed_loop
-from tests.stabilizer.standing_snapshot import airborne_snapshot, standing_snapshot
+from tests.stabilizer.closed_loop import ROLLING, Run, run_closed_loop
+from tests.stabilizer.standing_snapshot import airborne_snapshot
 
 PERIOD_S = 0.001
 CALIBRATION_TICKS = 20
 SETTINGS = build_settings({}, overrides=["estimator.calibration_s=0.0205"])
 """Between two ticks, so that no rounding decides which is the last."""
-MOVING = [
-    {
-        "foot": "both",
-        "motion": [
-            {"axis": "roll", "kind": "sine", "amplitude_deg": 3.0, "frequency_hz": 2.0}
-        ],
-    }
-]
 SENSORS = ["q", "dq", "angular_velocity", "linear_acceleration", "ft_left", "ft_right"]
 CONTROLLERS = pytest.mark.parametrize("make", [WholeBodyController, ZmpController])
 EXACT_N = 1e-9
@@ -46,11 +38,6 @@ def make_observer(model: RobotModel, settings: ControllerSettings) -> Observer:
 
 
 @pytest.fixture
-def snapshot(model: RobotModel) -> Snapshot:
-    return standing_snapshot(model)
-
-
-@pytest.fixture
 def observer(model: RobotModel, snapshot: Snapshot) -> Observer:
     """Started."""
     observer = make_observer(model, SETTINGS)
@@ -60,7 +47,7 @@ def observer(model: RobotModel, snapshot: Snapshot) -> Observer:
 
 @pytest.fixture(scope="module")
 def moving_run(walker: Robot) -> Run:
-    return run_closed_loop(walker, duration_s=0.8, platform=MOVING)
+    return run_closed_loop(walker, duration_s=0.8, platform=ROLLING)
 
 
 @CONTROLLERS

@@ -8,7 +8,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.controller import HoldController, Tunable
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.requests import LIVE_SETTINGS, live_values, with_values
-from tests.stabilizer.closed_loop import Run, run_closed_loop
+from tests.stabilizer.closed_loop import ROLLING, Run, run_closed_loop
 
 DEFAULTS = ControllerSettings()
 CHANGED = with_values(
@@ -22,20 +22,12 @@ CHANGED = with_values(
 )
 TICKS = 500
 """Beyond the calibration and the fade-in, on ground that moves."""
-MOVING = [
-    {
-        "foot": "both",
-        "motion": [
-            {"axis": "roll", "kind": "sine", "amplitude_deg": 3.0, "frequency_hz": 2.0}
-        ],
-    }
-]
 
 
 @pytest.fixture(scope="module")
 def run(walker: Robot) -> Run:
     """With the default gains throughout."""
-    return run_closed_loop(walker, duration_s=TICKS * 1e-3, platform=MOVING)
+    return run_closed_loop(walker, duration_s=TICKS * 1e-3, platform=ROLLING)
 
 
 @pytest.mark.closed_loop

@@ -23,7 +23,7 @@ from surefoot.stabilizer.control.sway import REACH, Sway
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.factory import PRESETS_DIR
 from surefoot.stabilizer.model import GRAVITY, RobotModel
-from tests.stabilizer.closed_loop import Run, run_closed_loop
+from tests.stabilizer.closed_loop import Run, run_closed_loop, swing
 
 DT = 1e-2
 """Of a robot of 100 Hz, which is quick to test and no other matter."""
@@ -263,13 +263,7 @@ def test_shipped_settings_change_nothing_but_the_sway() -> None:
 
 def tilting(axis: str, size_deg: float) -> dict[str, Any]:
     """A scenario whose platform swings slowly, to both sides by a size."""
-    motion = {
-        "axis": axis,
-        "kind": "sine",
-        "amplitude_deg": size_deg,
-        "frequency_hz": SLOW_HZ,
-        "start_s": 0.5,
-    }
+    motion = swing(axis, size_deg, SLOW_HZ, start_s=0.5)
     return {"duration_s": 6.0, "platform": [{"foot": "both", "motion": [motion]}]}
 
 

@@ -13,7 +13,7 @@ from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.qp import QpData
-from tests.stabilizer.closed_loop import run_closed_loop
+from tests.stabilizer.closed_loop import run_closed_loop, swing
 
 pytestmark = pytest.mark.closed_loop
 
@@ -22,16 +22,9 @@ LEFT_ALONE_S = 0.45
 DURATION_S = 9.0
 LATE_S = 7.0
 NEAR_M = 0.01
-SINES = {"roll": 0.175, "pitch": 0.127}
 MOTION = [
-    {
-        "axis": axis,
-        "kind": "sine",
-        "amplitude_deg": 8.6,
-        "frequency_hz": frequency_hz,
-        "start_s": 1.0,
-    }
-    for axis, frequency_hz in SINES.items()
+    swing("roll", 8.6, 0.175, start_s=1.0),
+    swing("pitch", 8.6, 0.127, start_s=1.0),
 ]
 """As on the slow platform: it leans by up to 12 deg when somebody takes over."""
 

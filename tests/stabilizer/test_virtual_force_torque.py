@@ -24,7 +24,7 @@ from surefoot.stabilizer.estimation.wrenches import (
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 from surefoot.stabilizer.safety.safety import Safety
 from tests.awkward_robot import Awkward
-from tests.stabilizer.closed_loop import NOISE
+from tests.stabilizer.closed_loop import NOISE, swing
 from tests.stabilizer.watched_run import watched_run
 
 PERIOD_S = 1e-3
@@ -234,20 +234,7 @@ def test_two_feet_do_not_fight_what_a_sensor_invents(walker: Robot) -> None:
     run = watched_run(
         walker,
         duration_s=5.0,
-        platform=[
-            {
-                "foot": "both",
-                "motion": [
-                    {
-                        "axis": "roll",
-                        "kind": "sine",
-                        "amplitude_deg": 8.0,
-                        "frequency_hz": 0.35,
-                        "start_s": 1.0,
-                    }
-                ],
-            }
-        ],
+        platform=[{"foot": "both", "motion": [swing("roll", 8.0, 0.35, start_s=1.0)]}],
         sensors={**NOISE, "force_bias_n": {"left": [300.0, 0.0, 0.0]}},
     )
     assert run.losses == {"left_ankle_ft": SensorTrouble.OFFSET}

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -11,8 +9,15 @@ from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.dynamics import SOLE_ROWS
 from surefoot.stabilizer.model import GRAVITY, RobotModel
-from tests.stabilizer.laws import NO_GAIN, PAPER, make_law, settings_with
-from tests.stabilizer.rig import BOTH, CONTACT_NAMES, CONTACT_SETS, LEFT, RIGHT, Rig
+from tests.stabilizer.laws import (
+    NO_GAIN,
+    NOTHING,
+    PAPER,
+    answer,
+    make_law,
+    settings_with,
+)
+from tests.stabilizer.rig import CONTACT_NAMES, CONTACT_SETS, LEFT, RIGHT, Rig
 from tests.stabilizer.states import nominal_state, states_near_stance
 
 STATES = 20
@@ -43,9 +48,7 @@ def test_without_extras_it_is_the_papers_law(model: RobotModel) -> None:
     ):
         rig.go(state)
         F_id, e_F = 100.0 * rng.normal(size=12), ERROR * rng.normal(size=12)
-        r = law.update(
-            rig.dynamics, rig.stance, F_meas=F_id + e_F, F_id=F_id, in_contact=BOTH
-        )
+        r = answer(law, rig, F_id + e_F, F_id=F_id)
         np.testing.assert_allclose(r, paper_law(rig, e_F), rtol=1e-9, atol=TOLERANCE)
 
 
@@ -59,9 +62,7 @@ def test_each_axis_has_its_own_gain(model: RobotModel) -> None:
     for axis in range(12):
         e_F = np.zeros(12)
         e_F[axis] = ERROR[axis]
-        r = law.update(
-            rig.dynamics, rig.stance, F_meas=e_F, F_id=np.zeros(12), in_contact=BOTH
-        )
+        r = answer(law, rig, e_F)
         expected = (
             -rig.dynamics.Lambda_c_inv[:, axis] * ERROR[axis] / (k_force * 2)[axis]
         )
@@ -76,9 +77,7 @@ def test_yielding_is_no_faster_than_its_limits(model: RobotModel) -> None:
     rig.go(nominal_state(model))
     for _ in range(STATES):
         e_F = 1e5 * rng.normal(size=12)
-        r = law.update(
-            rig.dynamics, rig.stance, F_meas=e_F, F_id=np.zeros(12), in_contact=BOTH
-        )
+        r = answer(law, rig, e_F)
         assert (np.abs(r) <= limit + TOLERANCE).all()
         np.testing.assert_array_equal(np.sign(r), np.sign(paper_law(rig, e_F)))
 
@@ -94,13 +93,11 @@ def test_leak_pulls_every_foot_back_to_its_stance(
         model, count=STATES, seed=22, spread=SPREAD, speed=0.0
     ):
         dynamics = rig.go(state)
-        inputs: dict[str, Any] = {
-            "F_meas": np.zeros(12),
-            "F_id": np.zeros(12),
-            "in_contact": in_contact,
-        }
-        pull = law.update(dynamics, rig.stance, **inputs)
-        pull = pull - without.update(dynamics, rig.stance, **inputs)
+        pull, own = (
+            answer(each, rig, NOTHING, in_contact=in_contact).copy()
+            for each in (law, without)
+        )
+        pull -= own
         for side, rows in enumerate(SOLE_ROWS):
             R = dynamics.R_world_sole[side]
             yaw = np.arctan2(R[1, 0], R[0, 0])
@@ -119,19 +116,13 @@ def test_lifted_foot_comes_down_along_the_vertical_of_the_world(
 ) -> None:
     rig, law = Rig(model, PAPER), make_law(PAPER)
     rows = SOLE_ROWS[side]
-    in_contact = RIGHT if side == 0 else LEFT
+    in_contact = [RIGHT, LEFT][side]
     rng = np.random.default_rng(23)
     for state in states_near_stance(
         model, count=STATES, seed=24, spread=SPREAD, speed=SPEED
     ):
         dynamics = rig.go(state)
-        r = law.update(
-            dynamics,
-            rig.stance,
-            F_meas=ERROR * rng.normal(size=12),
-            F_id=np.zeros(12),
-            in_contact=in_contact,
-        )
+        r = answer(law, rig, ERROR * rng.normal(size=12), in_contact=in_contact)
         down = dynamics.R_world_sole[side] @ r[rows][:3]
         np.testing.assert_allclose(down[:2], 0.0, atol=TOLERANCE)
         assert -PAPER.contact.descent_limit_m_s - TOLERANCE <= down[2] < 0.0
@@ -147,13 +138,7 @@ def test_descent_slows_as_the_ground_is_felt(model: RobotModel, side: int) -> No
     for force in np.linspace(0.0, 1.5 * wanted, 16):
         F_meas = np.zeros(12)
         F_meas[NORMAL_ROWS[side]] = force
-        r = law.update(
-            rig.dynamics,
-            rig.stance,
-            F_meas=F_meas,
-            F_id=np.zeros(12),
-            in_contact=RIGHT if side == 0 else LEFT,
-        )
+        r = answer(law, rig, F_meas, in_contact=[RIGHT, LEFT][side])
         speeds.append(-r[NORMAL_ROWS[side]])
         assert (speeds[-1] > 0.0) == (force < wanted)
     assert (np.diff(speeds) <= 0.0).all()
@@ -169,13 +154,7 @@ def test_descent_is_no_faster_than_its_limit(model: RobotModel, side: int) -> No
     )
     rig, law = Rig(model, settings), make_law(settings)
     rig.go(nominal_state(model))
-    r = law.update(
-        rig.dynamics,
-        rig.stance,
-        F_meas=np.zeros(12),
-        F_id=np.zeros(12),
-        in_contact=RIGHT if side == 0 else LEFT,
-    )
+    r = answer(law, rig, NOTHING, in_contact=[RIGHT, LEFT][side])
     assert -r[NORMAL_ROWS[side]] == pytest.approx(settings.contact.descent_limit_m_s)
 
 
@@ -190,13 +169,7 @@ def test_what_a_lifted_foot_feels_does_not_move_the_other(
     F_meas, answers = ERROR * rng.normal(size=12), []
     for _ in range(2):
         F_meas[lifted] = ERROR[lifted] * rng.normal(size=6)
-        r = law.update(
-            rig.dynamics,
-            rig.stance,
-            F_meas=F_meas,
-            F_id=np.zeros(12),
-            in_contact=RIGHT if side == 0 else LEFT,
-        )
+        r = answer(law, rig, F_meas, in_contact=[RIGHT, LEFT][side])
         answers.append(r[standing].copy())
     np.testing.assert_array_equal(answers[0], answers[1])
 
@@ -207,11 +180,8 @@ def test_drives_with_lag_yield_less_while_a_foot_does_not_stand_firmly(
     """Without their inverse the loop must be slower than the lag."""
     rig = Rig(model, PAPER)
     rig.go(nominal_state(model))
-    F_id = np.zeros(12)
     brisk, slow = (
-        make_law(PAPER, lag_s=lag_s)
-        .update(rig.dynamics, rig.stance, F_meas=ERROR, F_id=F_id, in_contact=BOTH)
-        .copy()
+        answer(make_law(PAPER, lag_s=lag_s), rig, ERROR).copy()
         for lag_s in (0.0, 2.0 * PAPER.dik.k_lag_s)
     )
     np.testing.assert_allclose(3.0 * slow, brisk, atol=TOLERANCE)
@@ -232,22 +202,20 @@ def test_drives_with_lag_yield_as_prompt_ones_once_the_feet_stand_firmly(
     rig, load = standing(model)
     prompt, slow = (make_law(PAPER, lag_s=lag_s) for lag_s in (0.0, 0.02))
 
-    def answer(law: ForceFeedback, F_meas: Array) -> Array:
-        return law.update(
-            rig.dynamics, rig.stance, F_meas=F_meas, F_id=load, in_contact=BOTH
-        ).copy()
+    def told(law: ForceFeedback, F_meas: Array) -> Array:
+        return answer(law, rig, F_meas, F_id=load).copy()
 
-    wanted = answer(prompt, load + ERROR)
-    np.testing.assert_allclose(answer(slow, load + ERROR), wanted, atol=TOLERANCE)
-    answer(slow, np.zeros(12))
+    pushed = load + ERROR
+    wanted = told(prompt, pushed)
+    np.testing.assert_allclose(told(slow, pushed), wanted, atol=TOLERANCE)
+    told(slow, NOTHING)
     assert slow.firmness == 0.0
     np.testing.assert_allclose(
-        3.0 * answer(slow, load + ERROR), wanted, rtol=0.01, atol=TOLERANCE
+        3.0 * told(slow, pushed), wanted, rtol=0.01, atol=TOLERANCE
     )
-    ticks = round(PAPER.dik.firm_again_s / 0.001)
-    for _ in range(ticks):
-        answer(slow, load + ERROR)
-    np.testing.assert_allclose(answer(slow, load + ERROR), wanted, atol=TOLERANCE)
+    for _ in range(round(PAPER.dik.firm_again_s / 0.001)):
+        told(slow, pushed)
+    np.testing.assert_allclose(told(slow, pushed), wanted, atol=TOLERANCE)
 
 
 @pytest.mark.parametrize("part", [0.0, 0.6, 1.0])
@@ -261,7 +229,7 @@ def test_slow_drives_keep_part_of_their_inverse_whatever_the_feet_do(
 
     def go_on(F_meas: Array, *, walks: bool) -> float:
         law.walks = walks
-        law.update(rig.dynamics, rig.stance, F_meas=F_meas, F_id=load, in_contact=BOTH)
+        answer(law, rig, F_meas, F_id=load)
         return law.inverse
 
     assert go_on(load, walks=False) == 1.0
@@ -283,12 +251,8 @@ def test_slow_drives_look_for_the_ground_as_fast_as_others(
     rig.go(nominal_state(model))
     speeds = []
     for lag_s in (0.0, 0.05):
-        r = make_law(PAPER, lag_s=lag_s).update(
-            rig.dynamics,
-            rig.stance,
-            F_meas=np.zeros(12),
-            F_id=np.zeros(12),
-            in_contact=RIGHT if side == 0 else LEFT,
+        r = answer(
+            make_law(PAPER, lag_s=lag_s), rig, NOTHING, in_contact=[RIGHT, LEFT][side]
         )
         speeds.append(-r[NORMAL_ROWS[side]])
     assert speeds[1] == pytest.approx(speeds[0])

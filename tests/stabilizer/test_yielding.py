@@ -8,9 +8,9 @@ import pytest
 from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.dynamics import SOLE_ROWS
 from surefoot.stabilizer.model import RobotModel
-from tests.stabilizer.laws import make_law
+from tests.stabilizer.laws import answer, make_law
 from tests.stabilizer.mirror import Mirror
-from tests.stabilizer.rig import BOTH, Rig
+from tests.stabilizer.rig import Rig
 from tests.stabilizer.states import nominal_state
 
 EXTRA_N, EXTRA_NM = 50.0, 5.0
@@ -32,9 +32,7 @@ def soles_answer(rig: Rig, e_F: Array) -> tuple[Array, Array]:
     """Twists (12,) that the law asks of the soles, and that the DIK gives them."""
     law = make_law(rig.settings)
     F_id = rig.tsid.F_id
-    r = law.update(
-        rig.dynamics, rig.stance, F_meas=F_id + e_F, F_id=F_id, in_contact=BOTH
-    )
+    r = answer(law, rig, F_id + e_F, F_id=F_id)
     solution = rig.solve_dik(r)
     assert solution.ok
     return r.copy(), rig.dynamics.J_contact @ solution.x

@@ -7,14 +7,12 @@ found under two names.
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 
 import pytest
 
-from tests.command import environment
+from tests.command import run_python
 from tests.one_name import modules_with_two_names
-from tests.support import PATIENCE_S
 
 EVERYTHING = """
 import json, pkgutil, sys
@@ -37,14 +35,7 @@ print(json.dumps([modules_with_two_names(), len(sys.modules)]))
 
 
 def test_all_packages_and_a_run_load_each_module_once() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", EVERYTHING],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    done = run_python("-c", EVERYTHING)
     assert done.returncode == 0, done.stderr
     twice, loaded = json.loads(done.stdout.splitlines()[-1])
     assert twice == {}

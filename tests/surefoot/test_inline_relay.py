@@ -20,7 +20,7 @@ from surefoot.schemas.relay_plan import (
 )
 from surefoot.schemas.toml_file import convert
 from surefoot.stabilizer.factory import make_controller
-from tests.command import Surefoot
+from tests.command import Surefoot, scenario_file
 
 pytestmark = pytest.mark.closed_loop
 
@@ -99,8 +99,7 @@ def test_a_short_cut_of_commands_is_held_and_gone_on_from(
 def test_a_lasting_cut_ends_in_fault_and_says_so(
     surefoot: Surefoot, tmp_path: Path
 ) -> None:
-    scenario, plan = tmp_path / "s.toml", tmp_path / "cut.toml"
-    scenario.write_text('name = "x"\nduration_s = 1.3\n')
+    scenario, plan = scenario_file(tmp_path, 1.3), tmp_path / "cut.toml"
     plan.write_text(
         'name = "cut"\n[[fault]]\nkind = "cut"\ndirection = "commands"\n'
         "start_s = 0.1\nduration_s = 3600.0\n"
@@ -118,9 +117,7 @@ def test_a_lasting_cut_ends_in_fault_and_says_so(
 def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(
     tmp_path: Path,
 ) -> None:
-    scenario = tmp_path / "s.toml"
-    scenario.write_text('name = "x"\nduration_s = 0.4\n')
-    done = relayed(run_plan(scenario), cut(["imu"], 3600.0))
+    done = relayed(run_plan(scenario_file(tmp_path, 0.4)), cut(["imu"], 3600.0))
     assert done.controller.end is EndReason.SENSOR_LOST
     assert done.controller.lost_sensors == {"imu": SensorTrouble.MISSING}
     assert done.plant.gate.mode is RobotMode.HOLD

@@ -17,27 +17,16 @@ from surefoot.run_plan import make_plan
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
 from tests.command import Surefoot
-
-SHORT = sf.Scenario(
-    name="short roll",
-    duration_s=0.5,
-    platform=[
-        sf.Platform(
-            foot="both",
-            motion=[sf.SineMotion(axis="roll", amplitude_deg=3.0, frequency_hz=2.0)],
-        )
-    ],
-    sensors=sf.Sensors(force_noise_n=2.0, gyro_noise_rad_s=0.002),
-)
+from tests.support import ROLLING
 
 
 @pytest.fixture(scope="module")
 def run() -> sf.Run:
-    return sf.simulate("walker", SHORT, seed=3)
+    return sf.simulate("walker", ROLLING, seed=3)
 
 
 def test_step_by_step_is_the_same_run(run: sf.Run) -> None:
-    sim = sf.Simulation("walker", SHORT, seed=3)
+    sim = sf.Simulation("walker", ROLLING, seed=3)
     controller = sf.make_controller("whole-body", sim.robot)
     answers = []
     while not sim.finished:
@@ -52,7 +41,7 @@ def test_the_command_line_runs_the_same(
     run: sf.Run, tmp_path: Path, surefoot: Surefoot
 ) -> None:
     file = tmp_path / "short roll.toml"
-    file.write_text(toml_text(struct_table(SHORT)), encoding="utf-8")
+    file.write_text(toml_text(struct_table(ROLLING)), encoding="utf-8")
     done = surefoot("run", file, "--inline", "--json", "--seed", 3)
     told = json.loads(done.stdout)
     assert told["log_sha256"] == run.result.log_sha256
@@ -61,11 +50,11 @@ def test_the_command_line_runs_the_same(
 
 def test_the_bus_runs_the_same_and_keeps_it(run: sf.Run, tmp_path: Path) -> None:
     out = tmp_path / "kept"
-    on_bus = sf.run("walker", SHORT, seed=3, out=out)
+    on_bus = sf.run("walker", ROLLING, seed=3, out=out)
     assert on_bus.result.log_sha256 == run.result.log_sha256
     loaded = sf.load_run(out)
     assert loaded.result == on_bus.result
-    assert loaded.scenario == SHORT
+    assert loaded.scenario == ROLLING
     assert loaded.plan.settings == on_bus.plan.settings
     outcome = sf.replay(out)
     assert outcome.is_equal
@@ -73,12 +62,12 @@ def test_the_bus_runs_the_same_and_keeps_it(run: sf.Run, tmp_path: Path) -> None
 
 
 def test_settings_may_be_a_table_of_names(run: sf.Run) -> None:
-    same = sf.simulate("walker", SHORT, seed=3, settings={"tsid.com_kp": 40.0})
-    other = sf.simulate("walker", SHORT, seed=3, settings={"tsid.base_kp": 500.0})
+    same = sf.simulate("walker", ROLLING, seed=3, settings={"tsid.com_kp": 40.0})
+    other = sf.simulate("walker", ROLLING, seed=3, settings={"tsid.base_kp": 500.0})
     assert same.plan.settings.tsid.com_kp == (40.0, 40.0, 40.0)
     assert other.result.log_sha256 != run.result.log_sha256
     with pytest.raises(sf.FileFormatError, match="did you mean 'com_kp'"):
-        sf.simulate("walker", SHORT, settings={"tsid.comkp": 40.0})
+        sf.simulate("walker", ROLLING, settings={"tsid.comkp": 40.0})
 
 
 def test_another_controller_takes_over_where_the_robot_is() -> None:
@@ -107,12 +96,12 @@ def test_a_scenario_built_in_python_is_held_to_what_a_file_must_be() -> None:
 
 def test_a_study_gives_the_rows_of_its_runs(tmp_path: Path) -> None:
     file = tmp_path / "s.toml"
-    file.write_text(toml_text(struct_table(SHORT)), encoding="utf-8")
+    file.write_text(toml_text(struct_table(ROLLING)), encoding="utf-8")
     study = sf.study(
         str(file), vary={"friction": [0.5, 0.7]}, seeds=[3], jobs=1, out=tmp_path / "o"
     )
     hashes = {row["values"]["friction"]: row["log_sha256"] for row in study.rows}
-    assert hashes[0.7] == sf.simulate("walker", SHORT, seed=3).result.log_sha256
+    assert hashes[0.7] == sf.simulate("walker", ROLLING, seed=3).result.log_sha256
     assert "friction" in study.table()
     assert (tmp_path / "o" / "summary.csv").is_file()
 

@@ -9,18 +9,18 @@ import sys
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 
 import surefoot as sf
 from surefoot.out_folder import OutFolder, check_replaceable, claim_file, new_file
-from surefoot.run_folder import MARKER, RUN_FILES, run_folder
+from surefoot.run_folder import MARKER, RUN_FILES, TICKS, run_folder
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.reasons import Outcome
+from tests.command import command, environment, scenario_file
 from tests.patient_robot import patient_robot_file
-from tests.support import wait_until
-
-LONG = 'name = "long"\nduration_s = 600.0\n'
+from tests.support import ticks_on_disk, wait_until
 
 
 def former_run(out: Path) -> None:
@@ -193,24 +193,16 @@ def test_without_a_name_nothing_stays() -> None:
 
 
 def start(folder: Path, *words: str) -> subprocess.Popen[str]:
-    scenario = folder / "long.toml"
-    scenario.write_text(LONG)
+    scenario = scenario_file(folder, 600.0)
     return subprocess.Popen(
-        [
-            *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),
-            *("--controller", "hold", "--out", str(folder / "run"), *words),
-        ],
+        command(
+            "run", scenario, "--controller", "hold", "--out", folder / "run", *words
+        ),
+        env=environment(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
-
-
-def recorded_ticks(out: Path) -> int:
-    try:
-        return sf.read_signals(out).count
-    except sf.UsageError:
-        return 0
 
 
 @pytest.mark.usual("2-bus")
@@ -221,7 +213,7 @@ def test_an_interrupted_run_is_kept_and_says_so(
 ) -> None:
     out = tmp_path / "run"
     run = start(tmp_path, *words)
-    wait_until(lambda: recorded_ticks(out) > 1000, what="ticks on the disk")
+    wait_until(lambda: ticks_on_disk(out) > 1000, what="ticks on the disk")
     run.send_signal(number)
     told, errors = run.communicate(timeout=120.0)
     assert run.returncode == 130, errors
@@ -240,7 +232,7 @@ def test_a_killed_run_can_be_read_and_the_next_command_says_how(
 ) -> None:
     out = tmp_path / "run"
     run = start(tmp_path, "--inline")
-    wait_until(lambda: recorded_ticks(out) > 1000, what="ticks on the disk")
+    wait_until(lambda: ticks_on_disk(out) > 1000, what="ticks on the disk")
     run.kill()
     run.communicate(timeout=60.0)
     with pytest.raises(sf.UsageError, match="surefoot log export"):
@@ -248,32 +240,20 @@ def test_a_killed_run_can_be_read_and_the_next_command_says_how(
     signals = sf.read_signals(out)
     assert signals.count > 1000
     assert signals.is_cut_off
-
-
-def test_a_killed_stabilizer_leaves_the_robots_run(tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    run = start(tmp_path)
-    wait_until(lambda: recorded_ticks(out) > 1000, what="ticks on the disk")
-    found = subprocess.run(
-        ["pgrep", "-P", str(run.pid), "-f", "surefoot.cli stabilizer"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    os.kill(int(found.stdout.split()[0]), signal.SIGKILL)
-    told, errors = run.communicate(timeout=120.0)
-    assert run.returncode == 1
-    assert "stabilizer: was ended by signal 9" in errors
-    result = sf.load_run(out).result
-    assert result.outcome in (Outcome.HELD, Outcome.FAULT, Outcome.INTERRUPTED)
-    assert result.outcome in told
-    assert sf.read_signals(out).count == result.ticks
+    robot = sf.read_signals(out / TICKS)
+    still = sf.Scenario(name="still", duration_s=600.0)
+    sim = sf.Simulation("walker", still, record=True)
+    controller = sf.make_controller("hold", sim.robot)
+    while sim.tick < robot.count:
+        sim.step(controller)
+    for name in robot:
+        expected = sim.signals.read(name, 0, robot.count)
+        np.testing.assert_array_equal(robot[name], expected)
 
 
 def test_a_name_that_is_not_unicode(tmp_path: Path) -> None:
     out = Path(os.fsdecode(os.fsencode(tmp_path) + b"/l\xe4ufe"))
-    scenario = tmp_path / "s.toml"
-    scenario.write_text('name = "s"\nduration_s = 0.05\n')
+    scenario = scenario_file(tmp_path, 0.05)
     done = subprocess.run(
         [
             *(sys.executable, "-m", "surefoot.cli", "run", str(scenario)),

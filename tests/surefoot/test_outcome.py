@@ -230,13 +230,6 @@ def test_a_run_without_a_tick_is_told_without_figures(
     assert not any(word in shown for word in ("tilt", "peak", "QP", "0.0,", "none"))
 
 
-@pytest.fixture
-def short_scenario(tmp_path: Path) -> Path:
-    path = tmp_path / "short.toml"
-    path.write_text('name = "short"\nduration_s = 0.3\n')
-    return path
-
-
 @pytest.mark.parametrize(
     ("changes", "outcome", "words"),
     [

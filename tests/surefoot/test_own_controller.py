@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,21 +10,12 @@ import pytest
 
 import surefoot as sf
 from surefoot.stabilizer import factory
-from tests.command import Surefoot
+from tests.command import Surefoot, run_surefoot, scenario_file
 from tests.surefoot import own_controllers as own
 
 HERE = Path(__file__).parent
 STAY = f"{HERE / 'own_controllers.py'}:Stay"
 SCENARIO = sf.Scenario(name="own", duration_s=0.3)
-
-
-def surefoot(*words: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "surefoot.cli", *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
 
 
 @pytest.fixture(scope="module")
@@ -94,11 +83,10 @@ def test_a_wrong_answer_is_refused_in_words() -> None:
 def test_the_command_line_takes_it_everywhere(
     tmp_path: Path, held: str, surefoot_here: Surefoot
 ) -> None:
-    scenario, out = tmp_path / "own.toml", tmp_path / "run"
-    scenario.write_text('name = "own"\nduration_s = 0.3\n', encoding="utf-8")
+    scenario, out = scenario_file(tmp_path, 0.3, name="own"), tmp_path / "run"
     inline = surefoot_here("run", scenario, "--inline", "--json", "--controller", STAY)
     assert json.loads(inline.stdout)["log_sha256"] == held
-    bus = surefoot("run", scenario, "--json", "--controller", STAY, "--out", out)
+    bus = run_surefoot("run", scenario, "--json", "--controller", STAY, "--out", out)
     assert bus.returncode == 0, bus.stderr
     assert json.loads(bus.stdout)["log_sha256"] == held
     replayed = surefoot_here("replay", "--controller", out / "run.mcap", "--json")

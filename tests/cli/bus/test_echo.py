@@ -5,9 +5,9 @@ import json
 import pytest
 
 from surefoot.schemas.endpoints import Endpoints
+from tests.cli.bus.conftest import Ask
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
 from tests.command import Surefoot
-from tests.support import PATIENCE_S
 
 MALFORMED_EVERY = 3
 
@@ -19,14 +19,10 @@ def say(count: int, tell: Say) -> None:
 
 @pytest.mark.parametrize("name", ["left_ankle_ft", "/walker/state/ft/left_ankle"])
 def test_messages_and_malformed_ones_as_json(
-    surefoot_here: Surefoot, endpoints: Endpoints, name: str
+    ask: Ask, endpoints: Endpoints, name: str
 ) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot_here(
-            *("echo", name, "--count", 6, "--json"),
-            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
-        )
-    assert done.returncode == 0, done.stderr
+        done = ask("echo", name, "--count", 6, "--json")
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(lines) == 6
     bad = [line for line in lines if "malformed" in line]
@@ -38,35 +34,23 @@ def test_messages_and_malformed_ones_as_json(
     assert ticks == sorted(ticks)
 
 
-def test_chosen_fields_in_words(surefoot_here: Surefoot, endpoints: Endpoints) -> None:
+def test_chosen_fields_in_words(ask: Ask, endpoints: Endpoints) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot_here(
-            *("echo", "left_ankle_ft", "--count", 3, "--field", "force.2"),
-            *(
-                "--field",
-                "moment",
-                "--connect",
-                endpoints.connect[0],
-                "--wait",
-                PATIENCE_S,
-            ),
+        done = ask(
+            *("echo", "left_ankle_ft", "--count", 3),
+            *("--field", "force.2", "--field", "moment"),
         )
-    assert done.returncode == 0, done.stderr
     assert "  force.2  343" in done.stdout
     assert "  moment   [0.1, 0.2, 0.3]" in done.stdout
     assert "MALFORMED, 1 bytes: ForceTorque: not MessagePack" in done.stdout
 
 
-def test_the_rate_is_a_limit(surefoot_here: Surefoot, endpoints: Endpoints) -> None:
+def test_the_rate_is_a_limit(ask: Ask, endpoints: Endpoints) -> None:
     """Between two shown messages others are passed over."""
     with talking_robot(
         endpoints, lambda n, tell: tell("state/ft/left_ankle", force_torque(n))
     ):
-        done = surefoot_here(
-            *("echo", "left_ankle_ft", "--count", 4, "--rate", 10, "--json"),
-            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
-        )
-    assert done.returncode == 0, done.stderr
+        done = ask("echo", "left_ankle_ft", "--count", 4, "--rate", 10, "--json")
     stamps = [json.loads(line)["stamp_ns"] for line in done.stdout.splitlines()]
     ticks = [json.loads(line)["tick"] for line in done.stdout.splitlines()]
     assert ticks[-1] - ticks[0] > len(ticks)
@@ -94,13 +78,7 @@ def test_wrong_names_are_refused_with_the_nearest(
     assert expected in done.stderr
 
 
-def test_a_part_that_is_not_there_is_refused(
-    surefoot_here: Surefoot, endpoints: Endpoints
-) -> None:
+def test_a_part_that_is_not_there_is_refused(ask: Ask, endpoints: Endpoints) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot_here(
-            *("echo", "left_ankle_ft", "--field", "force.3"),
-            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
-        )
-    assert done.returncode == 2
+        done = ask("echo", "left_ankle_ft", "--field", "force.3", code=2)
     assert "there are 3 entries, 0 to 2" in done.stderr

@@ -3,9 +3,8 @@ from __future__ import annotations
 import json
 
 from surefoot.schemas.endpoints import Endpoints
+from tests.cli.bus.conftest import Ask
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.command import Surefoot
-from tests.support import PATIENCE_S
 
 SPAN = 10
 
@@ -20,14 +19,10 @@ def say(count: int, tell: Say) -> None:
 
 
 def test_gaps_doubles_and_late_ones_as_often_as_they_are(
-    surefoot_here: Surefoot, endpoints: Endpoints
+    ask: Ask, endpoints: Endpoints
 ) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot_here(
-            *("hz", "left_ankle_ft", "right_ankle_ft", "--for", 1.5, "--json"),
-            *("--connect", endpoints.connect[0], "--wait", PATIENCE_S),
-        )
-    assert done.returncode == 0, done.stderr
+        done = ask("hz", "left_ankle_ft", "right_ankle_ft", "--for", 1.5, "--json")
     left, right = json.loads(done.stdout)
     spans = left["messages"] / SPAN
     assert spans > 2
@@ -42,22 +37,9 @@ def test_gaps_doubles_and_late_ones_as_often_as_they_are(
     assert right["rate_hz"] is None
 
 
-def test_a_pipe_gets_one_table_and_no_escapes(
-    surefoot_here: Surefoot, endpoints: Endpoints
-) -> None:
+def test_a_pipe_gets_one_table_and_no_escapes(ask: Ask, endpoints: Endpoints) -> None:
     with talking_robot(endpoints, say):
-        done = surefoot_here(
-            *(
-                "hz",
-                "--for",
-                0.3,
-                "--connect",
-                endpoints.connect[0],
-                "--wait",
-                PATIENCE_S,
-            )
-        )
-    assert done.returncode == 0, done.stderr
+        done = ask("hz", "--for", 0.3)
     assert done.stdout.count("left_ankle_ft") == 1
     assert "\x1b" not in done.stdout + done.stderr
     assert "joints" in done.stdout  # all channels, also silent ones

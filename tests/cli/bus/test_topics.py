@@ -8,9 +8,8 @@ from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import TOPICS
+from tests.cli.bus.conftest import Ask
 from tests.cli.bus.talking_robot import Say, force_torque, talking_robot
-from tests.command import Surefoot
-from tests.support import PATIENCE_S
 
 KEY = "state/ft/left_ankle"
 
@@ -23,9 +22,8 @@ def say(count: int, tell: Say) -> None:
 
 
 def test_channels_and_unknown_keys_are_told_apart(
-    surefoot_here: Surefoot, endpoints: Endpoints
+    ask: Ask, endpoints: Endpoints
 ) -> None:
-    connect = ["--connect", endpoints.connect[0], "--wait", PATIENCE_S, "--json"]
     with (
         talking_robot(endpoints, say),
         Bus(endpoints, Role.CLIENT, namespace="runner") as stranger,
@@ -35,8 +33,7 @@ def test_channels_and_unknown_keys_are_told_apart(
         assert publisher is not None
         ring = stranger.channel("state/joints", depth=1)
         assert ring is not None
-        done = surefoot_here("topics", *connect)
-    assert done.returncode == 0, done.stderr
+        done = ask("topics", "--json")
     told = json.loads(done.stdout)
     channels = {row["channel"]: row for row in told["channels"]}
     assert list(channels) == [entry.name for entry in TOPICS]
@@ -61,9 +58,7 @@ def test_channels_and_unknown_keys_are_told_apart(
     assert unknown["runner/state/joints"]["subscribers"] == [publisher_name]
 
 
-def test_the_table_names_robot_and_stabilizer(
-    surefoot_here: Surefoot, endpoints: Endpoints
-) -> None:
+def test_the_table_names_robot_and_stabilizer(ask: Ask, endpoints: Endpoints) -> None:
     """Who they are comes from their liveliness tokens."""
     with (
         talking_robot(endpoints, say),
@@ -72,18 +67,7 @@ def test_the_table_names_robot_and_stabilizer(
         publisher = stabilizer.publisher("cmd/joints", urgent=True)
         assert publisher is not None
         stabilizer.announce("alive/stabilizer/ann")
-        done = surefoot_here(
-            *(
-                "topics",
-                "--connect",
-                endpoints.connect[0],
-                "--wait",
-                PATIENCE_S,
-                "--for",
-                0.3,
-            )
-        )
-    assert done.returncode == 0, done.stderr
+        done = ask("topics", "--for", 0.3)
     (command,) = (
         line.split() for line in done.stdout.splitlines() if "joint_command" in line
     )

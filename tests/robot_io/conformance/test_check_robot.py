@@ -80,10 +80,12 @@ def judged_robot(path: str, endpoints: Endpoints) -> PlantResult:
     )
 
 
-def test_the_simulated_robot_passes(
+def test_the_simulated_robot_passes_however_its_sensors_and_base_are_mounted(
     surefoot_here: Surefoot, endpoints: Endpoints, tmp_path: Path
 ) -> None:
-    path = str(patient_robot_file(tmp_path, **JUDGED))
+    """The Walker itself: the example of a driver, test_driver.py."""
+    turned = make_awkward(tmp_path, AWKWARD).robot
+    path = str(patient_robot_file(tmp_path, turned.path, **JUDGED))
     with running(judged_robot, path, endpoints):
         words = ["--connect", *endpoints.connect, "--wait", PATIENCE_S]
         done = surefoot_here("check-robot", "--robot", path, *words, "--json")
@@ -126,20 +128,6 @@ def test_a_robot_that_took_us_for_late_is_not_judged_and_is_left_as_it_was(
     found = failures(endpoints, "wiring", gate=broken.GivesUsUp)
     assert "commands.rate" in found
     assert all(name.endswith(OF_THE_MACHINE) for name in found)
-
-
-def test_sensors_and_base_may_be_mounted_anyhow(
-    surefoot_here: Surefoot, endpoints: Endpoints, tmp_path: Path
-) -> None:
-    turned = make_awkward(tmp_path, AWKWARD).robot
-    path = str(patient_robot_file(tmp_path, turned.path, **JUDGED))
-    with running(judged_robot, path, endpoints):
-        words = ["--connect", *endpoints.connect, "--wait", PATIENCE_S]
-        sections = ["--only", "sensors", "--only", "wiring"]
-        done = surefoot_here(
-            "check-robot", "--robot", path, *words, *sections, "--json"
-        )
-    check_passes_but_for_time(done)
 
 
 def test_a_broken_robot_exits_with_1_and_names_the_line(

@@ -21,6 +21,7 @@ from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.relay_plan import RelayPlan
 from surefoot.schemas.result import RelayResult
 from surefoot.schemas.toml_file import convert
+from tests.robot_io.client_at_work import new_client
 from tests.robot_io.served_robot import ServedRobot, serving
 from tests.support import PATIENCE_S, free_port, wait_until
 
@@ -87,13 +88,7 @@ def line(endpoints: Endpoints, relay_plan: RelayPlan) -> Iterator[Line]:
 @contextmanager
 def commanding(made: Line, identity: str = "ann") -> Iterator[RobotClient]:
     """A client beyond the relay that has taken command of the robot."""
-    with RobotClient(
-        WALKER,
-        endpoints=made.beyond,
-        identity=identity,
-        in_order=True,
-        stop=StopRequest(),
-    ) as client:
+    with new_client(made.beyond, identity) as client:
         assert client.connect(timeout_s=PATIENCE_S)
         client.take_lease()
         client.enable()
@@ -143,13 +138,7 @@ def test_who_asks_beyond_the_relay_is_refused_with_the_robots_own_words(
     with (
         line(endpoints, plan()) as made,
         commanding(made),
-        RobotClient(
-            WALKER,
-            endpoints=made.beyond,
-            identity="eve",
-            in_order=True,
-            stop=StopRequest(),
-        ) as eve,
+        new_client(made.beyond, "eve") as eve,
     ):
         assert eve.connect(timeout_s=PATIENCE_S)
         with pytest.raises(RequestRefusedError, match="ann holds the lease"):

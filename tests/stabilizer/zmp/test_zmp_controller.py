@@ -15,12 +15,11 @@ from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.factory import make_controller
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.zmp.controller import ZmpController
-from tests.stabilizer.closed_loop import Run, run_closed_loop
+from tests.stabilizer.closed_loop import Run, run_closed_loop, swing
 from tests.stabilizer.mirror import Mirror
 from tests.stabilizer.standing_snapshot import (
     airborne_snapshot,
     standing_reference,
-    standing_snapshot,
 )
 
 SOON = ["estimator.calibration_s=0.02", "dik.ramp_in_s=0.02"]
@@ -30,26 +29,8 @@ FASTEST_STEP_RAD = SETTINGS.dik.velocity_limit_rad_s * 1e-3
 SYMMETRY_RAD = 1e-8
 OK = "ok"
 SENSORS = ["q", "dq", "angular_velocity", "linear_acceleration", "ft_left", "ft_right"]
-PLATFORM = [
-    {
-        "foot": "both",
-        "motion": [
-            {
-                "axis": axis,
-                "kind": "sine",
-                "amplitude_deg": 6.0,
-                "frequency_hz": hz,
-                "start_s": 0.4,
-            }
-            for axis, hz in (("roll", 0.7), ("pitch", 0.5))
-        ],
-    }
-]
-
-
-@pytest.fixture
-def snapshot(model: RobotModel) -> Snapshot:
-    return standing_snapshot(model)
+MOTION = [swing("roll", 6.0, 0.7, start_s=0.4), swing("pitch", 6.0, 0.5, start_s=0.4)]
+PLATFORM = [{"foot": "both", "motion": MOTION}]
 
 
 @pytest.fixture

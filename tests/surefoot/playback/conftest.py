@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.command import Surefoot, cut_short, run_surefoot
+from tests.command import Surefoot, cut_short, run_surefoot, scenario_file
 from tests.once import made_once
 
 NOISE = """
@@ -20,9 +20,7 @@ Check = Callable[..., tuple[int, dict[str, Any]]]
 
 
 def standing(folder: Path, duration_s: float, more: str = "") -> Path:
-    path = folder / "standing.toml"
-    path.write_text(f'name = "standing"\nduration_s = {duration_s}\n{NOISE}{more}')
-    return path
+    return scenario_file(folder, duration_s, name="standing", more=NOISE + more)
 
 
 def record_of(folder: Path, scenario: Path, *words: object) -> Path:

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from surefoot.robot_io.client_side.observer import VIEWER_CHANNELS, Observer, Sample
+from surefoot.robot_io.client_side.observer import Observer, Sample
 from surefoot.robot_io.errors import RequestRefusedError
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.robot_side.replay_server import REFUSAL
@@ -24,6 +24,7 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.topics import TICK_SENSORS
 from tests.command import Surefoot, command, environment
+from tests.nodes.processes import looking
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check
 from tests.surefoot.playback.records import rewritten
@@ -229,15 +230,3 @@ def test_a_port_in_use_is_code_3(record: Path, surefoot: Surefoot) -> None:
     assert done.returncode == 3
     assert "in use" in done.stderr
     assert "Traceback" not in done.stderr
-
-
-@contextmanager
-def looking(endpoints: Endpoints) -> Iterator[Observer]:
-    with Observer(
-        load_robot("walker"),
-        endpoints=endpoints,
-        channels=VIEWER_CHANNELS,
-        identity="eve",
-    ) as observer:
-        observer.connect(timeout_s=PATIENCE_S)
-        yield observer

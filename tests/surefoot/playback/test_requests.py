@@ -4,29 +4,22 @@ from __future__ import annotations
 
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from surefoot.robot_io.client_side.observer import (
-    VIEWER_CHANNELS,
-    LatestMessages,
-    Observer,
-)
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.robot_loop import run_robot
-from surefoot.stabilizer.factory import make_controller
-from surefoot.stabilizer.node import run_stabilizer
 from tests.command import command, environment
-from tests.nodes.processes import running
-from tests.patient_robot import GENTLE, gentle_settings, patient_robot_file
+from tests.nodes.processes import Onlooker, balance, looking, running
+from tests.patient_robot import GENTLE, patient_robot_file
 from tests.support import PATIENCE_S, wait_until
 from tests.surefoot.playback.conftest import Check
 from tests.surefoot.recording.mcap_reading import messages
@@ -51,36 +44,8 @@ def plant(path: str, endpoints: Endpoints, pace: Pace) -> Any:
     )
 
 
-def balance(path: str, endpoints: Endpoints, pace: Pace, identity: str) -> Any:
-    walker = load_robot(path)
-    return run_stabilizer(
-        lambda settings: make_controller("whole-body", walker, settings),
-        walker,
-        endpoints=endpoints,
-        pace=pace,
-        identity=identity,
-        connect_timeout_s=PATIENCE_S,
-        settings=gentle_settings(),
-    )
-
-
-class ReadOnlyClient:
-    """Looks on, and waits until it has seen something."""
-
-    def __init__(self, observer: Observer) -> None:
-        self.observer = observer
-
-    def until(
-        self, condition: Callable[[LatestMessages], object], *, what: str
-    ) -> LatestMessages:
-        def look() -> LatestMessages | None:
-            sight = self.observer.latest_messages()
-            is_whole = sight.status and sight.stabilizer and sight.joints
-            return sight if is_whole and condition(sight) else None
-
-        seen = wait_until(look, what=what)
-        assert seen is not None
-        return seen
+class Commanded(Onlooker):
+    """A robot that somebody commands."""
 
     def mode(self, mode: RobotMode, commander: str) -> None:
         self.until(
@@ -92,17 +57,9 @@ class ReadOnlyClient:
             what=f"{mode} by {commander}",
         )
 
-    def let_go_on(self) -> None:
-        start = self.until(lambda sight: True, what="anything").joints
-        assert start is not None
-        self.until(
-            lambda sight: sight.joints and sight.joints.tick > start.tick + LATER_TICKS,
-            what="the run to go on",
-        )
-
 
 @contextmanager
-def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyClient]:
+def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[Commanded]:
     """A recorder and an onlooker of a robot; the robot must end inside."""
     log = out.with_suffix(".log")
     with log.open("w") as stderr:
@@ -117,14 +74,8 @@ def recorded(path: str, endpoints: Endpoints, out: Path) -> Iterator[ReadOnlyCli
         )
     try:
         wait_until(lambda: "ready" in log.read_text(), what="the recorder")
-        with Observer(
-            load_robot(path),
-            endpoints=endpoints,
-            channels=VIEWER_CHANNELS,
-            identity="eve",
-        ) as observer:
-            observer.connect(timeout_s=PATIENCE_S)
-            yield ReadOnlyClient(observer)
+        with looking(endpoints, path) as observer:
+            yield Commanded(observer)
         assert recorder.wait(PATIENCE_S) == 0, log.read_text()
     finally:
         recorder.kill()
@@ -140,22 +91,22 @@ def test_gains_holds_and_pushes_are_equal(
     with (
         running(plant, path, endpoints, pace) as robot,
         recorded(path, endpoints, out) as onlooker,
-        running(balance, path, endpoints, pace, "ann"),
+        running(balance, endpoints, pace, "ann", path),
     ):
         ask = onlooker.observer.requests
         onlooker.mode(RobotMode.ACTIVE, "ann")
-        onlooker.let_go_on()
+        onlooker.let_go_on(LATER_TICKS)
         ask.change_settings({"tsid.com_kp": [35.0]})
         ask.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
         # The ramp is on its way when the hold begins, and goes on after it.
         ask.control("hold")
         onlooker.mode(RobotMode.HOLD, "ann")
         ask.change_settings({"dik.com_gain": [2.5], "tsid.base_kd": [22.0]})
-        onlooker.let_go_on()
+        onlooker.let_go_on(LATER_TICKS)
         ask.control("resume")
         onlooker.mode(RobotMode.ACTIVE, "ann")
         for _ in range(5):
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
         robot.signal(signal.SIGINT)
         robot.result()
     code, found = check(out, *AS_RECORDED)
@@ -179,11 +130,11 @@ def test_a_stabilizer_that_was_asked_to_stop_is_equal_to_its_rest(
         running(plant, path, endpoints, pace) as robot,
         recorded(path, endpoints, out) as onlooker,
     ):
-        with running(balance, path, endpoints, pace, "ann") as stabilizer:
+        with running(balance, endpoints, pace, "ann", path) as stabilizer:
             onlooker.mode(RobotMode.ACTIVE, "ann")
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
             onlooker.observer.requests.push("torso", [25.0, 0.0, 0.0], duration_s=0.1)
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
             stabilizer.signal(signal.SIGINT)
             stabilizer.result()
         onlooker.mode(RobotMode.HOLD, "")
@@ -207,15 +158,15 @@ def test_a_second_stabilizer_is_a_session_of_its_own(
         running(plant, path, endpoints, Pace.LOCKSTEP) as robot,
         recorded(path, endpoints, out) as onlooker,
     ):
-        with running(balance, path, endpoints, Pace.LOCKSTEP, "ann") as first:
+        with running(balance, endpoints, Pace.LOCKSTEP, "ann", path) as first:
             onlooker.mode(RobotMode.ACTIVE, "ann")
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
             first.kill()
         onlooker.mode(RobotMode.HOLD, "")
-        with running(balance, path, endpoints, Pace.LOCKSTEP, "bob"):
+        with running(balance, endpoints, Pace.LOCKSTEP, "bob", path):
             onlooker.mode(RobotMode.ACTIVE, "bob")
-            onlooker.let_go_on()
-            onlooker.let_go_on()
+            onlooker.let_go_on(LATER_TICKS)
+            onlooker.let_go_on(LATER_TICKS)
             robot.signal(signal.SIGINT)
             robot.result()
     code, found = check(out, *AS_RECORDED)
