@@ -41,10 +41,11 @@ DOUBT = 4.0
 [1]."""
 RETURNED_M, RETURNED_M_S = 0.01, 0.01
 """The ground is back from the stroke's end, and stands [m], [m/s]."""
-SEEN_M = 5e-4
-"""On still ground an unbiased accelerometer's noise leads less astray [m]."""
-NOISE_MARGIN_M_S2 = 0.012
-"""A mean at the start within this may be noise alone [m/s^2]."""
+SMALL_MEAN_M_S2 = 0.012
+"""A mean at the start within this may be that of ground that begins to move
+gently [m/s^2]."""
+DOUBTED_S, STILL_IN_DOUBT = 0.5, 0.95
+"""For so long it is doubted, and dropped below this stillness [s], [1]."""
 AGREE_M_S2 = 0.05
 """Feet and accelerometer that differ by less agree [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
@@ -128,7 +129,8 @@ class HeightFilter:
         self._height = self._rate = 0.0
         self._known_s = LEAST_KNOWN_S
         self._learnt: Learnt | None = None
-        self._is_seen = self._returns = False
+        self._returns = False
+        self._doubted_s = 0.0
         self._feet = UsualDifference(period_s=period_s)
         self._is_at_end = self._is_taken = False
         self._over = self._level_rate = self._taken = self._ride = 0.0
@@ -175,15 +177,15 @@ class HeightFilter:
         least = min(0.0, self._feet.usual) - margin
         most = max(0.0, self._feet.usual) + margin
         bias = min(max(mean, least), most)
-        self._is_seen = abs(bias) > NOISE_MARGIN_M_S2
-        self.bias = bias if self._is_seen else 0.0
+        self.bias = bias
+        self._doubted_s = DOUBTED_S if abs(bias) <= SMALL_MEAN_M_S2 else 0.0
         self.height, self.rate, self.ground = height, rate, 0.0
         self._height, self._rate = height, rate
         self._leg_mean = rate
         self._ground_speed = 0.1 if moves else 0.0
         # What both feel beyond gravity is the ground or chance: that has to be seen.
         doubt = LIKELY_BIAS_M_S2 if moves else abs(mean - bias)
-        self._learnt = Learnt(doubt) if doubt > NOISE_MARGIN_M_S2 else None
+        self._learnt = Learnt(doubt) if doubt > SMALL_MEAN_M_S2 else None
 
     def update(
         self,
@@ -205,9 +207,12 @@ class HeightFilter:
         """
         dt = self._dt
         acceleration -= 0.5 * self._feet.unusual(difference)
-        if self._is_seen:
-            self.bias += 0.5 * self._feet.change
+        self.bias += 0.5 * self._feet.change
         stillness = self._stillness(acceleration - self.bias, rate)
+        if self._doubted_s > 0.0:
+            self._doubted_s -= dt
+            if stillness < STILL_IN_DOUBT:
+                self.bias = self._doubted_s = 0.0
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height
         swing = self._swing
@@ -222,9 +227,6 @@ class HeightFilter:
             k_1 += share * (s_1 - k_1)
             k_2 += share * (s_2 - k_2)
             k_3 += share * (s_3 - k_3)
-        if stillness > STILL_FOR_BIAS and not self._is_seen:
-            self._is_seen = abs(error) > SEEN_M
-            k_3 *= self._is_seen
         self._go_along(self._rate - rate)
         is_led = self._is_at_end or abs(self._level_rate) > LEVEL_MOVES_M_S
         if is_led and stillness < MOVES:

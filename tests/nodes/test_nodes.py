@@ -77,7 +77,7 @@ def in_one_process(table: dict, controller: str = "hold") -> str:
     walker = load_robot("walker")
     scenario = scenario_from_table({"name": "test", **table}, source="test")
     run = simulate(walker, scenario, controller=controller, seed=SEED, record=False)
-    return run.log_sha256
+    return run.result.log_sha256
 
 
 @pytest.mark.usual("1.0")

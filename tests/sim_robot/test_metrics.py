@@ -128,4 +128,4 @@ def test_tilt_is_the_largest_lean(metrics: PlantMetrics) -> None:
     lean = 0.2
     take(metrics, 1, upright=math.cos(lean))
     take(metrics, 2)
-    assert metrics.figures()["base_tilt_max_deg"] == pytest.approx(lean)
+    assert metrics.figures()["base_tilt_max_deg"] == pytest.approx(math.degrees(lean))

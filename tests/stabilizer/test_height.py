@@ -107,7 +107,7 @@ def begins_to_heave(time_s: float) -> float:
     return float(0.05 * np.tanh(moved**3) * np.sin(3.0 * moved))
 
 
-@pytest.mark.parametrize("bias", [0.3, -0.2, 0.03])
+@pytest.mark.parametrize("bias", [0.3, -0.2, 0.03, 0.01, -0.006])
 def test_a_bias_calibrated_at_rest_leaves_the_height_alone(bias: float) -> None:
     _, plain = follow(begins_to_heave, duration_s=8.0)
     _, biased = follow(begins_to_heave, duration_s=8.0, bias=bias)
