@@ -169,11 +169,10 @@ def test_what_is_no_record_is_refused_with_what_it_is(
     assert "not an MCAP file" in read_heard(path).gap
 
 
-def test_a_folder_is_refused_with_the_name_of_the_record_in_it(
-    run_folder: Path,
-) -> None:
-    outcome = run_here("replay", run_folder)
-    assert_refused_in_one_line(outcome, "run.mcap")
+def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "ticks.mcap").touch()
+    outcome = run_here("replay", tmp_path)
+    assert_refused_in_one_line(outcome, "name a file in it (ticks.mcap)")
 
 
 def test_every_prefix_gives_the_messages_it_holds(
