@@ -12,6 +12,7 @@ import msgspec
 import pytest
 
 from benchmarks import walks
+from benchmarks.lines import run_all, study_options
 from benchmarks.walks import LINES, WalkRun, table
 from surefoot import simulate
 from surefoot.robot_io.robot import load_robot
@@ -39,7 +40,9 @@ def test_borders_run_under_the_footholds() -> None:
 
 
 @pytest.mark.closed_loop
-def test_a_run_gives_a_row_that_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_study_keeps_the_row_of_each_run(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     line = LINES[0]
 
     def short(number: int) -> Scenario:
@@ -47,9 +50,11 @@ def test_a_run_gives_a_row_that_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setitem(walks.SCENARIOS, line.name, short)
     run = WalkRun(line.name, 3, "whole-body", "ideal")
-    row = run.run(run.plan(robot="walker", overrides=()))
-    assert msgspec.json.decode(msgspec.json.encode(row)) == row
+    words = ["--out", str(tmp_path), "--jobs", "1", "--set", "tsid.com_kp=30"]
+    options = study_options(None, count=1).parse_args(words)
+    [row] = run_all([run], options, title="walks")
     assert (row["line"], row["number"]) == (line.name, 3)
+    assert run_all([run], options, title="walks") == [row]
     assert replace(run, number=4).key != run.key
 
 

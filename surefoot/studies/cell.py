@@ -88,10 +88,6 @@ class Work(Protocol):
         """What is run, in words."""
 
     @property
-    def variant(self) -> str:
-        """Who is run, see :func:`find_variant`."""
-
-    @property
     def group(self) -> Hashable:
         """The same for runs that differ by their seed only."""
 
@@ -126,11 +122,6 @@ class Cell:
     def case(self) -> str:
         """What is run, in words."""
         return self.group.case
-
-    @property
-    def variant(self) -> str:
-        """Who is run."""
-        return self.group.variant
 
     def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
         """Return the run's plan, as ``surefoot run --inline`` would make it.

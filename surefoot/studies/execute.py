@@ -18,7 +18,7 @@ from surefoot.errors import EnvironmentFailedError, SurefootError, UsageError
 from surefoot.installation import install_command
 from surefoot.progress import CountBar, no_bar
 from surefoot.stabilizer.factory import check_read
-from surefoot.studies.cell import Row, Task, Work, find_variant
+from surefoot.studies.cell import Row, Task, Work
 from surefoot.studies.store import (
     StudyStore,
     about_code,
@@ -230,7 +230,6 @@ def execute(
     if scheduler is not None:
         check_address(scheduler)
     tasks = tasks_of(cells, robot=robot, overrides=overrides)
-    check_read(overrides, {find_variant(cell.variant).controller for cell in cells})
     for task in tasks:
         store.check(task)
     store.begin()
@@ -259,13 +258,16 @@ def tasks_of(
     """Check cells and return them with all that their runs need.
 
     Raises:
-        FileFormatError: a value does not fit its scenario.
+        FileFormatError: a value does not fit its scenario, or no controller reads a
+            setting.
     """
     groups = {cell.group: cell for cell in cells}
-    inputs = {
-        group: inputs_fingerprint(cell.plan(robot=robot, overrides=overrides))
+    plans = {
+        group: cell.plan(robot=robot, overrides=overrides)
         for group, cell in groups.items()
     }
+    check_read(overrides, {plan.controller for plan in plans.values()})
+    inputs = {group: inputs_fingerprint(plan) for group, plan in plans.items()}
     return [Task(cell, robot, overrides, inputs[cell.group]) for cell in cells]
 
 
