@@ -81,9 +81,10 @@ def pulses(axes: Sequence[Axes]) -> None:
         track = recorded_track(_recorded(load_scenario(name))[0])
         times = SIM_STEP_S * np.arange(len(track.position))
         shown = times < 8.0
-        label = {"label": name, "color": colour, "linestyle": style}
-        axes[0].plot(times[shown], track.velocity[shown], **label)
-        axes[1].plot(times[shown], track.acceleration[shown], **label)
+        for panel, values in zip(
+            axes, (track.velocity, track.acceleration), strict=True
+        ):
+            panel.plot(times[shown], values[shown], style, label=name, color=colour)
     axes[0].set(title="recorded, passenger pulses", ylabel="speed [m/s]")
     axes[1].set(ylabel="acceleration [m/s²]")
     axes[1].legend(fontsize=7, frameon=False)

@@ -167,7 +167,7 @@ def run_cell(robot: Robot, name: str, *, seeds: int, whole: bool) -> tuple[Count
             run = sf.simulate(robot, scenario, seed=seed, record=False)
             count = count.plus(Count(int(run.outcome.is_up), 1))
             if run.outcome.is_up:
-                worst = max(worst, *run.result.com_error_rms_mm)
+                worst = max(worst, *(run.result.com_error_rms_mm or ()))
             else:
                 print(
                     f"{robot.file.name}, {robot.file.servo.profile}: {scenario.name}, "

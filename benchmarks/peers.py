@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -229,8 +230,8 @@ class Own:
         model = c.model.pin_model
         xml = without_shapes(robot.urdf_path)
         (folder / "robot.urdf").write_text(xml)
-        np.savez(folder / "states.npz", **self.states)
-        np.savez(folder / "problems.npz", **self.problems)
+        np.savez(folder / "states.npz", allow_pickle=False, **self.states)
+        np.savez(folder / "problems.npz", allow_pickle=False, **self.problems)
         links = ElementTree.fromstring(xml)
         children = {e.get("link") for e in links.iter("child")}
         names = [e.get("name") for e in links.findall("link")]
@@ -269,11 +270,9 @@ class Own:
             qp = DenseQp(name, n=n, m=m)
             for title, solve in (
                 (f"own QP {name}", qp.solve),
-                (f"PIQP {name}", lambda qp=qp: qp._solver.solve(qp)),
+                (f"PIQP {name}", partial(qp._solver.solve, qp)),
             ):
-                named[title] = _median(
-                    count, solve, lambda i, q=qp, a=arrays: _fill(q, a, i)
-                )
+                named[title] = _median(count, solve, partial(_fill, qp, arrays))
         named["floor"] = (
             _median(count, *self._pinocchio())
             + named["own QP tsid"]

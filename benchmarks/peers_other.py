@@ -11,6 +11,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -139,9 +140,7 @@ def main() -> None:
     }
     for solver in ("daqp", "quadprog", "eiquadprog"):
         for name in ("tsid", "dik"):
-            makers[f"{solver} {name}"] = lambda s=solver, n=name: qp_call(
-                s, problems, n
-            )
+            makers[f"{solver} {name}"] = partial(qp_call, solver, problems, name)
     calls: dict[str, Call] = {}
     absent: dict[str, str] = {}
     count = {name: len(states["q"]) for name in makers}

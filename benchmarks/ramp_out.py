@@ -148,13 +148,13 @@ def study(scenario: str, moments: int, seed: int) -> None:
             found[way].append(split(run, *way))
     print(f"\n{scenario}: {moments} moments, seed {seed}")
     print("way            fell  up mean   lean mean/max   force mean/max   step max")
-    for (way, seconds), ends in found.items():
+    for (name, seconds), ends in found.items():
         if not ends:
             continue
         lean = [e.lean_deg for e in ends]
         force = [e.force_n for e in ends]
         print(
-            f"{way:<8} {seconds:4.2f} {sum(e.fell for e in ends):3d}/{len(ends):<3d}"
+            f"{name:<8} {seconds:4.2f} {sum(e.fell for e in ends):3d}/{len(ends):<3d}"
             f"{np.mean([e.up_s for e in ends]):6.2f} s"
             f"{np.mean(lean):8.2f} {max(lean):6.2f} deg"
             f"{np.mean(force):8.0f} {max(force):6.0f} N"

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import msgspec
 
@@ -31,12 +31,15 @@ from benchmarks.lines import (
     study_options,
 )
 from surefoot import load_scenario
-from surefoot.schemas.motions import PrtsMotion
+from surefoot.schemas.motions import Axis, PrtsMotion
 from surefoot.schemas.scenario import Platform, Scenario, Tile
 from surefoot.schemas.scenario_robot import Delay, ModelError
 from surefoot.schemas.walk_plan import Walk, WalkStep
 from surefoot.studies.cell import Row
 from surefoot.studies.study import success_interval
+
+if TYPE_CHECKING:
+    from matplotlib.projections.polar import PolarAxes
 
 DIRECTIONS = 16
 PUSH_FROM_S, PUSH_WITHIN_S = 4.0, 1.6
@@ -139,7 +142,7 @@ def stop_and_go(number: int) -> Scenario:
     steps = [
         WalkStep(
             side=("left", "right")[i % 2],
-            position_m=(0.2 * (i + 1), (-1) ** i * HALF_WIDTH_M),
+            position_m=[0.2 * (i + 1), (-1) ** i * HALF_WIDTH_M],
             double_s=2.0 if i % 4 == 3 else None,
         )
         for i in range(16)
@@ -150,10 +153,10 @@ def stop_and_go(number: int) -> Scenario:
 def prts_in_place(number: int) -> Scenario:
     """Return steps in place on ground that tilts as in human balance studies."""
     scenario = load_scenario("walk-flat-slow")
-    axis = ("pitch", "roll")[number % 2]
+    axis: Axis = "roll" if number % 2 else "pitch"
     start_s = round(1.0 + 8.0 * drawn(number, line="prts").random(), 3)
     steps = [
-        WalkStep(side=("left", "right")[i % 2], position_m=(0.0, (-1) ** i * 0.11))
+        WalkStep(side=("left", "right")[i % 2], position_m=[0.0, (-1) ** i * 0.11])
         for i in range(16)
     ]
     return replace(
@@ -352,7 +355,7 @@ def draw_pushes(rows: Sequence[Row], path: str) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.2, 4.6), layout="constrained")
-    axes = figure.add_subplot(projection="polar")
+    axes = cast("PolarAxes", figure.add_subplot(projection="polar"))
     axes.set_theta_zero_location("N")
     for walked, colour, mark, word in (
         (True, "#2a7f62", "o", "walked on"),
