@@ -69,6 +69,7 @@ def sensors(**values: Any) -> Tables:
 
 LINES = (
     Line("none", {}),
+    Line("accelerometer +0.008 m/s^2", sensors(accel_bias_m_s2=0.008)),
     Line("accelerometer +0.03 m/s^2", sensors(accel_bias_m_s2=0.03)),
     Line("accelerometer +0.2 m/s^2", sensors(accel_bias_m_s2=0.2)),
     Line("accelerometer 0.3, -0.3, 0.3", sensors(accel_bias_m_s2=[0.3, -0.3, 0.3])),
