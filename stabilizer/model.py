@@ -58,7 +58,9 @@ class RobotModel:
         T_sensor_sole: placement of each sole in its sensor frame.
         plates: what hangs below each sensor.
         half_sizes: half length and half width of left and right sole [m].
-        is_leg: (n_a,) whether a joint lies between base and a sole.
+        leg_joints: of left and right leg, (n_a,) whether a joint lies between base
+            and sole.
+        is_leg: (n_a,) whether it does in either.
         T_base_imu: placement of the IMU in the base.
 
     The base is the base link's body and origin with the axes of the upright frame: in
@@ -112,7 +114,8 @@ class RobotModel:
         self.half_sizes = [
             (foot.half_length_m, foot.half_width_m) for foot in robot.file.foot
         ]
-        self.is_leg = self._leg_joints()
+        self.leg_joints = [self._joints_to(sole_id) for sole_id in self.sole_ids]
+        self.is_leg = self.leg_joints[0] | self.leg_joints[1]
 
     def _read_fixed_frames(self, robot: Robot) -> None:
         model = self.pin_model
@@ -126,15 +129,14 @@ class RobotModel:
         imu = model.frames[_link(model, robot.file.imu.frame)]
         self.T_base_imu: pin.SE3 = imu.placement.copy()
 
-    def _leg_joints(self) -> NDArray[np.bool_]:
+    def _joints_to(self, sole_id: int) -> NDArray[np.bool_]:
         """Return which joints lie between the base and a sole, (n_a,)."""
-        is_leg = np.zeros(self.n_a, dtype=bool)
-        for sole_id in self.sole_ids:
-            joint = self.pin_model.frames[sole_id].parentJoint
-            while joint > 1:
-                is_leg[self.pin_model.idx_vs[joint] - N_BASE_V] = True
-                joint = self.pin_model.parents[joint]
-        return is_leg
+        is_between = np.zeros(self.n_a, dtype=bool)
+        joint = self.pin_model.frames[sole_id].parentJoint
+        while joint > 1:
+            is_between[self.pin_model.idx_vs[joint] - N_BASE_V] = True
+            joint = self.pin_model.parents[joint]
+        return is_between
 
     def range_within(self, margin: float) -> Mat:
         """Return the joint ranges less a margin, which narrow joints have less of.

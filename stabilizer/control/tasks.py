@@ -13,6 +13,7 @@ each row with its weight. A new task is a subclass of :class:`Task`, given to
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -47,6 +48,15 @@ class Task(ABC):
     @abstractmethod
     def jacobian(self, dynamics: Dynamics) -> Mat:
         """Return the rows J, (size, n_v)."""
+
+    def weights_without(self, lost: Sequence[int]) -> Array | None:
+        """Return the weights in the first QP while feet have lost the ground.
+
+        Args:
+            lost: 0 left, 1 right; not those that a step has in the air.
+        """
+        del lost
+        return self.acceleration_weights
 
     def drift(self, dynamics: Dynamics) -> Array:
         """Return Jdot v, (size,): the acceleration while vdot is zero.
@@ -200,8 +210,20 @@ class PostureTask(SelectionTask):
         """Read weights and gains."""
         self.size = model.n_a
         self.acceleration_weights = _posture_weights(model, settings.tsid)
+        self._legs, self._other = model.leg_joints, settings.tsid.posture_weight
         self.velocity_weights = _posture_weights(model, settings.dik)
         self.retune(settings)
+
+    def weights_without(self, lost: Sequence[int]) -> Array:
+        """Have a leg in the air keep its posture, as the arms do.
+
+        The second QP swings no leg. A first one that thinks it does believes that the
+        swing holds the robot up.
+        """
+        weights: Array = np.array(self.acceleration_weights)
+        for foot in lost:
+            weights[self._legs[foot]] = self._other
+        return weights
 
     def retune(self, settings: ControllerSettings) -> None:
         """Take new gains."""

@@ -120,6 +120,7 @@ class _FeetProblem:
         n_a: int,
         feet: tuple[int, ...],
         *,
+        lost: Sequence[int],
         cones: list[Mat],
         tasks: Sequence[Task],
         A: Mat,
@@ -142,9 +143,9 @@ class _FeetProblem:
         self.h_c: Array = np.zeros(n_c)
         # Stacked rows roots * (T tau + bias - y): every task, then the wrenches.
         roots = [
-            (task, weight_roots(task, task.acceleration_weights))
+            (task, weight_roots(task, weights))
             for task in tasks
-            if task.acceleration_weights is not None
+            if (weights := task.weights_without(lost)) is not None
         ]
         self.roots: Array = np.concatenate(
             [rows for _, rows in roots] + [np.sqrt(load_weights)] * len(feet)
@@ -211,10 +212,13 @@ class Tsid:
         self.A: Mat = np.zeros((model.n_v, n_a))
         self.b: Array = np.zeros(model.n_v)
 
-        def problem_of(feet: tuple[int, ...], tasks: Sequence[Task]) -> _FeetProblem:
+        def problem_of(
+            feet: tuple[int, ...], tasks: Sequence[Task], lost: Sequence[int] = ()
+        ) -> _FeetProblem:
             return _FeetProblem(
                 n_a,
                 feet,
+                lost=lost,
                 cones=cones,
                 tasks=tasks,
                 A=self.A,
@@ -224,7 +228,8 @@ class Tsid:
             )
 
         self._problems = {
-            standing: problem_of(feet, tasks) for standing, feet in FEET_OF.items()
+            standing: problem_of(feet, tasks, [i for i in (0, 1) if not standing[i]])
+            for standing, feet in FEET_OF.items()
         }
         self._swinging = [
             problem_of((1 - side,), [*tasks, task]) for side, task in enumerate(swing)

@@ -20,9 +20,11 @@ HARD_LANDING_N = 1500.0
 NORMAL_ROWS = (2, 8)
 
 
-def push(direction_deg: float) -> list[dict[str, Any]]:
-    """20 N s on the torso, counted from the front to the left."""
-    angle, force = math.radians(direction_deg), IMPULSE_NS / PUSH_S
+def push(
+    direction_deg: float, *, impulse_n_s: float = IMPULSE_NS
+) -> list[dict[str, Any]]:
+    """One on the torso, counted from the front to the left."""
+    angle, force = math.radians(direction_deg), impulse_n_s / PUSH_S
     force_n = [force * math.cos(angle), force * math.sin(angle), 0.0]
     return [{"body": "torso", "force_n": force_n, "start_s": 1.5, "duration_s": PUSH_S}]
 
@@ -48,6 +50,16 @@ def test_push_to_the_side_ends_without_a_foot_rocking(
     run = run_closed_loop(walker, duration_s=3.5, push=push(direction_deg))
     assert not run.fell
     assert run.F_true[:, NORMAL_ROWS].max() < HARD_LANDING_N
+
+
+@pytest.mark.parametrize("direction_deg", [90.0, -90.0])
+def test_pushed_onto_one_foot_it_does_not_count_on_swinging_the_other_leg(
+    walker: Robot, direction_deg: float
+) -> None:
+    run = run_closed_loop(
+        walker, duration_s=3.5, push=push(direction_deg, impulse_n_s=38.0)
+    )
+    assert not run.fell
 
 
 @pytest.mark.usual("roll-harmonic")

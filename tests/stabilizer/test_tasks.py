@@ -141,6 +141,7 @@ class Multiplied(Task):
         self.acceleration_weights = task.acceleration_weights
         self.velocity_weights = task.velocity_weights
         self.jacobian = task.jacobian  # type: ignore[method-assign]
+        self.weights_without = task.weights_without  # type: ignore[method-assign]
         self.drift = task.drift  # type: ignore[method-assign]
         self.acceleration = task.acceleration  # type: ignore[method-assign]
         self.velocity = task.velocity  # type: ignore[method-assign]

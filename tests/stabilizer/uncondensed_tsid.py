@@ -101,8 +101,11 @@ def _cost(rig: Rig, feet: list[int]) -> _Cost:
         settings.posture_kp * (stance.posture - dynamics.q[7:])
         - settings.posture_kd * dynamics.v[6:]
     )
+    follows_ground = np.zeros(n_a, dtype=bool)
+    for side in feet:
+        follows_ground |= rig.model.leg_joints[side]
     posture_weight = np.where(
-        rig.model.is_leg, settings.leg_posture_weight, settings.posture_weight
+        follows_ground, settings.leg_posture_weight, settings.posture_weight
     )
     cost.add(of_qdd[N_BASE_V:], posture_wanted, weight=posture_weight)
     cost.add(of_tau, np.zeros(n_a), weight=settings.torque_weight)
