@@ -247,9 +247,13 @@ def _check_objectives(spec: Spec) -> None:
             f"--objectives margin: is of the whole-body controller's loop, got "
             f"{spec.controller}; leave it out"
         )
-    if SCORE in extra and not any(
-        stimulus_of(load_scenario(find_scenario(name))) for name in spec.scenarios
-    ):
+    scenarios = [load_scenario(find_scenario(name)) for name in spec.scenarios]
+    if "dcm" in spec.objectives and not any(s.walk for s in scenarios):
+        raise UsageError(
+            "--objectives dcm: is of a walk, and none of the scenarios has a table "
+            "[walk]; name one, such as walk-flat-slow"
+        )
+    if SCORE in extra and not any(map(stimulus_of, scenarios)):
         raise UsageError(
             "--objectives score: none of the scenarios is a tilt of COMTEST; name one "
             'whose ground has a single motion of kind "prts" about pitch or roll, '

@@ -26,6 +26,8 @@ from surefoot.studies.cell import Cell, Row
 EFFORT, SCORE, SENSITIVITY = "effort_w", "score", "sensitivity"
 """What a row may have besides: the joints' mean power, be it done or taken up [W]; D of
 COMTEST against people; two over the loop's disk margin."""
+UNWALKED = "unwalked"
+"""In a row whose walk was refused, or in which no step of it was taken: why."""
 WORST_SENSITIVITY = 1e3
 """Of a loop that sways by itself, which has no margin."""
 _LEAST_CYCLES = 3
@@ -57,6 +59,9 @@ class TuneCell(Cell):
             controller, on_tick=None if probe is None else lambda _: probe.look(sim)
         )
         row = self.row(sim.result())
+        unwalked = _unwalked(plan, sim)
+        if unwalked:
+            row[UNWALKED] = unwalked
         if EFFORT in self.extra:
             power = abs(sim.signals["effort"] * sim.signals["dq"]).sum(axis=1)
             row[EFFORT] = float(power.mean())
@@ -68,6 +73,18 @@ class TuneCell(Cell):
                 str(plan.robot.path), profile, plan.settings
             )
         return row
+
+
+def _unwalked(plan: RunPlan, sim: Simulation) -> str:
+    """Why a walk was not walked; empty where it was, and where there was none.
+
+    A robot that stands instead errs least of all.
+    """
+    controller = sim.sides().controller
+    walk = None if controller is None else controller.walk
+    if walk is None or plan.walk is None or not plan.walk.steps:
+        return ""
+    return walk.refusal or ("" if walk.steps_done else "no step was taken")
 
 
 def sway_of(plan: RunPlan) -> SwayCell | None:
@@ -165,6 +182,7 @@ _ALL = (
     ),
     Objective("peak", "N", "largest force on a foot", _largest("force_peak_n")),
     Objective("tilt", "deg", "largest tilt", lambda row: row["base_tilt_max_deg"]),
+    Objective("dcm", "mm", "DCM error of a walk, rms", _norm("dcm_error_rms_mm")),
     Objective("effort", "W", "mean power of the joints", _extra(EFFORT), EFFORT),
     Objective("score", "", "D of COMTEST against people", _extra(SCORE), SCORE),
     Objective(
@@ -195,8 +213,8 @@ def find_objectives(names: Sequence[str]) -> list[Objective]:
 
 
 def is_up(row: Row) -> bool:
-    """Whether the robot was up at the end."""
-    return Outcome(row["outcome"]).is_up
+    """Whether the robot was up at the end, and walked where it was to."""
+    return Outcome(row["outcome"]).is_up and UNWALKED not in row
 
 
 def mean_figures(rows: Sequence[Row], objectives: Sequence[Objective]) -> list[float]:

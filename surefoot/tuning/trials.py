@@ -41,7 +41,13 @@ from surefoot.schemas.errors import FileFormatError
 from surefoot.studies.cell import Row, Task
 from surefoot.studies.execute import run_tasks
 from surefoot.tuning.ask import Spec
-from surefoot.tuning.objectives import BEYOND, is_beaten, is_up, mean_figures
+from surefoot.tuning.objectives import (
+    BEYOND,
+    UNWALKED,
+    is_beaten,
+    is_up,
+    mean_figures,
+)
 
 STUDY = "surefoot-tune"
 SPEC, PLACE, WORKER = "spec", "place", "worker"
@@ -321,7 +327,8 @@ def evaluate(
         for row in _in_order(tasks, scheduler=scheduler):
             rows.append(row)
             if not is_up(row):
-                why = f"{row['scenario']}, seed {row['seed']}: {row['outcome']}"
+                what = row.get(UNWALKED, row["outcome"])
+                why = f"{row['scenario']}, seed {row['seed']}: {what}"
                 return rows, why, (count - len(rows) + 1) / count
         beaten = any(is_beaten(rows, other, spec.figures) for other in finished)
         if beaten and number < len(rounds):

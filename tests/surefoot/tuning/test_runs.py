@@ -22,10 +22,12 @@ from surefoot.tuning.objectives import (
     BEYOND,
     SCORE,
     SENSITIVITY,
+    UNWALKED,
     TuneCell,
     _sensitivity,
     find_objectives,
     is_beaten,
+    is_up,
     mean_figures,
     stimulus_of,
 )
@@ -68,6 +70,8 @@ def test_tilt_of_comtest_is_known_again_and_nothing_else_is() -> None:
 def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="none of the scenarios is a tilt"):
         spec_of(still(tmp_path), controller="whole-body", objective="score")
+    with pytest.raises(UsageError, match="none of the scenarios has a table"):
+        spec_of(still(tmp_path), controller="whole-body", objective="dcm")
     with pytest.raises(UsageError, match="whole-body controller's loop"):
         spec_of(still(tmp_path), controller=HOLDS, objective="margin")
 
@@ -108,6 +112,20 @@ def test_margin_is_that_of_the_command_and_worse_for_a_fast_loop(
     assert row[SENSITIVITY] == pytest.approx(2.0 / margins.disk)
     fast = sf.ControllerSettings(dik=type(spec.settings.dik)(k_force=(-25.0,) * 6))
     assert _sensitivity(str(robot.path), profile, fast) > row[SENSITIVITY]
+
+
+def test_walk_that_is_refused_is_no_better_than_a_fall(tmp_path: Path) -> None:
+    path = tmp_path / "walk.toml"
+    path.write_text(
+        'name = "walk"\nduration_s = 0.05\n[walk]\nstart_s = 0.01\n'
+        '[[walk.step]]\nside = "left"\nposition_m = [0.2, 0.1]\n'
+    )
+    spec = spec_of(path, controller="whole-body", objective="dcm")
+    (cell,) = spec.cells(spec.scenarios, [0])
+    row = Task(cell, "walker", ("walk.longest_m=0.05",)).run()
+    assert row["outcome"] == "stood"
+    assert "at most 0.05 m" in row[UNWALKED]
+    assert not is_up(row)
 
 
 def test_mean_is_over_the_runs_that_have_the_figure() -> None:
