@@ -316,6 +316,8 @@ class OutFolder:
                 self._end_what_was_killed()
             self._check_content()
         except BaseException:
+            if self._former is not None:
+                self._bring_back(self._former)
             self._release()
             raise
         return self
@@ -330,6 +332,7 @@ class OutFolder:
                 file.unlink()
             if self._former is not None:
                 self._bring_back(self._former)
+                self._former = None
             if self._is_new:
                 with suppress(OSError):  # somebody else put something there
                     self.path.rmdir()
@@ -343,7 +346,7 @@ class OutFolder:
             self._forget_former()
 
     def _forget_former(self) -> None:
-        if self._former is not None and self._former.exists():
+        if self._former is not None:
             # Under another name first: half of it would be taken for all there was.
             going = self._former.with_name(f"{_GOING}{self._former.name}")
             shutil.rmtree(self._former.rename(going), ignore_errors=True)
@@ -353,8 +356,9 @@ class OutFolder:
         """Do what a command that was killed had no time for; nobody else is here."""
         for going in self.path.glob(f"{_GOING}{_FORMER}*"):
             shutil.rmtree(going, ignore_errors=True)
-        for former in self.path.glob(f"{_FORMER}*"):
-            self._bring_back(former)
+        formers = list(self.path.glob(f"{_FORMER}*"))
+        if len(formers) == 1:  # of several, nobody knows which is to stand there
+            self._bring_back(formers[0])
 
     def _bring_back(self, former: Path) -> None:
         """Move what was there before to its place; what stands there was not kept."""
