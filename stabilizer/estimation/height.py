@@ -16,8 +16,9 @@ GROUND_SPEED_CUTOFF = 0.5
 """Slower changes of the ground's speed are the accelerometer's drift [rad/s]."""
 STILL_DAMPING = 0.7
 """Damping ratio of the pull of the height on still ground."""
-STILL_BIAS_PULL = 0.5
-"""How fast the accelerometer's bias follows on still ground [rad/s]."""
+STILL_BIAS_PULL, STILL_LEARNING = 0.5, 5.0
+"""How fast the accelerometer's bias follows on still ground [rad/s]; at first so many
+over the time that it has stood [1]."""
 STILL_FOR_BIAS = 0.99
 """Stillness from which an error is the accelerometer's: ground that begins to move is
 not taken for it."""
@@ -127,7 +128,7 @@ class HeightFilter:
         self._sum = self._moment = 0.0
         self.height = self.rate = self.bias = self.ground = 0.0
         self._height = self._rate = 0.0
-        self._known_s = LEAST_KNOWN_S
+        self._known_s = self._still_s = LEAST_KNOWN_S
         self._learnt: Learnt | None = None
         self._returns = False
         self._doubted_s = 0.0
@@ -160,7 +161,7 @@ class HeightFilter:
                 that changes shows ground that heaves, too.
         """
         self._count += 1
-        self._known_s = max(self._count * self._dt, LEAST_KNOWN_S)
+        self._known_s = self._still_s = max(self._count * self._dt, LEAST_KNOWN_S)
         self._sum += acceleration
         self._moment += self._count * acceleration
         mean = self._sum / self._count
@@ -311,7 +312,10 @@ class HeightFilter:
         w = _between(s.height_bandwidth, s.still_height_bandwidth, stillness)
         damping = _between(s.height_damping, STILL_DAMPING, stillness)
         is_still = stillness > STILL_FOR_BIAS
-        p = STILL_BIAS_PULL if is_still else s.height_bias_pull
+        p = s.height_bias_pull
+        if is_still:
+            self._still_s += self._dt
+            p = max(STILL_BIAS_PULL, STILL_LEARNING / self._still_s)
         if self._returns:
             damping = STILL_DAMPING
         weight = 1.0 + stillness * STILL_WEIGHT
