@@ -92,8 +92,8 @@ def test_it_is_the_papers_problem_solved(
         np.testing.assert_allclose(at_soles[rows], 0.0, atol=BALANCE)
     # Both ways to solve it are among them, and both kinds of multipliers.
     constrained = sum(solution.constrained for solution in found)
-    if spread is CALM and all(in_contact):  # on one foot, its sole's edge is near
-        assert constrained == 0
+    if spread is CALM:  # on one foot, its sole's edge is near in most states
+        assert constrained == 0 if all(in_contact) else 0 < constrained < STATES
     if spread is WILD:
         assert constrained > STATES // 2
         assert max(np.abs(s.z_box).max() for s in found) > KKT_TOLERANCE
