@@ -8,24 +8,25 @@ import numpy as np
 
 from surefoot.schemas.arrays import Mat
 
-PACE_CUTOFF = 1.0
-"""The pace is read from the ground's way without what is slower [rad/s]."""
-PACE_MEMORY_S = 4.0
+PACE_CUTOFF = 0.4
+"""The pace is read from the ground's way without what is slower, in parts of the pace:
+a drift of the accelerometer's is no swing [1]."""
+PACE_MEMORY_S = 2.0
 """Over which it is read."""
-LIKELY_PACE, LEAST_SWING_M_S = 2.0, 2e-3
+LIKELY_PACE, LEAST_SWING_M_S = 2.0, 1.5e-3
 """Of ground that has moved by less, summed up twice [rad/s], [m s]."""
-SLOWEST, SLOW, FASTEST = 0.9, 1.3, 12.0
+SLOWEST, SLOW, FASTEST = 0.9, 1.0, 12.0
 """Slower ground is none of these, ground slower than the second only in part; none is
 taken to be faster than the last [rad/s]."""
-PURE_FROM, PURE = 0.9, 0.97
+PURE_FROM, PURE = 0.85, 0.97
 """Squared correlation of the way and its acceleration from which ground in part, and
 wholly, swings at one pace: 1 for a sine, less for waves of several lengths [1]."""
 FROM_CYCLES, CYCLES = 0.25, 1.0
 """After so many it begins to count, and it takes so many more to count wholly [1]."""
 LAG_S = 0.5
 """So gently it comes and goes."""
-COHERENT_S = 6.0
-"""For so long a swing goes on as it was."""
+COHERENT_CYCLES = 5.0
+"""For so many a swing goes on as it was."""
 COVARIANCE_S = 0.01
 """How often the gains are made anew."""
 ACCELERATION_NOISE, BIAS_WALK = 1e-3, 1.4e-3
@@ -65,7 +66,8 @@ class Pace:
         Args:
             speed: of the ground, without its slow part [m/s].
         """
-        dt, leak, blend = self._dt, PACE_CUTOFF, self._blend
+        dt, blend = self._dt, self._blend
+        leak = PACE_CUTOFF * max(self.value, SLOWEST)
         self._way += dt * (speed - leak * self._way)
         self._sum += dt * (self._way - leak * self._sum)
         x = self._sum
@@ -153,7 +155,7 @@ class GroundSwing:
         self._ticks += 1
         rest = error + self.height
         self._misfit += dt / MISFIT_S * (rest * rest - self._misfit)
-        spring = pace * pace * self.height + 2.0 / COHERENT_S * self._speed
+        spring = pace * pace * self.height + _damping(pace) * self._speed
         self._speed += dt * (self._speed_gain * rest - spring)
         self.height += dt * (self._speed + self._height_gain * rest)
         wanted = (
@@ -176,7 +178,7 @@ class GroundSwing:
         """Make the gains by the covariance of height, rate, bias, g and g'."""
         dt, pace, F = self._every * self._dt, self._pace.value, self._F
         half_square = 0.5 * amplitude * amplitude
-        damping = 2.0 / COHERENT_S
+        damping = _damping(pace)
         spring, keep = dt * pace * pace, 1.0 - dt * damping
         F[0, 1], F[1, 2] = dt, -dt
         F[3, 3], F[3, 4] = 1.0 - dt * spring, dt * keep
@@ -193,6 +195,11 @@ class GroundSwing:
         k = (seen / (total * dt)).tolist()
         self.gains = k[0], k[1], -k[2]
         self._height_gain, self._speed_gain = k[3], k[4]
+
+
+def _damping(pace: float) -> float:
+    """Return 2 / T, of a swing that keeps for so long [1/s]."""
+    return pace / (math.pi * COHERENT_CYCLES)
 
 
 def _part(value: float, begins: float, ends: float) -> float:

@@ -46,7 +46,8 @@ SMALL_MEAN_M_S2 = 0.012
 """A mean at the start within this may be that of ground that begins to move
 gently [m/s^2]."""
 DOUBTED_S, STILL_IN_DOUBT = 0.5, 0.95
-"""For so long it is doubted, and dropped below this stillness [s], [1]."""
+"""For so long it is doubted; below this stillness only what the feet do not feel is
+believed [s], [1]."""
 AGREE_M_S2 = 0.05
 """Feet and accelerometer that differ by less agree [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
@@ -175,10 +176,7 @@ class HeightFilter:
         margin = 0.0 if moves else GRAVITY_MARGIN_M_S2
         if not moves and abs(self._feet.usual) > AGREE_M_S2:
             margin = math.inf
-        least = min(0.0, self._feet.usual) - margin
-        most = max(0.0, self._feet.usual) + margin
-        bias = min(max(mean, least), most)
-        self.bias = bias
+        self.bias = bias = self._near_feet(mean, margin)
         self._doubted_s = DOUBTED_S if abs(bias) <= SMALL_MEAN_M_S2 else 0.0
         self.height, self.rate, self.ground = height, rate, 0.0
         self._height, self._rate = height, rate
@@ -213,7 +211,7 @@ class HeightFilter:
         if self._doubted_s > 0.0:
             self._doubted_s -= dt
             if stillness < STILL_IN_DOUBT:
-                self.bias = self._doubted_s = 0.0
+                self.bias, self._doubted_s = self._near_feet(self.bias, 0.0), 0.0
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height
         swing = self._swing
@@ -251,6 +249,11 @@ class HeightFilter:
         self.ground = share * within
         self.height = over + self.ground
         self.rate = rate + share * (self._rate - self._level_rate - rate)
+
+    def _near_feet(self, mean: float, margin: float) -> float:
+        """Return what of a mean acceleration the feet do not share [m/s^2]."""
+        usual = self._feet.usual
+        return min(max(mean, min(0.0, usual) - margin), max(0.0, usual) + margin)
 
     def _go_along(self, speed: float) -> None:
         """Have the level go along with ground that nears the stroke's end.
