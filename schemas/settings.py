@@ -180,13 +180,13 @@ class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     accel_bias_memory_s: Positive = 60.0
     """How long the comparison of accelerometer and feet is remembered, by which the
     accelerometer's horizontal bias is told from a lean [s]."""
-    height_bandwidth: Positive = 0.45
+    height_bandwidth: Positive = 0.5
     """Pull of the height to the legs' kinematics while the ground moves [rad/s]:
     below it the ground is taken to be level on average, above it the accelerometer
     decides."""
     height_damping: Positive = 0.15
     """Damping ratio of that pull; less damping lets less of the ground through [1]."""
-    height_bias_pull: NonNegative = 0.04
+    height_bias_pull: NonNegative = 0.07
     """How fast the vertical acceleration's bias follows while the ground moves; on
     still ground it does so in two seconds [rad/s]."""
     still_height_bandwidth: Positive = 2.5
