@@ -216,7 +216,7 @@ def _numbers(text: str | None, *, option: str) -> list[float] | None:
 
 
 def _settings(overrides: Iterable[str] | None) -> dict[str, Any]:
-    from surefoot.schemas.scenario_paths import parse_override
+    from surefoot.schemas.toml_file import parse_override
 
     return dict(parse_override(text, option="--set") for text in overrides or ())
 

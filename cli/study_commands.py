@@ -121,7 +121,7 @@ def parse_vary(text: str) -> list[tuple[str, Any]]:
     Raises:
         UsageError: neither.
     """
-    from surefoot.schemas.scenario_paths import parse_override, parse_value
+    from surefoot.schemas.toml_file import parse_override, parse_value
 
     path, equals, values = text.partition("=")
     path = path.strip()

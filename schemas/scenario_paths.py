@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -105,38 +104,6 @@ def scenario_paths(scenario: Scenario) -> list[str]:
     if any(True for _ in _tilts(table)):
         paths.append(_TILT_RATE)
     return paths
-
-
-def parse_override(text: str, *, option: str) -> tuple[str, Any]:
-    """Take ``PATH=VALUE`` apart; the value is written as in TOML.
-
-    Raises:
-        FileFormatError: there is no ``=``, or the value is no TOML value.
-    """
-    path, equals, value = text.partition("=")
-    if not equals or not path.strip():
-        raise FileFormatError(
-            f"{option} {text!r}: expected PATH=VALUE, such as friction=0.4", field=text
-        )
-    return path.strip(), parse_value(value, what=f"{option} {path.strip()}")
-
-
-def parse_value(text: str, *, what: str) -> Any:
-    """Read one TOML value; a bare word is a text.
-
-    Raises:
-        FileFormatError: neither.
-    """
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError as error:
-        if text.strip().replace("-", "").replace("_", "").isalnum():
-            return text.strip()
-        raise FileFormatError(
-            f"{what}: got {text!r}, expected a number, a text or a list such as "
-            "[0.0, 120.0, 0.0]",
-            field=what,
-        ) from error
 
 
 def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:

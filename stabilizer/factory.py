@@ -17,9 +17,9 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.settings import (
     ControllerSettings,
-    DikSettings,
     EstimatorSettings,
     setting_names,
 )

@@ -18,7 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
+from surefoot.schemas.law_settings import DikSettings, GroundSettings
+from surefoot.schemas.settings import ContactSettings
 from surefoot.stabilizer.control.drives import needed_stiffness, ticks_of
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.soft_ground import SoftGround

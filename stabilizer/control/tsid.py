@@ -25,7 +25,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.schemas.settings import TsidSettings
+from surefoot.schemas.law_settings import TsidSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import (
     LoadTask,

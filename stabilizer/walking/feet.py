@@ -18,8 +18,8 @@ from enum import StrEnum
 
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.result import WalkReport
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkStatus
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor

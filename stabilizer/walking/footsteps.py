@@ -12,8 +12,8 @@ import numpy as np
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat
 from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import Side, Step, Walk, WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import standing
 from surefoot.stabilizer.model import RobotModel
 

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance, standing
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, swing_time

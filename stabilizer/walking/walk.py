@@ -13,8 +13,8 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import (
