@@ -12,6 +12,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from surefoot.cli.console import NONE, given, new_table
 from surefoot.errors import ExitCode, UsageError
 from surefoot.robot_io.client_side.listener import BusGraph, RawMessage, processes_of
 from surefoot.robot_io.robot import Robot
@@ -21,8 +22,6 @@ from surefoot.schemas.topics import ALL_CHANNELS, PUBLISHED, SERVICES, TOPICS, T
 
 if TYPE_CHECKING:
     from surefoot.robot_io.client_side.robot_watch import Absences
-
-NONE = "-"
 
 
 class TopicRow(msgspec.Struct, kw_only=True):
@@ -168,44 +167,36 @@ def topics_table(told: Topics) -> Table:
     namespace = told.channels[0].key.split("/")[0]
     table = _table(
         f"{told.robot}: keys under {namespace}/, heard for {told.listened_s:.1f} s",
-        ("channel", "key", "type"),
+        *("channel", "key", "type"),
     )
+    table.columns[0].no_wrap = True
     for row in told.channels:
-        table.add_row(
-            row.channel,
-            escape(row.key.removeprefix(f"{namespace}/")),
-            row.type,
-            _names(row.publishers),
-            _names(row.subscribers),
-            _rate(row.rate_hz),
-            _size(row.bytes),
-        )
+        key = escape(row.key.removeprefix(f"{namespace}/"))
+        table.add_row(row.channel, key, row.type, *_heard(row))
     return table
 
 
 def unknown_table(told: Topics) -> Table:
     """Return a table with one row per key that is not a channel."""
-    table = _table(f"keys that are no channel of {told.robot}", ("key",))
+    table = _table(f"keys that are no channel of {told.robot}", "key")
     for row in told.unknown:
-        table.add_row(
-            escape(row.key),
-            _names(row.publishers),
-            _names(row.subscribers),
-            _rate(row.rate_hz),
-            _size(row.bytes),
-        )
+        table.add_row(escape(row.key), *_heard(row))
     return table
 
 
-def _table(title: str, first: tuple[str, ...]) -> Table:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for heading in first:
-        table.add_column(heading, no_wrap=heading == "channel", overflow="fold")
-    table.add_column("from", overflow="fold")
-    table.add_column("heard by", overflow="fold")
-    table.add_column("Hz", justify="right")
-    table.add_column("bytes", justify="right")
-    return table
+def _table(title: str, *first: str) -> Table:
+    figures = ("Hz", "bytes")
+    return new_table(title, *first, "from", "heard by", figures=figures, boxed=False)
+
+
+def _heard(row: TopicRow | UnknownKey) -> tuple[str, ...]:
+    """From whom, by whom, how often, how long: what is known of any key."""
+    return (
+        _names(row.publishers),
+        _names(row.subscribers),
+        given(row.rate_hz or None, ".0f"),
+        given(row.bytes, ".0f"),
+    )
 
 
 def _names(names: list[str] | None) -> str:
@@ -214,14 +205,6 @@ def _names(names: list[str] | None) -> str:
         return "?"
     kinds = dict.fromkeys(name.split()[0] for name in names)
     return escape(", ".join(kinds)) or NONE
-
-
-def _rate(rate_hz: float) -> str:
-    return f"{rate_hz:.0f}" if rate_hz else NONE
-
-
-def _size(size: float | None) -> str:
-    return NONE if size is None else f"{size:.0f}"
 
 
 def find_channel(text: str, robot: Robot) -> Topic:

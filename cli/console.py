@@ -14,12 +14,16 @@ import msgspec
 from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from surefoot.errors import ERROR_PREFIX
 from surefoot.installation import install_command
 
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
+
+NONE = "-"
+"""What a table says in place of a figure."""
 
 WIDE = 200
 """Columns in a pipe or a file, which have no width of their own."""
@@ -66,6 +70,25 @@ def show_notes(logger: str) -> None:
 def print_table(table: RenderableType) -> None:
     """Print a result for people."""
     _stdout.print(table)
+
+
+def new_table(
+    title: str, *words: str, figures: Sequence[str] = (), boxed: bool = True
+) -> Table:
+    """Return an empty table: columns of words at the left, of figures at the right."""
+    table = Table(title=title, title_justify="left", pad_edge=boxed)
+    if not boxed:
+        table.box = None
+    for heading in words:
+        table.add_column(heading, overflow="fold")
+    for heading in figures:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
+
+
+def given(value: float | None, form: str = "") -> str:
+    """Return a figure as text; a dash for none."""
+    return NONE if value is None else format(value, form)
 
 
 def print_text(text: str) -> None:
