@@ -312,14 +312,10 @@ def _wait_for_match(*publishers: zenoh.Publisher) -> None:
         RobotUnreachableError: not in time.
     """
     end = time.monotonic() + _ANSWER_S
-    while not all(_matches(publisher) for publisher in publishers):
+    # The type stubs lack this property.
+    while not all(p.matching_status.matching for p in publishers):  # type: ignore[attr-defined]
         if time.monotonic() >= end:
             raise RobotUnreachableError(
                 f"the two ends did not find each other within {_ANSWER_S:g} s"
             )
         time.sleep(_POLL_S)  # a listener would need a thread for this one moment
-
-
-def _matches(publisher: zenoh.Publisher) -> bool:
-    status = publisher.matching_status
-    return bool(getattr(status, "matching", status))

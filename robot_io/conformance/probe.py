@@ -278,10 +278,6 @@ class Probe:
             self.wait_status(lambda s: s.mode is mode, timeout_s=timeout_s) is not None
         )
 
-    def wait_for_robot(self, *, timeout_s: float) -> bool:
-        """Wait for the robot's first status."""
-        return self.wait_status(lambda s: True, timeout_s=timeout_s) is not None
-
     def _hear(self, recording: Recording, *, deadline: float) -> bool:
         """Take all ticks that have come, and wait for one when there is none."""
         data = self._sensors["joints"].wait(deadline)
@@ -339,7 +335,7 @@ def probing(
         end_s = time.monotonic() + timeout_s
         watch.find_within(end_s, endpoints=endpoints, timeout_s=timeout_s)
         probe = Probe(robot, bus, watch, identity=identity)
-        if not probe.wait_for_robot(timeout_s=timeout_s):
+        if probe.wait_status(lambda s: True, timeout_s=timeout_s) is None:
             what = f"no status of a robot {robot.file.namespace!r}"
             if probe.status_errors:
                 what += f" that can be read ({probe.status_error})"

@@ -121,14 +121,6 @@ class CommandLimits:
         np.abs(wanted - out, out=self._excess)
         if self._excess.max() <= ROUNDING_RAD:
             return ()
-        return self._diagnose(wanted, before)
-
-    def worst_joint(self) -> tuple[int, float]:
-        """Return the joint cut most in the last clip, and by how much [rad]."""
-        index = int(self._excess.argmax())
-        return index, float(self._excess[index])
-
-    def _diagnose(self, wanted: Array, before: Array) -> tuple[Limit, ...]:
         inside = np.clip(wanted, self._lower, self._upper)
         move = np.abs(inside - before) - ROUNDING_RAD
         found = {
@@ -137,6 +129,11 @@ class CommandLimits:
             Limit.STEP: move > self._by_step,
         }
         return tuple(limit for limit, joints in found.items() if joints.any())
+
+    def worst_joint(self) -> tuple[int, float]:
+        """Return the joint cut most in the last clip, and by how much [rad]."""
+        index = int(self._excess.argmax())
+        return index, float(self._excess[index])
 
 
 class CommandGate:

@@ -14,7 +14,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import atomic_file
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import (
     UNUSED_TAGS,
@@ -24,6 +23,7 @@ from surefoot.robot_io.urdf_check import (
     read_urdf_element,
 )
 from surefoot.schemas.arrays import Mat, Vec3
+from surefoot.schemas.toml_file import atomic_file
 
 KEPT_TAGS = ("link", "joint", "material")
 
