@@ -24,7 +24,6 @@ import msgspec
 
 from benchmarks.lines import (
     LineRun,
-    is_up,
     pivot,
     run_all,
     share_in_words,
@@ -35,7 +34,7 @@ from surefoot.schemas.motions import Axis, PrtsMotion
 from surefoot.schemas.scenario import Platform, Scenario, Tile
 from surefoot.schemas.scenario_robot import Delay, ModelError
 from surefoot.schemas.walk_plan import Walk, WalkStep
-from surefoot.studies.cell import Row
+from surefoot.studies.cell import Row, is_up
 from surefoot.studies.study import success_interval
 
 if TYPE_CHECKING:

@@ -17,12 +17,11 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar
 from surefoot.run_plan import RunPlan
-from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Sensors
 from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
-from surefoot.studies.cell import Row, figures_of, find_variant, plan_in
+from surefoot.studies.cell import Row, figures_of, find_variant, is_up, plan_in
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore, code_fingerprint
 
@@ -274,7 +273,7 @@ class BenchCell(ABC):
             "seed": self.seed,
             **row,
             # Of a robot that fell, or was held at last, they would tell nothing.
-            "seen": probe.figures() if Outcome(row["outcome"]).is_up else {},
+            "seen": probe.figures() if is_up(row) else {},
         }
 
 

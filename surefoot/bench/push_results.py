@@ -26,7 +26,7 @@ from surefoot.bench.push_cells import (
     fit_impedance,
 )
 from surefoot.studies.cell import Row
-from surefoot.studies.tables import svg_of, text_of
+from surefoot.studies.tables import canvas, svg_of, text_of
 
 _INTRO = (
     "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
@@ -305,14 +305,11 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
     Returns:
         SVG.
     """
-    from matplotlib.figure import Figure as Canvas
-
-    figure = Canvas(figsize=(9.6, 3.6), layout="constrained")
-    figure.suptitle(title)
     kinds = [k for k in SINES if any(r.disturbance.kind == k for r in results)]
-    panels: Any = figure.subplots(1, len(kinds), squeeze=False)[0]
+    figure, _ = canvas(9.6, 3.6, columns=len(kinds))
+    figure.suptitle(title)
     looks = styles([result.under for result in results])
-    for axes, kind in zip(panels, kinds, strict=True):
+    for axes, kind in zip(figure.axes, kinds, strict=True):
         for under, look in looks.items():
             there = [
                 r for r in results if r.under == under and r.disturbance.kind == kind
@@ -330,5 +327,4 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]")
         axes.set(ylabel=f"{unit}, lowest to highest")
         axes.grid(alpha=0.3, which="both")
-    figure.legend(loc="outside right upper", fontsize="small")
     return svg_of(figure)

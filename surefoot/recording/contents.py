@@ -215,3 +215,43 @@ def _git(*words: str) -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip()
+
+
+def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
+    """What is other than it was, in words; nothing when all is the same."""
+    if recorded is None:
+        return ["the record does not say which versions it was made with"]
+    try:
+        then = msgspec.json.decode(recorded, type=Versions)
+    except (ValueError, RecursionError) as error:
+        return [f"the attached {VERSIONS} cannot be read ({error})"]
+    notes = [
+        f"{name}: recorded with {before}, now {now}"
+        for name, before, now in (
+            ("python", then.python, present.python),
+            ("platform", then.platform, present.platform),
+        )
+        if before != now
+    ]
+    notes += [
+        f"{name}: recorded with {then.packages.get(name)}, now {version}"
+        for name, version in present.packages.items()
+        if then.packages.get(name) != version
+    ]
+    return notes + _code_notes(then, present)
+
+
+def _code_notes(then: Versions, present: Versions) -> list[str]:
+    before, now = then.git_commit, present.git_commit
+    notes = []
+    if before != now:
+        notes.append(f"code: recorded at commit {_short(before)}, now {_short(now)}")
+    for when, about in (("when recorded", then), ("now", present)):
+        changed = about.git_changed_files
+        if changed:
+            notes.append(f"code: {len(changed)} files not committed {when}")
+    return notes
+
+
+def _short(commit: str | None) -> str:
+    return "unknown" if commit is None else commit[:12]

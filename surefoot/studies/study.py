@@ -17,7 +17,6 @@ from typing import Any
 
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
-from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import (
     Cell,
     Group,
@@ -25,6 +24,7 @@ from surefoot.studies.cell import (
     find_variant,
     group_of,
     hashable,
+    is_up,
 )
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
@@ -105,7 +105,7 @@ def summarise(rows: Iterable[Row]) -> Summaries:
 
 
 def _summary(rows: list[Row]) -> GroupSummary:
-    standing = [row for row in rows if Outcome(row["outcome"]).is_up]
+    standing = [row for row in rows if is_up(row)]
     low, high = success_interval(len(standing), len(rows))
     if not standing:
         return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)

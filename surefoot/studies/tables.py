@@ -154,10 +154,7 @@ def draw_curves(
     Returns:
         SVG.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.2, 3.4), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = canvas(7.2, 3.4)
     for index, curve in enumerate(curves):
         # Curves on top of each other stay visible: later ones are drawn smaller.
         size = 10.0 - 8.0 * index / len(curves)
@@ -173,16 +170,43 @@ def draw_curves(
             mark[1], (mark[0], 0.03), xytext=(4, 0), textcoords="offset points"
         )
     axes.set(xlabel=xlabel, ylabel="stayed up", title=title, ylim=(-0.03, 1.03))
-    axes.grid(alpha=0.3)
-    # Beside the plot: inside it would cover curves that lie at 0 or 1.
-    figure.legend(loc="outside right upper", fontsize="small")
     return svg_of(figure)
 
 
-def svg_of(figure: Any) -> bytes:
-    """Return a matplotlib figure as SVG, the same bytes for the same drawing."""
+def canvas(
+    width_in: float, height_in: float, *, rows: int = 1, columns: int = 1
+) -> tuple[Any, Any]:
+    """Return an empty matplotlib figure and its panels, each with a grid.
+
+    Args:
+        width_in: of the figure [in].
+        height_in: of it [in].
+        rows: of panels, which share the axis along x.
+        columns: of panels.
+
+    Returns:
+        The figure; one panel, or an array of several without its axes of length 1.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    panels = figure.subplots(rows, columns, sharex="col")
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    return figure, panels
+
+
+def svg_of(figure: Any, *, legend: bool = True) -> bytes:
+    """Return a matplotlib figure as SVG, the same bytes for the same drawing.
+
+    Args:
+        figure: complete but for its legend.
+        legend: beside the panels; inside them it would cover curves.
+    """
     import matplotlib as mpl
 
+    if legend:
+        figure.legend(loc="outside right upper", fontsize="small")
     buffer = BytesIO()
     with mpl.rc_context({"svg.hashsalt": "surefoot"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -219,10 +243,13 @@ def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def write_csv(path: Path, summaries: Summaries) -> None:
     """Write one row per group and one number per column."""
     rows = [_flat(*each) for each in summaries.items()]
+    write_rows(path, (*rows[:1], *(row.values() for row in rows)))
+
+
+def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
+    """Write a CSV file, headings first, whole or not at all."""
     text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerows(rows[:1])
-    writer.writerows(row.values() for row in rows)
+    csv.writer(text).writerows(rows)
     write_whole(path, text.getvalue().encode())
 
 
