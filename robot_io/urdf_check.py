@@ -99,10 +99,10 @@ class Urdf:
     def fixed_to(self, link: str) -> list[str]:
         """A link, and those above it that do not move against it."""
         chain = [link]
-        joint = self.joint_above(link)
-        while joint is not None and joint.get("type") == _FIXED:
+        while (joint := self.joint_above(chain[-1])) is not None:
+            if joint.get("type") != _FIXED:
+                break
             chain.append(end(joint, "parent"))
-            joint = self.joint_above(chain[-1])
         return chain
 
     def mass_of(self, link: str) -> float:

@@ -74,7 +74,7 @@ def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     for path, value in values.items():
         if (
             path not in known
-            and not _is_within_open(path)
+            and not any(path.startswith(f"{whole}.") for whole in _OPEN)
             and not _is_absent(table, path)
         ):
             raise FileFormatError(_unknown(path, scenario, known), field=path)
@@ -101,7 +101,8 @@ def scenario_paths(scenario: Scenario) -> list[str]:
                 paths.append(f"platform.{at}.motion.{index}.{rate}")
     if moving:
         paths.append(_PACE)
-    if any(True for _ in _tilts(table)):
+    motions = (m for each in table["platform"] for m in _horizontal(each))
+    if any(motion["kind"] in _TILTING for motion in motions):
         paths.append(_TILT_RATE)
     return paths
 
@@ -124,11 +125,6 @@ def _is_absent(table: Table, path: str) -> bool:
         else:
             return False
     return isinstance(place, dict) and name in place and place[name] is None
-
-
-def _is_within_open(path: str) -> bool:
-    """Whether a path leads into a value that may be a number or a table."""
-    return any(path.startswith(f"{whole}.") for whole in _OPEN)
 
 
 def _leaves(value: Any, path: str = "") -> Iterable[str]:
@@ -236,11 +232,6 @@ def _set_pace(table: Table, factor: float) -> None:
             for key in _PACED:
                 if motion.get(key) is not None:
                     motion[key] *= factor
-
-
-def _tilts(table: Table) -> Iterable[Table]:
-    for platform in table["platform"]:
-        yield from (m for m in _horizontal(platform) if m["kind"] in _TILTING)
 
 
 def _horizontal(platform: Table) -> list[Table]:

@@ -164,11 +164,7 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
         UsageError: the name is taken, or in use.
         OSError: it cannot be written there.
     """
-    if path.exists() and not overwrite:
-        raise UsageError(
-            f"--out {path}: is there already; name another file, or overwrite it "
-            "(--overwrite)"
-        )
+    is_to_replace(path, overwrite=overwrite)
     partial = path.with_name(path.name + ".partial")
     file = partial.open("ab")
     try:

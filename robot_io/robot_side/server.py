@@ -204,16 +204,15 @@ class RobotServer(RobotsSide):
             self._services.wait(IDLE_POLL_S)
         return False
 
-    def see_off(self, commander: str, *, timeout_s: float = SEE_OFF_S) -> None:
+    def see_off(self, commander: str) -> None:
         """Wait until a commander that was told of the end has left the bus.
 
         What it said before has then been passed on to whoever looks on.
 
         Args:
             commander: its name; empty for nobody.
-            timeout_s: how long to wait at most [s].
         """
-        end_s = time.monotonic() + timeout_s
+        end_s = time.monotonic() + SEE_OFF_S
         while self._services.is_present(commander) and time.monotonic() < end_s:
             self._services.wait(IDLE_POLL_S)
             self._services.serve(now_s=0.0)

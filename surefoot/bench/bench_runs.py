@@ -101,12 +101,11 @@ class Subject:
         )
 
 
-def subject_of(robot: str, *, servo_profile: str | None = None) -> Subject:
+def subject_of(robot: str) -> Subject:
     """Measure a robot in its nominal stance.
 
     Args:
         robot: shipped name or path of a robot file.
-        servo_profile: any; the measures are the same.
 
     Raises:
         RobotFileError: no such robot, or its files contradict each other.
@@ -114,7 +113,7 @@ def subject_of(robot: str, *, servo_profile: str | None = None) -> Subject:
     from surefoot.robot_io.robot import load_robot
     from surefoot.sim_robot.plant import Plant
 
-    model = load_robot(robot, servo_profile=servo_profile)
+    model = load_robot(robot)
     plant = Plant(model, Scenario(name="stance", duration_s=1.0), seed=0)
     x, y, height = plant.com_reference.tolist()
     soles = plant.view.sole_left, plant.view.sole_right

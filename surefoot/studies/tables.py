@@ -34,27 +34,24 @@ COLUMNS = (
 )
 
 
-def success_limit(
-    levels: Sequence[float], rates: Sequence[float], *, at: float = 0.5
-) -> float | None:
-    """Find where the success rate first falls below a level, by interpolation.
+def success_limit(levels: Sequence[float], rates: Sequence[float]) -> float | None:
+    """Find where the success rate first falls below a half, by interpolation.
 
     Args:
         levels: what was varied, rising.
         rates: success rate at each.
-        at: the rate in question.
 
     Returns:
         None when the rate never falls below: the limit is beyond what was tried.
         The first level when it is below from the start.
     """
     for i, (level, rate) in enumerate(zip(levels, rates, strict=True)):
-        if rate >= at:
+        if rate >= 0.5:
             continue
         if i == 0:
             return level
         before, good = levels[i - 1], rates[i - 1]
-        return before + (level - before) * (good - at) / (good - rate)
+        return before + (level - before) * (good - 0.5) / (good - rate)
     return None
 
 
