@@ -24,13 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.lines import (
-    LineRun,
-    pivot,
-    run_all,
-    share_in_words,
-    study_options,
-)
+from benchmarks.lines import LineRun, pivot, run_all, share_in_words, study_options
 from benchmarks.mounted import Drawing, write_mounted
 from benchmarks.started import shortened
 from surefoot.robot_io.robot import load_robot

@@ -374,6 +374,12 @@ def _spread(table: dict[str, Any], *, source: str) -> dict[str, Any]:
     return table
 
 
+def setting_of(settings: ControllerSettings, name: str) -> Any:
+    """Return the value of a setting, by its ``section.name``."""
+    section, key = name.split(".")
+    return getattr(getattr(settings, section), key)
+
+
 def setting_names() -> list[str]:
     """Return all settable names, as ``section.name``."""
     return [

@@ -23,7 +23,7 @@ from surefoot.schemas.messages import (
     SettingsRequest,
 )
 from surefoot.schemas.reasons import RequestRefusal
-from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.settings import ControllerSettings, setting_of
 from surefoot.schemas.toml_file import convert
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller, Tunable
@@ -56,7 +56,7 @@ Values = dict[str, list[float]]
 
 def live_values(settings: ControllerSettings) -> Values:
     """Return the settings that may change, with their present values."""
-    return {name: _numbers(_get(settings, name)) for name in LIVE_SETTINGS}
+    return {name: _numbers(setting_of(settings, name)) for name in LIVE_SETTINGS}
 
 
 def with_values(settings: ControllerSettings, values: Values) -> ControllerSettings:
@@ -74,12 +74,12 @@ def with_values(settings: ControllerSettings, values: Values) -> ControllerSetti
     for name, numbers in values.items():
         _check_name(name)
         section, key = name.split(".")
-        axes = len(_numbers(_get(settings, name)))
+        axes = len(_numbers(setting_of(settings, name)))
         if len(numbers) not in (1, axes):
             raise FileFormatError(
                 f"{name}: got {len(numbers)} numbers, expected 1 or {axes}", field=name
             )
-        if isinstance(_get(settings, name), tuple):
+        if isinstance(setting_of(settings, name), tuple):
             tables[section][key] = numbers * axes if len(numbers) == 1 else numbers
         else:
             tables[section][key] = numbers[0]
@@ -111,11 +111,6 @@ def _check_name(name: str) -> None:
         f"can: {', '.join(LIVE_SETTINGS)}",
         field=name,
     )
-
-
-def _get(settings: ControllerSettings, name: str) -> Any:
-    section, key = name.split(".")
-    return getattr(getattr(settings, section), key)
 
 
 def _numbers(value: Any) -> list[float]:

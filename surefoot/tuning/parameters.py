@@ -13,7 +13,7 @@ from msgspec import inspect
 
 from surefoot.errors import UsageError
 from surefoot.schemas.json_schema import field_docs
-from surefoot.schemas.settings import ControllerSettings, setting_names
+from surefoot.schemas.settings import ControllerSettings, setting_names, setting_of
 from surefoot.schemas.validation import nearest
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             UsageError: several numbers that differ, and no axis is named.
         """
-        value = _get(settings, self.setting)
+        value = setting_of(settings, self.setting)
         if not isinstance(value, tuple):
             return cast(Value, value)
         if self.axis is not None:
@@ -183,7 +183,7 @@ def overrides_of(
         if parameter.axis is None:
             table[name] = value
         else:
-            table.setdefault(name, [*_get(start, name)])[parameter.axis] = value
+            table.setdefault(name, [*setting_of(start, name)])[parameter.axis] = value
     return [f"{k}={msgspec.json.encode(v).decode()}" for k, v in table.items()]
 
 
@@ -207,11 +207,6 @@ def unit_of(setting: str) -> str:
     ending = next((e for e in endings if key.endswith(f"_{e}")), "")
     spelt = {"nm": "N m", "n": "N", "hz": "Hz"}
     return spelt.get(ending, ending.replace("_", "/"))
-
-
-def _get(settings: ControllerSettings, name: str) -> Any:
-    section, key = name.split(".")
-    return getattr(getattr(settings, section), key)
 
 
 def _split(name: str) -> tuple[str, int | None]:
