@@ -190,7 +190,9 @@ def check_robot_file(
 
     Exits with 2 when the files contradict each other; warnings stop nothing.
     """
-    from surefoot.cli.console import print_json, print_table
+    from rich.console import Group
+
+    from surefoot.cli.console import print_result
     from surefoot.robot_files.judge import judge
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.settings import ControllerSettings
@@ -198,11 +200,11 @@ def check_robot_file(
 
     robot = load_robot(file, servo_profile=servo_profile)
     report = judge(robot, compute_margins(robot, ControllerSettings()))
-    if as_json:
-        print_json(report)
-        return
-    print_table(_findings(report))
-    print_table(_scenarios(report))
+    print_result(
+        report,
+        lambda: Group(_findings(report), _scenarios(report)),
+        as_json=as_json,
+    )
 
 
 def _findings(report: RobotFileReport) -> Table:

@@ -72,7 +72,13 @@ def with_values(settings: ControllerSettings, values: Values) -> ControllerSetti
     """
     tables: dict[str, dict[str, Any]] = msgspec.to_builtins(settings)
     for name, numbers in values.items():
-        _check_name(name)
+        if name not in LIVE_SETTINGS:
+            raise FileFormatError(
+                f"{name}: cannot be changed during a run"
+                f"{nearest(name, LIVE_SETTINGS)}; these can: "
+                f"{', '.join(LIVE_SETTINGS)}",
+                field=name,
+            )
         section, key = name.split(".")
         axes = len(_numbers(setting_of(settings, name)))
         if len(numbers) not in (1, axes):
@@ -101,16 +107,6 @@ def between(before: Values, after: Values, *, share: float) -> Values:
         ]
         for name in after
     }
-
-
-def _check_name(name: str) -> None:
-    if name in LIVE_SETTINGS:
-        return
-    raise FileFormatError(
-        f"{name}: cannot be changed during a run{nearest(name, LIVE_SETTINGS)}; these "
-        f"can: {', '.join(LIVE_SETTINGS)}",
-        field=name,
-    )
 
 
 def _numbers(value: Any) -> list[float]:

@@ -270,9 +270,11 @@ class Feet:
                     self._feel_for_ground(side, normals[side])
             elif state is FootState.LANDING:
                 self._land(side, normals)
-            elif state is FootState.PLANTED and self._has_lost(side):
-                self._contacts.owned[side] = True
-                self._reland(side)
+            elif state is FootState.PLANTED:
+                stands = self._contacts.in_contact
+                if stands[1 - side] and not stands[side]:  # has lost its ground
+                    self._contacts.owned[side] = True
+                    self._reland(side)
 
     def set_down(self, side: int) -> None:
         """Take a foot that is in the air to have touched down: it cannot feel it."""
@@ -337,11 +339,6 @@ class Feet:
         ):
             self._contacts.in_contact[side] = False
             self._reland(side)
-
-    def _has_lost(self, side: int) -> bool:
-        """Whether a foot that stood has lost its ground, and the other one has not."""
-        in_contact = self._contacts.in_contact
-        return in_contact[1 - side] and not in_contact[side]
 
     def _reland(self, side: int) -> None:
         self._anchors.planted[side] = False

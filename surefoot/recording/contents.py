@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import platform
 import subprocess
 import time
 from collections import deque
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.installation import installed_version
+from surefoot.installation import this_machine
 from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 from surefoot.robot_io.robot import EXTENDS, Robot
 from surefoot.schemas.toml_file import read_toml
@@ -45,7 +44,6 @@ LAST_S = 0.3
 """Once the robot is gone, what is still on its way may take so long [s]."""
 ROBOT_TOML, ROBOT_BELOW, ROBOT_JSON = "robot.toml", "robot-below.toml", "robot.json"
 ROBOT_URDF, VERSIONS = "robot.urdf", "versions.json"
-_PACKAGES = ("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy", "msgpack")
 _GIT_S = 5.0
 _MEDIA = {
     ".toml": "application/toml",
@@ -191,9 +189,7 @@ class Versions(msgspec.Struct, kw_only=True):
 def versions() -> Versions:
     """What runs here: packages, Python, commit and changed files of our own code."""
     return Versions(
-        python=platform.python_version(),
-        platform=platform.platform(),
-        packages={name: installed_version(name) for name in _PACKAGES},
+        **this_machine(),
         git_commit=_git("rev-parse", "HEAD"),
         git_changed_files=(_git("status", "--porcelain") or "").splitlines(),
     )

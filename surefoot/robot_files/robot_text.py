@@ -124,11 +124,6 @@ def leg_drive(*, place: int, knee: int, axis: Vec3, up: Vec3) -> Drive:
     return _FIRM if is_yaw or place > knee else _STRONG
 
 
-def upper_drive(carried_share: float) -> Drive:
-    """The Walker's drive of a joint above the legs that carries this much."""
-    return next(drive for least, drive in _CARRIES if carried_share >= least)
-
-
 def velocity_limit(told: float) -> tuple[float, bool]:
     """A joint's speed limit [rad/s], and whether the URDF tells it."""
     is_told = 0.0 < told <= FASTEST_RAD_S
@@ -170,7 +165,8 @@ def joint_lines(
             axis = _axis(body, name)
             like = leg_drive(place=place, knee=knee, axis=axis, up=up)
         else:
-            like = upper_drive(body.carried_share(name))
+            share = body.carried_share(name)
+            like = next(drive for least, drive in _CARRIES if share >= least)
         drive = scale.drive(like)
         limit = element.find("limit")
         assert limit is not None  # as the URDF was checked

@@ -110,7 +110,7 @@ def _summary(rows: list[Row]) -> GroupSummary:
     if not standing:
         return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
     deviations = [
-        math.sqrt(_mean_square(pair))
+        math.sqrt(_mean([v * v for v in pair]))
         for row in standing
         if (pair := row["force_deviation_rms_n"]) is not None
     ]
@@ -145,10 +145,6 @@ def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:
 
 def _mean(values: Sequence[float]) -> float:
     return sum(values) / len(values)
-
-
-def _mean_square(values: Sequence[float]) -> float:
-    return sum(v * v for v in values) / len(values)
 
 
 @dataclass(frozen=True)

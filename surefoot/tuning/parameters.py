@@ -52,12 +52,9 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def name(self) -> str:
         """As it is given: ``dik.k_force.z``."""
-        return self.setting if self.axis is None else f"{self.setting}.{self.letter}"
-
-    @property
-    def letter(self) -> str:
-        """Name of its axis."""
-        return AXES[self.axis or 0]
+        return (
+            self.setting if self.axis is None else f"{self.setting}.{AXES[self.axis]}"
+        )
 
     @property
     def is_log(self) -> bool:
