@@ -162,7 +162,7 @@ def _without_none(value: Any) -> Any:
 def parse_override(
     text: str, *, option: str, example: str = "friction=0.4"
 ) -> tuple[str, Any]:
-    """Take ``PATH=VALUE`` apart; the value is written as in TOML.
+    """Take ``KEY=VALUE`` apart; the value is written as in TOML.
 
     Raises:
         FileFormatError: there is no ``=``, or the value is no TOML value.
@@ -170,7 +170,7 @@ def parse_override(
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
         raise FileFormatError(
-            f"{option} {text!r}: expected PATH=VALUE, such as {example}", field=text
+            f"{option} {text!r}: expected KEY=VALUE, such as {example}", field=text
         )
     return path.strip(), parse_value(value, what=f"{option} {path.strip()}")
 
