@@ -12,12 +12,13 @@ import msgspec
 import numpy as np
 from rich.table import Table
 
-from surefoot.cli.console import NONE, given, new_table
+from surefoot.cli.console import new_table
 from surefoot.errors import UsageError
 from surefoot.robot_io.client_side.listener import RawMessage
 from surefoot.robot_io.realtime import distribution_of
 from surefoot.schemas.codec import decode, decode_head
 from surefoot.schemas.errors import MessageError
+from surefoot.schemas.reasons import NONE, given
 from surefoot.schemas.result import Distribution
 from surefoot.schemas.topics import Topic
 from surefoot.schemas.validation import nearest

@@ -12,12 +12,13 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from surefoot.cli.console import NONE, given, new_table
+from surefoot.cli.console import new_table
 from surefoot.errors import ExitCode, UsageError
 from surefoot.robot_io.client_side.listener import BusGraph, RawMessage, processes_of
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
+from surefoot.schemas.reasons import NONE, given
 from surefoot.schemas.topics import ALL_CHANNELS, PUBLISHED, SERVICES, TOPICS, Topic
 
 if TYPE_CHECKING:

@@ -22,9 +22,6 @@ from surefoot.installation import install_command
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
 
-NONE = "-"
-"""What a table says in place of a figure."""
-
 WIDE = 200
 """Columns in a pipe or a file, which have no width of their own."""
 
@@ -84,11 +81,6 @@ def new_table(
     for heading in figures:
         table.add_column(heading, justify="right", no_wrap=True)
     return table
-
-
-def given(value: float | None, form: str = "") -> str:
-    """Return a figure as text; a dash for none."""
-    return NONE if value is None else format(value, form)
 
 
 def print_text(text: str) -> None:

@@ -63,7 +63,8 @@ def margins(
 
 def margins_table(found: LoopMargins) -> Table:
     """Return a table with a row for each axis of each foot."""
-    from surefoot.cli.console import given, new_table
+    from surefoot.cli.console import new_table
+    from surefoot.schemas.reasons import given
 
     table = new_table(
         f"{found.robot}, {found.servo_profile}, {found.rate_hz:g} Hz, loop of "

@@ -216,7 +216,8 @@ def identify(
 
 
 def _table(drives: list[Drive]) -> Table:
-    from surefoot.cli.console import given, new_table
+    from surefoot.cli.console import new_table
+    from surefoot.schemas.reasons import given
 
     figures = ("lag, ms", "limit, rad/s", "play, mrad", "stiffness", "delay, ms")
     table = new_table("drives", "joint", figures=figures)

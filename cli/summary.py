@@ -11,10 +11,10 @@ from rich.console import Group as RenderableGroup
 from rich.table import Table
 from rich.text import Text
 
-from surefoot.cli.console import NONE, given, new_table
+from surefoot.cli.console import new_table
 from surefoot.outcome import Judgement
 from surefoot.schemas.motions import ROTATIONS
-from surefoot.schemas.reasons import EndReason, counted, in_words, plain
+from surefoot.schemas.reasons import NONE, EndReason, counted, given, in_words, plain
 from surefoot.schemas.result import (
     ControllerResult,
     Distribution,

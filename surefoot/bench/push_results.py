@@ -25,8 +25,9 @@ from surefoot.bench.push_cells import (
     PushKind,
     fit_impedance,
 )
+from surefoot.schemas.reasons import given
 from surefoot.studies.cell import Row
-from surefoot.studies.tables import canvas, svg_of, text_of
+from surefoot.studies.tables import canvas, svg_of
 
 _INTRO = (
     "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
@@ -226,9 +227,9 @@ def push_tables(results: Sequence[PushResult]) -> list[TextTable]:
                 *result.under,
                 _margin(result, result.margin),
                 _margin(result, result.normalised),
-                text_of(result.energy_j, ".2f"),
-                text_of(result.normalised_energy_j, ".2f"),
-                text_of(result.absorbed, ".2f"),
+                given(result.energy_j, ".2f"),
+                given(result.normalised_energy_j, ".2f"),
+                given(result.absorbed, ".2f"),
             )
             for result in results
         ],

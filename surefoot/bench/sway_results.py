@@ -23,8 +23,9 @@ from surefoot.bench.sway_response import (
     frequency_response,
     human_sway,
 )
+from surefoot.schemas.reasons import NONE, given
 from surefoot.studies.cell import Row, is_up
-from surefoot.studies.tables import NONE, canvas, svg_of, text_of
+from surefoot.studies.tables import canvas, svg_of
 
 LEAST_PERCENTILE = 5
 _WHO = ("ground", "controller", "servo", "outcome")
@@ -184,7 +185,7 @@ def _prts_cells(result: SwayResult) -> tuple[str, ...]:
         f"{response.frequencies_hz[at]:g}",
         f"{response.coherence.min():.2f}",
         NONE if below is None else f"{below} of {len(gain)}",
-        text_of(result.score, ".2f"),
+        given(result.score, ".2f"),
     )
 
 
@@ -206,10 +207,10 @@ def _transient_cells(result: SwayResult) -> tuple[str, ...]:
     return (
         f"{seen['sway_peak']:.3f}",
         f"{seen['sway_peak_s']:.2f}",
-        text_of(seen["settling_s"], ".2f"),
-        text_of(seen["delay_s"], ".2f"),
-        text_of(seen["rise_s"], ".2f"),
-        text_of(seen["overshoot"] and 100.0 * seen["overshoot"], ".1f"),
+        given(seen["settling_s"], ".2f"),
+        given(seen["delay_s"], ".2f"),
+        given(seen["rise_s"], ".2f"),
+        given(seen["overshoot"] and 100.0 * seen["overshoot"], ".1f"),
     )
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from surefoot.out_folder import write_json, write_whole
+from surefoot.schemas.reasons import NONE, given
 from surefoot.studies.cell import Group, in_words
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger("surefoot")
 
-NONE = "-"
 COLUMNS = (
     "case",
     "controller",
@@ -220,9 +220,9 @@ def cells_of(group: Group, summary: GroupSummary) -> list[str]:
         f"{summary.up} of {summary.runs}",
         f"{summary.up_from:.2f} to {summary.up_to:.2f}",
         NONE if com is None else ", ".join(f"{value:.1f}" for value in com),
-        text_of(summary.force_deviation_n, ".0f"),
-        text_of(summary.force_peak_n, ".0f"),
-        text_of(summary.contact_gap_s, ".3f"),
+        given(summary.force_deviation_n, ".0f"),
+        given(summary.force_peak_n, ".0f"),
+        given(summary.contact_gap_s, ".3f"),
     ]
 
 
@@ -270,11 +270,6 @@ def _flat(group: Group, summary: GroupSummary) -> dict[str, object]:
         "force_peak_n": summary.force_peak_n,
         "contact_gap_s": summary.contact_gap_s,
     }
-
-
-def text_of(value: float | None, form: str) -> str:
-    """Return a number as text; a dash for none."""
-    return NONE if value is None else format(value, form)
 
 
 def summary_rows(summaries: Summaries) -> list[dict[str, object]]:
