@@ -94,7 +94,9 @@ class Urdf:
         element = joint.find("origin")
         place = f"joint {joint.get('name')!r}: origin"
         offset = self.vector(element, "xyz", place)
-        return offset, _turn(*self.vector(element, "rpy", place))
+        roll, pitch, yaw = self.vector(element, "rpy", place)
+        x, y, z = np.eye(3)
+        return offset, rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
 
     def fixed_to(self, link: str) -> list[str]:
         """A link, and those above it that do not move against it."""
@@ -386,12 +388,6 @@ def end(joint: ElementTree.Element, which: str) -> str:
     """Name of a joint's parent or child link."""
     element = joint.find(which)
     return "" if element is None else element.get("link", "")
-
-
-def _turn(roll: float, pitch: float, yaw: float) -> Mat:
-    x, y, z = np.eye(3)
-    turned: Mat = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
-    return turned
 
 
 def rotation(axis: Vec3, angle: float) -> Mat:
