@@ -255,9 +255,7 @@ def report(
             "without a window.",
         ),
     ] = False,
-    open_browser: Annotated[
-        bool, typer.Option("--open", help="Open the page in the web browser.")
-    ] = False,
+    open_browser: options.OpenOption = False,
 ) -> None:
     """Write a page about runs: plots, 3-D replay, figures, settings, logs.
 
