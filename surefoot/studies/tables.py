@@ -80,22 +80,32 @@ class Curve:
 
 
 _UNITS = {
+    "nm_s_rad": "N m s/rad",
+    "kg_m2": "kg m^2",
+    "nm_rad": "N m/rad",
     "deg_s": "deg/s",
     "rad_s": "rad/s",
-    "m_s2": "m/s²",
+    "m_s2": "m/s^2",
     "m_s": "m/s",
     "n_s": "N s",
+    "weights": "body weights",
+    "scale": "1",
     "nm": "N m",
-    "deg": "deg",
     "hz": "Hz",
-    "rad": "rad",
-    "ms": "ms",
-    "kg": "kg",
     "n": "N",
-    "m": "m",
-    "s": "s",
+    **{
+        unit: unit for unit in ("deg", "rad", "mm", "ms", "ns", "kg", "m", "s", "bytes")
+    },
 }
 """Ends of the names of values, longer ones first, and the units they stand for."""
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return a value's name without its unit, and the unit; empty where it has none."""
+    for end, unit in _UNITS.items():
+        if name.endswith(f"_{end}"):
+            return name.removesuffix(f"_{end}"), unit
+    return name, ""
 
 
 def short_name(name: str) -> str:
@@ -111,10 +121,9 @@ def value_in_words(path: str) -> str:
         path: such as ``platform.0.motion.1.amplitude_deg``.
     """
     *places, name = path.split(".")
-    for end, unit in _UNITS.items():
-        if name.endswith(f"_{end}"):
-            name = f"{name.removesuffix(f'_{end}')} [{unit}]"
-            break
+    bare, unit = split_unit(name)
+    if unit not in ("", "1"):
+        name = f"{bare} [{unit.replace('^2', '²')}]"
     where = " ".join("all" if place == "*" else place for place in places)
     return f"{where}: {name}".removeprefix(": ").replace("_", " ")
 

@@ -15,6 +15,7 @@ from surefoot.errors import UsageError
 from surefoot.schemas.json_schema import field_docs
 from surefoot.schemas.settings import ControllerSettings, setting_names, setting_of
 from surefoot.schemas.validation import nearest
+from surefoot.studies.tables import split_unit
 
 if TYPE_CHECKING:
     import optuna
@@ -200,10 +201,8 @@ def unit_of(setting: str) -> str:
     found = re.search(r"\[([^\]]+)\][^\[]*$", text)
     if found:
         return "" if found[1] == "1" else found[1]
-    endings = ("rad_s", "m_s", "rad", "nm", "n", "s", "m", "hz")
-    ending = next((e for e in endings if key.endswith(f"_{e}")), "")
-    spelt = {"nm": "N m", "n": "N", "hz": "Hz"}
-    return spelt.get(ending, ending.replace("_", "/"))
+    _, unit = split_unit(key)
+    return "" if unit == "1" else unit
 
 
 def _split(name: str) -> tuple[str, int | None]:
