@@ -16,6 +16,7 @@ from surefoot.cli.console import new_table
 from surefoot.errors import UsageError
 from surefoot.robot_io.client_side.listener import RawMessage
 from surefoot.robot_io.realtime import distribution_of
+from surefoot.schemas.arrays import NS_PER_MS, NS_PER_S
 from surefoot.schemas.codec import decode, decode_head
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.reasons import NONE, given
@@ -23,10 +24,8 @@ from surefoot.schemas.result import Distribution
 from surefoot.schemas.topics import Topic
 from surefoot.schemas.validation import nearest
 
-NS_PER_S = 1e9
 _DIGITS = ".6g"
 _HEADER = ("schema", "tick", "stamp_ns")
-NS_PER_MS = 1e6
 RESTART_TICKS = 1000
 """A tick so far behind is another run of the robot, not a late message."""
 _FINE_MS, _COARSE_MS = 10.0, 100.0

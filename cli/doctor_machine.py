@@ -25,6 +25,7 @@ from surefoot.cli.doctor_packages import (
     check_python,
     finding,
 )
+from surefoot.schemas.arrays import MS_PER_S
 
 RECORD_BYTES_PER_S = 1.8e6
 """What a record of a run takes, measured on shipped scenarios."""
@@ -36,7 +37,6 @@ _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "firefox")
 ENOUGH_CPUS = 2
 JITTER_TICKS = 500
 TICK_S = 1e-3
-MS_PER_S = 1e3
 GOOD_JITTER_MS = 0.5
 """Wake-up delay that a control period of 1 ms tolerates."""
 RT_PRIORITY = 50

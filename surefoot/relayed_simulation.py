@@ -21,6 +21,7 @@ from surefoot.robot_io.relay.lane import Lane, Parcel, PlanClock
 from surefoot.robot_io.robot_side.server import read_command
 from surefoot.robot_io.snapshot import SnapshotLayout, ages_of, sensor_messages
 from surefoot.run_plan import RunPlan
+from surefoot.schemas.arrays import NS_PER_S
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import Reference, RobotMode
@@ -32,7 +33,6 @@ from surefoot.signals import TickSinks
 from surefoot.simulation import COMMANDER, Simulation, command_of
 from surefoot.stabilizer.control.controller import ControllerOutput
 
-NS_PER_S = 1e9
 LOOK_EVERY_TICKS = 20
 """The stabilizer looks at the robot's status every 20 ticks, as it is told of it."""
 INSTANT_S = 1e-9

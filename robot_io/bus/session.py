@@ -36,13 +36,12 @@ from surefoot.robot_io.security.own_certificates import (
     check_own_certificates,
     peer_fault,
 )
-from surefoot.schemas.arrays import JsonObject
+from surefoot.schemas.arrays import MS_PER_S, JsonObject
 from surefoot.schemas.codec import MAX_MESSAGE_BYTES
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import resolve_keys
 
 CONNECT_TIMEOUT_S = 5.0
-MS_PER_S = 1e3
 QUERY_TIMEOUT_MS = 1000
 MAX_SESSIONS = 16
 HANDSHAKE_MS = 1000

@@ -34,6 +34,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from surefoot.robot_io.realtime import leave_priority
 from surefoot.robot_io.ticks.recorder import Block, BlockFormat, SignalArray
+from surefoot.schemas.arrays import NS_PER_S
 
 _LOG = logging.getLogger(__name__)
 
@@ -49,7 +50,6 @@ BLOCKS_UNDERWAY = 16
 """So many blocks may wait for the disk: eight seconds of a run in real time."""
 _COMPRESSION_LEVEL = 1
 _SEQUENCE_MASK = 2**32 - 1
-_NS_PER_S = 1e9
 
 
 class TickFile:
@@ -181,7 +181,7 @@ class _Mcap:
         """Write a block, and give it to the system: it survives this process."""
         signals = form.signals(block)
         begin_s, end_s = (float(signals["time_s"][row]) for row in (0, -1))
-        times_ns = round(_NS_PER_S * begin_s), round(_NS_PER_S * end_s)
+        times_ns = round(NS_PER_S * begin_s), round(NS_PER_S * end_s)
         # Ticks last: a block of which they can be read is whole.
         for name in sorted(signals, key="tick".__eq__):
             self._add(form, name, signals[name], int(signals["tick"][0]), times_ns)

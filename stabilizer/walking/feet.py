@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 
+from surefoot.schemas.arrays import MM_PER_M
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.result import WalkReport
 from surefoot.schemas.settings import WalkSettings
@@ -28,7 +29,6 @@ from surefoot.stabilizer.walking.footsteps import SIDES, Foothold
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.step_queue import Move
 
-MM_PER_M = 1e3
 TOUCH_TICKS_S = 0.003
 """A force must last so long to be a touchdown, at least [s]."""
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from surefoot.bench.bench_runs import NOISE, BenchCell, Subject, Under
 from surefoot.bench.sway_response import phasor
+from surefoot.schemas.arrays import GRAVITY_M_S2
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.pushes import RodState
@@ -34,7 +35,6 @@ UNITS: dict[PushKind, str] = {
     "slow-displacement": "m",
     "slow-force": "N",
 }
-GRAVITY_M_S2 = 9.81
 START_S = 0.5
 AFTER_STRIKE_S = 3.5
 RISE_S = 3.0

@@ -25,7 +25,7 @@ from surefoot.run_folder import (
     About,
     read_ends,
 )
-from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.arrays import NS_PER_MS, Array, Vec3
 from surefoot.schemas.codec import Head
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.messages import (
@@ -42,7 +42,6 @@ from surefoot.sim_robot.ground import ground_blocks
 
 MOST_RUNS = 6
 """So many colours can be told apart."""
-NS_PER_MS = 1e6
 M = TypeVar("M", Head, RobotStatus, StabilizerStatus)
 
 

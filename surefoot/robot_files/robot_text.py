@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from surefoot.robot_files.draft import Draft, listed
-from surefoot.schemas.arrays import Vec3
+from surefoot.schemas.arrays import GRAVITY_M_S2, Vec3
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.toml_file import toml_text
 from surefoot.stabilizer.stance.legs import Body
@@ -20,7 +20,6 @@ FASTEST_RAD_S, USUAL_RAD_S = 50.0, 6.0
 """A joint speed above the first is no limit; the second stands for it."""
 STRONGEST = 2.0
 """A torque of more than this many times mass x gravity x height is no limit."""
-GRAVITY_M_S2 = 9.81
 _DAMPING = 1.0
 _UPRIGHT_AXIS = 0.7
 GUESSED = "  # guessed"

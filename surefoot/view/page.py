@@ -23,6 +23,7 @@ from surefoot.robot_io.client_side.observer import (
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import MM_PER_M
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import StabilizerState, counted, plain
@@ -49,7 +50,6 @@ UNDRAWN_S = 5.0
 IDENTITY = "live-page"
 DIAL_S = 1.0
 """Period of attempts to reach a robot, each reported on the page [s]."""
-MM_PER_M = 1e3
 _NOTHING = LatestMessages()
 WALK_PHASES = {
     "shift": "weight goes onto one foot",
