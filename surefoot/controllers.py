@@ -161,11 +161,7 @@ def loop_notice(plan: RunPlan) -> str:
 
 
 def walk_notice(plan: RunPlan) -> str:
-    """Say what of a run's walk will not be walked; empty if all of it will.
-
-    Args:
-        plan: of the run.
-    """
+    """Say what of a run's walk will not be walked; empty if all of it will."""
     walk = plan.walk
     if walk is None or plan.controller not in _WALKS:
         return ""

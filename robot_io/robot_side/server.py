@@ -44,10 +44,6 @@ def read_command(data: bytes, gate: CommandGate) -> JointCommand | None:
     """Read a command; the gate counts one that cannot be read as refused.
 
     What its numbers are is for the gate to judge: one without a posture is an answer.
-
-    Args:
-        data: as it came.
-        gate: of the robot.
     """
     try:
         return decode_fields(data, JointCommand)

@@ -276,11 +276,7 @@ def swing_time(
 
 
 def half_width_of(robot: Robot) -> float:
-    """Return the distance from sole to middle in a robot's nominal stance [m].
-
-    Args:
-        robot: what its files say.
-    """
+    """Return the distance from sole to middle in a robot's nominal stance [m]."""
     left, right = standing(RobotModel(robot)).p_sole
     return 0.5 * float(left[1] - right[1])
 

@@ -97,14 +97,7 @@ class StepQueue:
     def of(
         cls, settings: WalkSettings, *, robot: Robot, model: RobotModel, stance: Stance
     ) -> StepQueue:
-        """Return the queue of a robot that begins in a stance.
-
-        Args:
-            settings: how far steps may go.
-            robot: what its files say.
-            model: of it.
-            stance: the nominal one.
-        """
+        """Return the queue of a robot that begins in its nominal stance."""
         left, right = stance.p_sole
         return cls(
             settings,
@@ -307,12 +300,7 @@ def nearest_of(model: RobotModel, settings: WalkSettings) -> float:
 
 
 def leg_speed_of(robot: Robot, stance: Stance) -> float:
-    """Return the speed of the end of a straight leg, by that of its drives [m/s].
-
-    Args:
-        robot: what its files say.
-        stance: the nominal one.
-    """
+    """Return the speed of the end of a straight leg, by that of its drives [m/s]."""
     return stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
 
 

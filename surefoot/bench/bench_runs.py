@@ -158,10 +158,6 @@ def proportion(subject: Subject, *, direction_deg: float) -> Proportion:
 
     Implements the normalisation of DYSTURBANCE (10.3389/frobt.2022.817870): a figure
     divided by its factor is what it would be for a person, so that robots compare.
-
-    Args:
-        subject: the robot.
-        direction_deg: of the push.
     """
     ours, theirs = (_tipping(who, direction_deg) for who in (subject, PERSON))
     return Proportion(

@@ -214,12 +214,7 @@ def push_cell(
 
 
 def first_guess(disturbance: Disturbance, subject: Subject) -> float:
-    """Size at which a linear inverted pendulum of these measures would tip.
-
-    Args:
-        disturbance: what is done.
-        subject: measures of the robot.
-    """
+    """Size at which a linear inverted pendulum of these measures would tip."""
     mass, height = subject.mass_kg, subject.com_height_m
     base = subject.base_m(disturbance.direction_deg)
     own = math.sqrt(GRAVITY_M_S2 / height)

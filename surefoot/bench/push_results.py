@@ -256,14 +256,7 @@ def _margin(result: PushResult, value: float) -> str:
 def write_push_page(
     folder: Path, results: Sequence[PushResult], *, robot: str, subject: Subject
 ) -> None:
-    """Write index.html.
-
-    Args:
-        folder: that gets it.
-        results: of all pushes.
-        robot: as it was given.
-        subject: its measures.
-    """
+    """Write index.html."""
     drawn = {"Stability margins": _drawings(results)}
     write_page(
         folder,

@@ -238,14 +238,7 @@ _TABLES = {
 def write_sway_page(
     folder: Path, results: Sequence[SwayResult], *, robot: str, subject: Subject
 ) -> None:
-    """Write index.html.
-
-    Args:
-        folder: that gets it.
-        results: of the runs.
-        robot: as it was given.
-        subject: its measures.
-    """
+    """Write index.html."""
     human = human_sway()
     known = {
         "half": human.score_percentiles[50],

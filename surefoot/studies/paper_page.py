@@ -103,10 +103,6 @@ def record(
 def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
     """Draw base position and rotation, force and moment of the left sole.
 
-    Args:
-        title: of the scenario.
-        runs: arrays by controller.
-
     Returns:
         SVG.
     """
