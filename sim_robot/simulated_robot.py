@@ -118,7 +118,7 @@ class SimulatedRobot:
         self._delay = CommandDelay(delay_ticks, posture=self.plant.posture)
         self._faults = SensorFaults(scenario.fault, period_s=period_s)
         self._sensed: Snapshot | None = None
-        self._robot, self._period_s = robot, period_s
+        self._period_s = period_s
         self._recorded_ground = recorded_ground(scenario)
         self._last_tick = math.ceil(
             scenario.duration_s / period_s - _RUN_LENGTH_TOLERANCE

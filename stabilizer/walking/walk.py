@@ -88,7 +88,7 @@ class Walk:
                 are commanded carry it along.
             servo_lag_s: by which joints follow their commands [s].
         """
-        self._settings, self._dt = settings, (period_s := robot.period_s)
+        self._settings, period_s = settings, robot.period_s
         self._has_odometry = anchors is not None
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
         self._anchors = anchors
