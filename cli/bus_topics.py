@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections import defaultdict
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import typer
@@ -25,14 +25,11 @@ if TYPE_CHECKING:
     from surefoot.robot_io.client_side.robot_watch import Absences
 
 
-class TopicRow(msgspec.Struct, kw_only=True):
-    """A channel of the topic table, as it was heard."""
+class KeyRow(msgspec.Struct, kw_only=True):
+    """A key of the bus, as it was heard."""
 
-    channel: str
     key: str
     """On the wire, with the namespace."""
-    type: str
-    direction: str
     publishers: list[str] | None
     """Who may publish, or who answers a service; None if unknown."""
     subscribers: list[str] | None
@@ -40,20 +37,17 @@ class TopicRow(msgspec.Struct, kw_only=True):
     rate_hz: float
     bytes: float | None
     """Mean size of a message."""
+
+
+class TopicRow(KeyRow, kw_only=True):
+    """A channel of the topic table."""
+
+    channel: str
+    type: str
+    direction: str
     malformed: int
     malformed_reason: str
     """Of the last one."""
-
-
-class UnknownKey(msgspec.Struct, kw_only=True):
-    """A key that is no channel of this robot."""
-
-    key: str
-    publishers: list[str] | None
-    subscribers: list[str] | None
-    messages: int
-    rate_hz: float
-    bytes: float | None
 
 
 class Topics(msgspec.Struct, kw_only=True):
@@ -64,7 +58,8 @@ class Topics(msgspec.Struct, kw_only=True):
     processes: list[str]
     """Everyone on the bus but this command."""
     channels: list[TopicRow]
-    unknown: list[UnknownKey]
+    unknown: list[KeyRow]
+    """Keys that are no channel of this robot."""
 
 
 def list_topics(
@@ -92,14 +87,7 @@ def list_topics(
         if "*" not in entry.key
     }
     unknown = [
-        UnknownKey(
-            key=key,
-            publishers=_who(graph, key, is_service=False),
-            subscribers=_subscribers(graph, key),
-            messages=len(messages[key]),
-            rate_hz=len(messages[key]) / listened_s,
-            bytes=_mean_size(messages[key]),
-        )
+        KeyRow(**_seen(graph, key, messages[key], listened_s=listened_s))
         for key in sorted((declared | set(messages)) - known)
     ]
     return Topics(
@@ -122,16 +110,15 @@ def _row(
     is_service = entry.direction in SERVICES
     key = f"{robot.file.namespace}/{robot.keys[entry.name]}"
     malformed, reason = _malformed(entry, payloads, joint_count=robot.n_a)
+    seen = _seen(graph, key, payloads, listened_s=listened_s)
+    if is_service:
+        answers = processes_of(graph.services, key) if graph.is_told else None
+        seen |= {"publishers": answers, "subscribers": []}
     return TopicRow(
+        **seen,
         channel=entry.name,
-        key=key,
         type=entry.message.__name__,
         direction=entry.direction.value,
-        publishers=_who(graph, key, is_service=is_service),
-        subscribers=_subscribers(graph, key) if not is_service else [],
-        messages=len(payloads),
-        rate_hz=len(payloads) / listened_s,
-        bytes=_mean_size(payloads),
         malformed=malformed,
         malformed_reason=reason,
     )
@@ -149,18 +136,19 @@ def _malformed(
     return count, reason
 
 
-def _who(graph: BusGraph, key: str, *, is_service: bool) -> list[str] | None:
-    if not graph.is_told:
-        return None
-    return processes_of(graph.services if is_service else graph.publishers, key)
-
-
-def _subscribers(graph: BusGraph, key: str) -> list[str] | None:
-    return processes_of(graph.subscribers, key) if graph.is_told else None
-
-
-def _mean_size(payloads: list[bytes]) -> float | None:
-    return sum(map(len, payloads)) / len(payloads) if payloads else None
+def _seen(
+    graph: BusGraph, key: str, payloads: list[bytes], *, listened_s: float
+) -> dict[str, Any]:
+    """The fields of a :class:`KeyRow`."""
+    size = sum(map(len, payloads))
+    return {
+        "key": key,
+        "publishers": processes_of(graph.publishers, key) if graph.is_told else None,
+        "subscribers": processes_of(graph.subscribers, key) if graph.is_told else None,
+        "messages": len(payloads),
+        "rate_hz": len(payloads) / listened_s,
+        "bytes": size / len(payloads) if payloads else None,
+    }
 
 
 def topics_table(told: Topics) -> Table:
@@ -190,7 +178,7 @@ def _table(title: str, *first: str) -> Table:
     return new_table(title, *first, "from", "heard by", figures=figures, boxed=False)
 
 
-def _heard(row: TopicRow | UnknownKey) -> tuple[str, ...]:
+def _heard(row: KeyRow) -> tuple[str, ...]:
     """From whom, by whom, how often, how long: what is known of any key."""
     return (
         _names(row.publishers),

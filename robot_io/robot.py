@@ -240,10 +240,8 @@ class Robot:
 
     def _soft(self, name: str, hard: Array) -> Array:
         wanted = [getattr(joint, name) for joint in self.file.joint]
-        limits = hard.copy()
-        for index, value in enumerate(wanted):
-            if value is not None:
-                limits[index] = value
+        pairs = zip(wanted, hard, strict=True)
+        limits = np.array([own if soft is None else soft for soft, own in pairs])
         clipped: Array = np.clip(limits, self.lower, self.upper)
         clipped.setflags(write=False)
         return clipped
