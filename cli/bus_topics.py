@@ -222,13 +222,6 @@ def find_channel(text: str, robot: Robot) -> Topic:
     raise UsageError(f"no channel {text!r}; {hint}{there}")
 
 
-def same_clock(locators: list[str]) -> bool:
-    """Return whether the process dialed there has this process's monotonic clock."""
-    from surefoot.robot_io.security.locators import is_local
-
-    return all(is_local(locator) for locator in locators)
-
-
 def tell_absences(absences: Absences) -> None:
     """Say when the robot was away.
 
