@@ -147,25 +147,16 @@ def _share(scaled: Scenario, shipped: Scenario) -> float:
     return 1.0
 
 
-class Count(NamedTuple):
-    """Runs of a cell, or of many."""
-
-    up: int = 0
-    runs: int = 0
-
-    def plus(self, other: Count) -> Count:
-        """Both together."""
-        return Count(self.up + other.up, self.runs + other.runs)
-
-
-def run_cell(robot: Robot, name: str, *, seeds: int, whole: bool) -> tuple[Count, str]:
-    """Run a cell; how many stood, and its text in the table."""
+def run_cell(
+    robot: Robot, name: str, *, seeds: int, whole: bool
+) -> tuple[list[bool], str]:
+    """Run a cell; which of its runs stood, and its text in the table."""
     todo, share = scenarios(robot, name, whole=whole)
-    count, worst = Count(), 0.0
+    stood, worst = [], 0.0
     for scenario in todo:
         for seed in range(seeds):
             run = sf.simulate(robot, scenario, seed=seed, record=False)
-            count = count.plus(Count(int(run.outcome.is_up), 1))
+            stood.append(run.outcome.is_up)
             if run.outcome.is_up:
                 worst = max(worst, *(run.result.com_error_rms_mm or ()))
             else:
@@ -176,8 +167,8 @@ def run_cell(robot: Robot, name: str, *, seeds: int, whole: bool) -> tuple[Count
                     flush=True,
                 )
     scaled = "" if share == 1.0 else f" at {100.0 * share:.0f} %"
-    figure = f", {worst:.1f}" if count.up else ""
-    return count, f"{count.up}/{count.runs}{scaled}{figure}"
+    figure = f", {worst:.1f}" if any(stood) else ""
+    return stood, f"{sum(stood)}/{len(stood)}{scaled}{figure}"
 
 
 def main() -> None:
@@ -191,7 +182,7 @@ def main() -> None:
     options = parser.parse_args()
     print(f"| robot, servos | {' | '.join(options.cells)} | up |")
     print(f"|---|{'---|' * len(options.cells)}---|")
-    total = Count()
+    total: list[bool] = []
     for name in options.robots:
         with tempfile.TemporaryDirectory() as folder:
             try:
@@ -200,19 +191,19 @@ def main() -> None:
                 sys.exit(f"{name}: {error}")
             for profile in options.servo_profiles:
                 robot = load_robot(path, servo_profile=profile)
-                row, texts = Count(), []
+                row: list[bool] = []
+                texts = []
                 for cell in options.cells:
-                    count, text = run_cell(
+                    stood, text = run_cell(
                         robot, cell, seeds=options.seeds, whole=options.whole
                     )
-                    row = row.plus(count)
+                    row += stood
                     texts.append(text)
-                total = total.plus(row)
-                line = " | ".join(
-                    [f"{name}, {profile}", *texts, f"{row.up}/{row.runs}"]
-                )
+                total += row
+                told = (f"{name}, {profile}", *texts, f"{sum(row)}/{len(row)}")
+                line = " | ".join(told)
                 print(f"| {line} |", flush=True)
-    print(f"\nup: {total.up} of {total.runs}")
+    print(f"\nup: {sum(total)} of {len(total)}")
 
 
 if __name__ == "__main__":

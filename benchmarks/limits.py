@@ -23,12 +23,11 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import build_settings
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.dynamics import SOLE_ROWS
 from surefoot.stabilizer.model import N_BASE_V
-from surefoot.studies.cell import Cell, Group, Row, Task
+from surefoot.studies.cell import Cell, Group, Row, Task, is_up
 from surefoot.studies.paper_page import record
 
 BANDWIDTHS_RAD_S = (0.2, 0.3, 0.4, 0.55, 0.8, 1.2)
@@ -188,7 +187,7 @@ def _fastest_joint(robot: Robot, axis: int) -> tuple[str, float, float]:
 
 
 def _worst_force(seeds: list[Row]) -> float:
-    if not all(Outcome(row["outcome"]).is_up for row in seeds):
+    if not all(is_up(row) for row in seeds):
         return FELL_N
     return float(max(max(row["force_deviation_rms_n"]) for row in seeds))
 

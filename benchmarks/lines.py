@@ -18,9 +18,8 @@ import msgspec
 
 from surefoot.run_plan import RunPlan
 from surefoot.runs import run_inline
-from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
-from surefoot.studies.cell import Row, figures_of, plan_in
+from surefoot.studies.cell import Row, figures_of, is_up, plan_in
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
 from surefoot.studies.study import success_interval
@@ -120,11 +119,6 @@ def run_all(
         if not is_up(row):
             print(f"{run.key}: {row['outcome']} at {row['fell_at_s']} s")
     return rows
-
-
-def is_up(row: Row) -> bool:
-    """Return whether the robot stood or walked to the end."""
-    return Outcome(row["outcome"]).is_up
 
 
 def share_in_words(rows: Sequence[Row]) -> str:

@@ -1,28 +1,29 @@
 """What the loss of an ankle sensor leads to: ``degrade`` against ``hold``.
 
-    python -m benchmarks.lost_sensors [--seeds 1] [--jobs 2] [--out FILE]
+    python -m benchmarks.lost_sensors [--only left "NaN"] [--count 1] [--out FOLDER]
 
-Each cell is a run of a shipped scenario, cut short, in one process (``surefoot run
---inline``) with one ``[[fault]]`` more, which lasts until the end. Writes Markdown.
+A line is a sensor and how it fails, until the end, in shipped scenarios that are cut
+short. The k-th run has noise seed k. Writes Markdown: the largest error of the centre
+of mass, or the fall.
 """
 
 from __future__ import annotations
 
-import argparse
-import itertools
-import os
-import tempfile
-from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
-from benchmarks.started import run_json, shortened
-from surefoot.studies.tables import markdown
+import msgspec
 
-FELL = 5
+from benchmarks.lines import LineRun, pivot, run_all, study_options
+from surefoot import load_scenario
+from surefoot.run_plan import RunPlan
+from surefoot.schemas.scenario import Scenario, SensorFault
+from surefoot.studies.cell import Row
 
 
-class Case(NamedTuple):
+class Ground(NamedTuple):
     """A scenario, how long it is run, and when the sensor fails [s]."""
 
     scenario: str
@@ -30,94 +31,88 @@ class Case(NamedTuple):
     start_s: float
 
 
-CASES = (
-    Case("standing", 9.0, 4.0),
-    Case("moving-platform-slow", 12.0, 4.0),
-    Case("falling-platform-80", 7.0, 3.0),
+GROUNDS = (
+    Ground("standing", 9.0, 4.0),
+    Ground("moving-platform-slow", 12.0, 4.0),
+    Ground("falling-platform-80", 7.0, 3.0),
 )
-FAULTS = {
-    "missing": 'kind = "drop"',
-    "frozen": 'kind = "freeze"',
-    "NaN": 'kind = "nan"',
-    "jumps by 2500 N": 'kind = "jump"\nsize = 2500.0',
-    "biased by 100 N": 'kind = "jump"\nsize = 100.0',
-    "biased by 300 N": 'kind = "jump"\nsize = 300.0',
+FAULTS: dict[str, dict[str, Any]] = {
+    "missing": {"kind": "drop"},
+    "frozen": {"kind": "freeze"},
+    "NaN": {"kind": "nan"},
+    "jumps by 2500 N": {"kind": "jump", "size": 2500.0},
+    "biased by 100 N": {"kind": "jump", "size": 100.0},
+    "biased by 300 N": {"kind": "jump", "size": 300.0},
 }
-SIDES = ("left", "right")
+LINES = {
+    f"{side} {fault}": (side, fault) for fault in FAULTS for side in ("left", "right")
+}
 POLICIES = ("degrade", "hold")
 
 
-def run_once(
-    case: Case, fault: str, side: str, policy: str, seed: int, folder: Path
-) -> dict[str, Any]:
-    """Return one run's result object.
+@dataclass(frozen=True)
+class LossRun(LineRun):
+    """One run in which a sensor fails."""
 
-    Raises:
-        RuntimeError: the run failed; holds its last words.
-    """
-    name = f"{case.scenario} {fault} {side} {policy} {seed}".replace(" ", "-")
-    path = folder / f"{name}.toml"
-    path.write_text(
-        shortened(case.scenario, case.duration_s)
-        + f'\n[[fault]]\nsensor = "{side}_ankle_ft"\n{FAULTS[fault]}\n'
-        + f"start_s = {case.start_s}\nduration_s = 3600.0\n"
-    )
-    return run_json(
-        path,
-        *("--inline", "--seed", seed, "--set", f'safety.ft_lost="{policy}"'),
-        ended=(0, FELL),
-    )
+    ground: Ground
+    policy: str
 
+    figures = ("degraded_ticks",)
 
-def cell(results: list[dict[str, Any]]) -> str:
-    """Return outcome and largest error of runs that differ by their seed only."""
-    falls = [r["fell_at_s"] for r in results if r["fell"]]
-    if falls:
-        share = "" if len(falls) == len(results) else f" {len(falls)} of {len(results)}"
-        return f"**fell**{share} at {min(falls):.1f} s"
-    x, y, z = (max(r["com_error_max_mm"][i] for r in results) for i in range(3))
-    noticed = all(r["degraded_ticks"] for r in results)
-    return f"{x:.0f}, {y:.0f}, {z:.0f}" + ("" if noticed else " (unnoticed)")
+    @property
+    def key(self) -> str:
+        """Unique in a study, and readable."""
+        return f"{super().key}|{self.ground.scenario}|{self.policy}"
 
-
-def table(cells: dict[tuple[str, str, str, str], str]) -> str:
-    """Return a Markdown table: a row per fault and side, two columns per scenario."""
-    names = [case.scenario for case in CASES]
-    heads = [f"{name}, {policy}" for name in names for policy in POLICIES]
-    rows = [
-        (
-            f"{side} {fault}",
-            *(cells[name, fault, side, how] for name in names for how in POLICIES),
+    def scenario(self) -> Scenario:
+        """Return the shipped one, cut short, with the fault."""
+        side, fault = LINES[self.line]
+        fails = SensorFault(
+            sensor=f"{side}_ankle_ft",
+            start_s=self.ground.start_s,
+            duration_s=3600.0,
+            **FAULTS[fault],
         )
-        for fault, side in itertools.product(FAULTS, SIDES)
-    ]
-    return markdown(["sensor", *heads], rows)
+        return msgspec.structs.replace(
+            load_scenario(self.ground.scenario),
+            duration_s=self.ground.duration_s,
+            fault=[fails],
+        )
+
+    def plan(self, *, robot: str, overrides: tuple[str, ...]) -> RunPlan:
+        """Return its plan; see the base class."""
+        policy = f'safety.ft_lost="{self.policy}"'
+        return super().plan(robot=robot, overrides=(*overrides, policy))
+
+
+def cell(rows: Sequence[Row]) -> str:
+    """Return outcome and largest error of runs that differ by their seed only."""
+    falls = [row["fell_at_s"] for row in rows if row["fell"]]
+    if falls:
+        share = "" if len(falls) == len(rows) else f" {len(falls)} of {len(rows)}"
+        return f"**fell**{share} at {min(falls):.1f} s"
+    x, y, z = (max(row["com_error_max_mm"][i] for row in rows) for i in range(3))
+    noticed = all(row["degraded_ticks"] for row in rows)
+    return f"{x:.0f}, {y:.0f}, {z:.0f}" + ("" if noticed else " (unnoticed)")
 
 
 def main() -> int:
     """Read the command line, run and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
-    parser.add_argument("--out", type=Path)
-    arguments = parser.parse_args()
-    grid = list(itertools.product(CASES, FAULTS, SIDES, POLICIES))
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        ThreadPoolExecutor(arguments.jobs) as pool,
-    ):
-        runs = {
-            (case.scenario, fault, side, policy): [
-                pool.submit(run_once, case, fault, side, policy, seed, Path(folder))
-                for seed in range(arguments.seeds)
-            ]
-            for case, fault, side, policy in grid
-        }
-        cells = {key: cell([run.result() for run in of]) for key, of in runs.items()}
-    text = table(cells)
-    print(text, end="")
-    if arguments.out is not None:
-        arguments.out.write_text(text, encoding="utf-8")
+    options = study_options(__doc__, count=1).parse_args()
+    lines = [n for n in LINES if any(word in n for word in options.only)]
+    numbers = range(options.first, options.first + options.count)
+    runs = [
+        LossRun(line, number, controller, "ideal", ground, policy)
+        for line, ground, policy, controller, number in product(
+            lines, GROUNDS, POLICIES, options.controllers, numbers
+        )
+    ]
+    cells: dict[tuple[str, str], list[Row]] = {}
+    for run, row in zip(runs, run_all(runs, options, title="losses"), strict=True):
+        others = () if run.controller == "whole-body" else (run.controller,)
+        column = ", ".join((run.ground.scenario, run.policy, *others))
+        cells.setdefault((run.line, column), []).append(row)
+    print(pivot("sensor", cells, cell), end="")
     return 0
 
 

@@ -122,16 +122,8 @@ def make_venv(folder: Path) -> tuple[Path, dict[str, str]]:
     for line in (HERE / "peers-requirements.txt").read_text().splitlines():
         if not line or line.startswith("#"):
             continue
-        pip = [
-            str(python),
-            "-m",
-            "pip",
-            "install",
-            "-q",
-            "--only-binary",
-            ":all:",
-            line,
-        ]
+        pip = ["-m", "pip", "install", "-q", "--only-binary", ":all:"]
+        pip = [str(python), *pip, line]
         done = subprocess.run(pip, check=False, capture_output=True, text=True)
         if done.returncode:
             words = (done.stderr.strip() or "pip failed").splitlines()

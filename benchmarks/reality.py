@@ -24,20 +24,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.lines import (
-    LineRun,
-    is_up,
-    pivot,
-    run_all,
-    share_in_words,
-    study_options,
-)
+from benchmarks.lines import LineRun, pivot, run_all, share_in_words, study_options
 from benchmarks.mounted import Drawing, write_mounted
 from benchmarks.started import shortened
 from surefoot.robot_io.robot import load_robot
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import Scenario, scenario_from_table
-from surefoot.studies.cell import Row
+from surefoot.studies.cell import Row, is_up
 
 Tables = dict[str, Any]
 GROUND = {"standing": 4.0, "moving-platform-slow": 10.0, "moving-platform-fast": 5.0}

@@ -18,24 +18,17 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import TYPE_CHECKING, cast
 
 import msgspec
 
-from benchmarks.lines import (
-    LineRun,
-    is_up,
-    pivot,
-    run_all,
-    share_in_words,
-    study_options,
-)
+from benchmarks.lines import LineRun, pivot, run_all, share_in_words, study_options
 from surefoot import load_scenario
 from surefoot.schemas.motions import Axis, PrtsMotion
 from surefoot.schemas.scenario import Platform, Scenario, Tile
 from surefoot.schemas.scenario_robot import Delay, ModelError
 from surefoot.schemas.walk_plan import Walk, WalkStep
-from surefoot.studies.cell import Row
+from surefoot.studies.cell import Row, is_up
 from surefoot.studies.study import success_interval
 
 if TYPE_CHECKING:
@@ -245,34 +238,27 @@ def model_errors(number: int) -> Scenario:
     )
 
 
-class Line(NamedTuple):
-    """One kind of walk."""
-
-    name: str
-    scenario: Callable[[int], Scenario]
-
-
-LINES = (
-    Line("flat, 0.25 m/s", shipped("walk-flat-slow")),
-    Line("flat, 0.46 m/s", shipped("walk-flat-quick")),
-    Line("turn, 17 deg/s", shipped("walk-turn")),
-    Line("sideways, 0.1 m/s", shipped("walk-sideways")),
-    Line("stop and go", stop_and_go),
-    Line("tiles, 25 mm, 5 deg", tiles(25.0, 5.0)),
-    Line("tiles, 35 mm, 8 deg", tiles(35.0, 8.0)),
-    Line("borders under the feet, 25 mm, 5 deg", borders),
-    Line("unknown kerb of 30 to 70 mm", kerb),
-    Line("soft mat", shipped("walk-soft")),
-    Line("seesaw", shipped("walk-seesaw")),
-    Line("slow platform", later("walk-platform-slow", within_s=8.0)),
-    Line("fast platform", later("walk-platform-fast", within_s=2.0)),
-    Line("PRTS of 8 deg, in place", prts_in_place),
-    Line("push of 20 N s", push(20.0)),
-    Line("push of 30 N s", push(30.0)),
-    Line("stairs of 10 cm, off by up to 15 mm", stairs),
-    Line("model errors", model_errors),
-)
-SCENARIOS = {line.name: line.scenario for line in LINES}
+LINES = {
+    "flat, 0.25 m/s": shipped("walk-flat-slow"),
+    "flat, 0.46 m/s": shipped("walk-flat-quick"),
+    "turn, 17 deg/s": shipped("walk-turn"),
+    "sideways, 0.1 m/s": shipped("walk-sideways"),
+    "stop and go": stop_and_go,
+    "tiles, 25 mm, 5 deg": tiles(25.0, 5.0),
+    "tiles, 35 mm, 8 deg": tiles(35.0, 8.0),
+    "borders under the feet, 25 mm, 5 deg": borders,
+    "unknown kerb of 30 to 70 mm": kerb,
+    "soft mat": shipped("walk-soft"),
+    "seesaw": shipped("walk-seesaw"),
+    "slow platform": later("walk-platform-slow", within_s=8.0),
+    "fast platform": later("walk-platform-fast", within_s=2.0),
+    "PRTS of 8 deg, in place": prts_in_place,
+    "push of 20 N s": push(20.0),
+    "push of 30 N s": push(30.0),
+    "stairs of 10 cm, off by up to 15 mm": stairs,
+    "model errors": model_errors,
+}
+"""Kinds of walks by name."""
 
 
 class WalkRun(LineRun):
@@ -289,7 +275,7 @@ class WalkRun(LineRun):
 
     def scenario(self) -> Scenario:
         """Return the walk of its line and number."""
-        return SCENARIOS[self.line](self.number)
+        return LINES[self.line](self.number)
 
 
 def in_words(rows: Sequence[Row]) -> str:
@@ -389,7 +375,7 @@ def main() -> int:
     parser.add_argument("--figure", help="of how many were walked")
     parser.add_argument("--push-figure", help="of the first push line that was run")
     options = parser.parse_args()
-    names = [n for n in SCENARIOS if any(word in n for word in options.only)]
+    names = [n for n in LINES if any(word in n for word in options.only)]
     runs = [
         WalkRun(name, number, controller, profile)
         for name in names

@@ -216,7 +216,7 @@ def _numbers(text: str | None, *, option: str) -> list[float] | None:
 
 
 def _settings(overrides: Iterable[str] | None) -> dict[str, Any]:
-    from surefoot.schemas.scenario_paths import parse_override
+    from surefoot.schemas.toml_file import parse_override
 
     return dict(parse_override(text, option="--set") for text in overrides or ())
 
@@ -224,11 +224,12 @@ def _settings(overrides: Iterable[str] | None) -> dict[str, Any]:
 def _tables(tables: Iterable[TextTable]) -> RenderableType:
     from rich.console import Group
     from rich.markup import escape
-    from rich.table import Table
+
+    from surefoot.cli.console import new_table
 
     shown = []
     for table in tables:
-        drawn = Table(*table.columns, title=table.title, title_justify="left")
+        drawn = new_table(table.title, *table.columns)
         for row in table.rows:
             drawn.add_row(*map(escape, row))
         shown.append(drawn)

@@ -222,16 +222,17 @@ def hz(
     was lost meanwhile, with 130 after Ctrl-C, which leaves the last table.
     """
     from surefoot.cli.bus_messages import TimingMeter, hz_table
-    from surefoot.cli.bus_topics import find_channel, same_clock, tell_absences
+    from surefoot.cli.bus_topics import find_channel, tell_absences
     from surefoot.cli.console import live_table, print_json, print_note, print_table
     from surefoot.robot_io.bus.session import dialed
     from surefoot.robot_io.client_side.listener import Listener
     from surefoot.robot_io.realtime import StopRequest
+    from surefoot.robot_io.security.locators import is_local
     from surefoot.schemas.topics import PUBLISHED
 
     model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     chosen = [find_channel(text, model) for text in channels or []] or PUBLISHED
-    has_delay = same_clock(dialed(meeting))
+    has_delay = all(map(is_local, dialed(meeting)))  # only then clocks are one
     meters = {
         f"{model.file.namespace}/{model.keys[entry.name]}": TimingMeter(
             entry.name,

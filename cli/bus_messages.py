@@ -12,22 +12,22 @@ import msgspec
 import numpy as np
 from rich.table import Table
 
+from surefoot.cli.console import new_table
 from surefoot.errors import UsageError
 from surefoot.robot_io.client_side.listener import RawMessage
 from surefoot.robot_io.realtime import distribution_of
+from surefoot.schemas.arrays import NS_PER_MS, NS_PER_S
 from surefoot.schemas.codec import decode, decode_head
 from surefoot.schemas.errors import MessageError
+from surefoot.schemas.reasons import NONE, given
 from surefoot.schemas.result import Distribution
 from surefoot.schemas.topics import Topic
 from surefoot.schemas.validation import nearest
 
-NS_PER_S = 1e9
 _DIGITS = ".6g"
 _HEADER = ("schema", "tick", "stamp_ns")
-NS_PER_MS = 1e6
 RESTART_TICKS = 1000
 """A tick so far behind is another run of the robot, not a late message."""
-NONE = "-"
 _FINE_MS, _COARSE_MS = 10.0, 100.0
 _HEADINGS = (
     "Hz",
@@ -103,8 +103,8 @@ def text_of(value: Any) -> str:
     if isinstance(value, list):
         return f"[{', '.join(map(text_of, value))}]"
     if isinstance(value, dict):
-        return ", ".join(f"{k} {text_of(v)}" for k, v in value.items()) or "-"
-    return str(value) if value != "" else "-"
+        return ", ".join(f"{k} {text_of(v)}" for k, v in value.items()) or NONE
+    return str(value) if value != "" else NONE
 
 
 class Echo:
@@ -271,26 +271,20 @@ class TimingMeter:
 
 def hz_table(timings: Iterable[ChannelTiming]) -> Table:
     """Return a table with one row per channel."""
-    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("channel", no_wrap=True)
-    for heading in _HEADINGS:
-        table.add_column(heading, justify="right", no_wrap=True)
+    table = new_table("", figures=("channel", *_HEADINGS), boxed=False)
+    table.columns[0].justify, table.padding = "left", (0, 1, 0, 0)
     for timing in timings:
         table.add_row(
             timing.channel,
-            NONE if timing.rate_hz is None else f"{timing.rate_hz:.1f}",
+            given(timing.rate_hz, ".1f"),
             *_times(timing.jitter_ms),
             *_times(timing.delay_ms),
-            _count(timing.gaps),
-            _count(timing.duplicates),
-            _count(timing.out_of_order),
+            given(timing.gaps),
+            given(timing.duplicates),
+            given(timing.out_of_order),
             str(timing.unreadable),
         )
     return table
-
-
-def _count(value: int | None) -> str:
-    return NONE if value is None else str(value)
 
 
 def _times(times: Distribution | None) -> tuple[str, str, str]:

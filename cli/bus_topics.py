@@ -5,34 +5,31 @@ from __future__ import annotations
 import difflib
 from collections import defaultdict
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 import typer
 from rich.markup import escape
 from rich.table import Table
 
+from surefoot.cli.console import new_table
 from surefoot.errors import ExitCode, UsageError
 from surefoot.robot_io.client_side.listener import BusGraph, RawMessage, processes_of
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
+from surefoot.schemas.reasons import NONE, given
 from surefoot.schemas.topics import ALL_CHANNELS, PUBLISHED, SERVICES, TOPICS, Topic
 
 if TYPE_CHECKING:
     from surefoot.robot_io.client_side.robot_watch import Absences
 
-NONE = "-"
 
+class KeyRow(msgspec.Struct, kw_only=True):
+    """A key of the bus, as it was heard."""
 
-class TopicRow(msgspec.Struct, kw_only=True):
-    """A channel of the topic table, as it was heard."""
-
-    channel: str
     key: str
     """On the wire, with the namespace."""
-    type: str
-    direction: str
     publishers: list[str] | None
     """Who may publish, or who answers a service; None if unknown."""
     subscribers: list[str] | None
@@ -40,20 +37,17 @@ class TopicRow(msgspec.Struct, kw_only=True):
     rate_hz: float
     bytes: float | None
     """Mean size of a message."""
+
+
+class TopicRow(KeyRow, kw_only=True):
+    """A channel of the topic table."""
+
+    channel: str
+    type: str
+    direction: str
     malformed: int
     malformed_reason: str
     """Of the last one."""
-
-
-class UnknownKey(msgspec.Struct, kw_only=True):
-    """A key that is no channel of this robot."""
-
-    key: str
-    publishers: list[str] | None
-    subscribers: list[str] | None
-    messages: int
-    rate_hz: float
-    bytes: float | None
 
 
 class Topics(msgspec.Struct, kw_only=True):
@@ -64,7 +58,8 @@ class Topics(msgspec.Struct, kw_only=True):
     processes: list[str]
     """Everyone on the bus but this command."""
     channels: list[TopicRow]
-    unknown: list[UnknownKey]
+    unknown: list[KeyRow]
+    """Keys that are no channel of this robot."""
 
 
 def list_topics(
@@ -92,14 +87,7 @@ def list_topics(
         if "*" not in entry.key
     }
     unknown = [
-        UnknownKey(
-            key=key,
-            publishers=_who(graph, key, is_service=False),
-            subscribers=_subscribers(graph, key),
-            messages=len(messages[key]),
-            rate_hz=len(messages[key]) / listened_s,
-            bytes=_mean_size(messages[key]),
-        )
+        KeyRow(**_seen(graph, key, messages[key], listened_s=listened_s))
         for key in sorted((declared | set(messages)) - known)
     ]
     return Topics(
@@ -122,16 +110,15 @@ def _row(
     is_service = entry.direction in SERVICES
     key = f"{robot.file.namespace}/{robot.keys[entry.name]}"
     malformed, reason = _malformed(entry, payloads, joint_count=robot.n_a)
+    seen = _seen(graph, key, payloads, listened_s=listened_s)
+    if is_service:
+        answers = processes_of(graph.services, key) if graph.is_told else None
+        seen |= {"publishers": answers, "subscribers": []}
     return TopicRow(
+        **seen,
         channel=entry.name,
-        key=key,
         type=entry.message.__name__,
         direction=entry.direction.value,
-        publishers=_who(graph, key, is_service=is_service),
-        subscribers=_subscribers(graph, key) if not is_service else [],
-        messages=len(payloads),
-        rate_hz=len(payloads) / listened_s,
-        bytes=_mean_size(payloads),
         malformed=malformed,
         malformed_reason=reason,
     )
@@ -149,18 +136,19 @@ def _malformed(
     return count, reason
 
 
-def _who(graph: BusGraph, key: str, *, is_service: bool) -> list[str] | None:
-    if not graph.is_told:
-        return None
-    return processes_of(graph.services if is_service else graph.publishers, key)
-
-
-def _subscribers(graph: BusGraph, key: str) -> list[str] | None:
-    return processes_of(graph.subscribers, key) if graph.is_told else None
-
-
-def _mean_size(payloads: list[bytes]) -> float | None:
-    return sum(map(len, payloads)) / len(payloads) if payloads else None
+def _seen(
+    graph: BusGraph, key: str, payloads: list[bytes], *, listened_s: float
+) -> dict[str, Any]:
+    """The fields of a :class:`KeyRow`."""
+    size = sum(map(len, payloads))
+    return {
+        "key": key,
+        "publishers": processes_of(graph.publishers, key) if graph.is_told else None,
+        "subscribers": processes_of(graph.subscribers, key) if graph.is_told else None,
+        "messages": len(payloads),
+        "rate_hz": len(payloads) / listened_s,
+        "bytes": size / len(payloads) if payloads else None,
+    }
 
 
 def topics_table(told: Topics) -> Table:
@@ -168,44 +156,36 @@ def topics_table(told: Topics) -> Table:
     namespace = told.channels[0].key.split("/")[0]
     table = _table(
         f"{told.robot}: keys under {namespace}/, heard for {told.listened_s:.1f} s",
-        ("channel", "key", "type"),
+        *("channel", "key", "type"),
     )
+    table.columns[0].no_wrap = True
     for row in told.channels:
-        table.add_row(
-            row.channel,
-            escape(row.key.removeprefix(f"{namespace}/")),
-            row.type,
-            _names(row.publishers),
-            _names(row.subscribers),
-            _rate(row.rate_hz),
-            _size(row.bytes),
-        )
+        key = escape(row.key.removeprefix(f"{namespace}/"))
+        table.add_row(row.channel, key, row.type, *_heard(row))
     return table
 
 
 def unknown_table(told: Topics) -> Table:
     """Return a table with one row per key that is not a channel."""
-    table = _table(f"keys that are no channel of {told.robot}", ("key",))
+    table = _table(f"keys that are no channel of {told.robot}", "key")
     for row in told.unknown:
-        table.add_row(
-            escape(row.key),
-            _names(row.publishers),
-            _names(row.subscribers),
-            _rate(row.rate_hz),
-            _size(row.bytes),
-        )
+        table.add_row(escape(row.key), *_heard(row))
     return table
 
 
-def _table(title: str, first: tuple[str, ...]) -> Table:
-    table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for heading in first:
-        table.add_column(heading, no_wrap=heading == "channel", overflow="fold")
-    table.add_column("from", overflow="fold")
-    table.add_column("heard by", overflow="fold")
-    table.add_column("Hz", justify="right")
-    table.add_column("bytes", justify="right")
-    return table
+def _table(title: str, *first: str) -> Table:
+    figures = ("Hz", "bytes")
+    return new_table(title, *first, "from", "heard by", figures=figures, boxed=False)
+
+
+def _heard(row: KeyRow) -> tuple[str, ...]:
+    """From whom, by whom, how often, how long: what is known of any key."""
+    return (
+        _names(row.publishers),
+        _names(row.subscribers),
+        given(row.rate_hz or None, ".0f"),
+        given(row.bytes, ".0f"),
+    )
 
 
 def _names(names: list[str] | None) -> str:
@@ -214,14 +194,6 @@ def _names(names: list[str] | None) -> str:
         return "?"
     kinds = dict.fromkeys(name.split()[0] for name in names)
     return escape(", ".join(kinds)) or NONE
-
-
-def _rate(rate_hz: float) -> str:
-    return f"{rate_hz:.0f}" if rate_hz else NONE
-
-
-def _size(size: float | None) -> str:
-    return NONE if size is None else f"{size:.0f}"
 
 
 def find_channel(text: str, robot: Robot) -> Topic:
@@ -248,13 +220,6 @@ def find_channel(text: str, robot: Robot) -> Topic:
     near = difflib.get_close_matches(wanted, [*ALL_CHANNELS, *keys], n=1)
     hint = f"did you mean {keys.get(near[0], near[0])!r}? " if near else ""
     raise UsageError(f"no channel {text!r}; {hint}{there}")
-
-
-def same_clock(locators: list[str]) -> bool:
-    """Return whether the process dialed there has this process's monotonic clock."""
-    from surefoot.robot_io.security.locators import is_local
-
-    return all(is_local(locator) for locator in locators)
 
 
 def tell_absences(absences: Absences) -> None:

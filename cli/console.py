@@ -14,6 +14,7 @@ import msgspec
 from rich.console import Console, RenderableType
 from rich.live import Live
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
 from surefoot.errors import ERROR_PREFIX
 from surefoot.installation import install_command
@@ -66,6 +67,20 @@ def show_notes(logger: str) -> None:
 def print_table(table: RenderableType) -> None:
     """Print a result for people."""
     _stdout.print(table)
+
+
+def new_table(
+    title: str, *words: str, figures: Sequence[str] = (), boxed: bool = True
+) -> Table:
+    """Return an empty table: columns of words at the left, of figures at the right."""
+    table = Table(title=title, title_justify="left", pad_edge=boxed)
+    if not boxed:
+        table.box = None
+    for heading in words:
+        table.add_column(heading, overflow="fold")
+    for heading in figures:
+        table.add_column(heading, justify="right", no_wrap=True)
+    return table
 
 
 def print_text(text: str) -> None:

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from surefoot.stabilizer.margins.margins import LoopMargins
     from surefoot.tuning.ask import Sampler
 
-NO_LIMIT = "-"
 _SEARCH = "Search"
 _SAMPLERS = ("tpe", "nsga2")
 
@@ -64,31 +63,25 @@ def margins(
 
 def margins_table(found: LoopMargins) -> Table:
     """Return a table with a row for each axis of each foot."""
-    from rich.table import Table
+    from surefoot.cli.console import new_table
+    from surefoot.schemas.reasons import given
 
-    table = Table(
-        title=f"{found.robot}, {found.servo_profile}, {found.rate_hz:g} Hz, loop of "
+    table = new_table(
+        f"{found.robot}, {found.servo_profile}, {found.rate_hz:g} Hz, loop of "
         f"{found.delay_ms:g} ms",
-        title_justify="left",
+        *("foot", "axis"),
+        figures=("gain, dB", "phase, deg", "delay, ms"),
     )
-    for name in ("foot", "axis"):
-        table.add_column(name)
-    for name in ("gain, dB", "phase, deg", "delay, ms"):
-        table.add_column(name, justify="right")
     for axis in found.axes:
         table.add_row(
             axis.foot,
             axis.axis,
-            _number(axis.gain_db, 1),
-            _number(axis.phase_deg, 0),
-            _number(axis.delay_ms, 1),
+            given(axis.gain_db, ".1f"),
+            given(axis.phase_deg, ".0f"),
+            given(axis.delay_ms, ".1f"),
             end_section=axis.axis == "yaw",
         )
     return table
-
-
-def _number(value: float | None, decimals: int) -> str:
-    return NO_LIMIT if value is None else f"{value:.{decimals}f}"
 
 
 def tune(

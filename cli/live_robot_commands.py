@@ -57,13 +57,13 @@ def check_robot(
 
 def _checks_table(report: ConformanceReport) -> Table:
     from rich.markup import escape
-    from rich.table import Table
+
+    from surefoot.cli.console import new_table
 
     failed = sum(not finding.passed for finding in report.findings)
     verdict = f"{failed} failed" if failed else "all passed"
-    table = Table(title=f"{report.robot}: {len(report.findings)} checks, {verdict}")
-    for heading in ("check", "", "got", "expected"):
-        table.add_column(heading, overflow="fold")
+    title = f"{report.robot}: {len(report.findings)} checks, {verdict}"
+    table = new_table(title, "check", "", "got", "expected")
     for finding in report.findings:
         mark = "[green]ok[/]" if finding.passed else "[bold red]FAILED[/]"
         table.add_row(finding.name, mark, escape(finding.got), escape(finding.expected))
@@ -216,20 +216,18 @@ def identify(
 
 
 def _table(drives: list[Drive]) -> Table:
-    from rich.table import Table
+    from surefoot.cli.console import new_table
+    from surefoot.schemas.reasons import given
 
-    table = Table(title="drives", title_justify="left")
-    table.add_column("joint")
-    for name in ("lag, ms", "limit, rad/s", "play, mrad", "stiffness", "delay, ms"):
-        table.add_column(name, justify="right")
+    figures = ("lag, ms", "limit, rad/s", "play, mrad", "stiffness", "delay, ms")
+    table = new_table("drives", "joint", figures=figures)
     for drive in drives:
-        scale = drive.stiffness_scale
         table.add_row(
             drive.joint,
             f"{1e3 * drive.lag_s:.1f}",
             f"{'>= ' if drive.is_bound else ''}{drive.velocity_limit_rad_s:.2f}",
             f"{'<= ' if drive.backlash_is_bound else ''}{1e3 * drive.backlash_rad:.2f}",
-            "-" if scale is None else f"{scale:.2f}",
+            given(drive.stiffness_scale, ".2f"),
             f"{1e3 * drive.delay_s:g}",
         )
     return table

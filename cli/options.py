@@ -23,7 +23,7 @@ NARROW = 72
 """Columns below which names of options would be cut in a table."""
 _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
 _BUS = "Bus"
-_CONTROLLER = "Controller"
+CONTROLLER = "Controller"
 _TIMING = "Real time"
 
 
@@ -215,7 +215,7 @@ ControllerOption = Annotated[
         help="Control law: whole-body, zmp, hold, an installed one, or your own as "
         "package.module:Class or path/to/file.py:Class.",
         autocompletion=complete_controller,
-        rich_help_panel=_CONTROLLER,
+        rich_help_panel=CONTROLLER,
     ),
 ]
 
@@ -226,7 +226,7 @@ SettingsOption = Annotated[
         metavar="FILE",
         help="Shipped settings (person, zmp-stock, zmp-tuned), or a file (.toml); any "
         "subset.",
-        rich_help_panel=_CONTROLLER,
+        rich_help_panel=CONTROLLER,
     ),
 ]
 
@@ -237,7 +237,7 @@ SetOption = Annotated[
         metavar="KEY=VALUE",
         help="Override one setting, such as tsid.base_kp=120. May be repeated.",
         autocompletion=complete_setting,
-        rich_help_panel=_CONTROLLER,
+        rich_help_panel=CONTROLLER,
     ),
 ]
 
@@ -337,6 +337,10 @@ OverwriteOption = Annotated[
         "--overwrite",
         help="Replace files that this command wrote there before; others stay.",
     ),
+]
+
+OpenOption = Annotated[
+    bool, typer.Option("--open", help="Open the page in the web browser.")
 ]
 
 JsonOption = Annotated[

@@ -195,9 +195,7 @@ def view(
         int,
         typer.Option("--port", min=0, max=65535, help="Port of the page; 0 for any."),
     ] = 8080,
-    open_browser: Annotated[
-        bool, typer.Option("--open", help="Open the page in the web browser.")
-    ] = False,
+    open_browser: options.OpenOption = False,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
     child: options.ChildOption = False,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from surefoot.recording.read import Record
     from surefoot.recording.write import McapFile
     from surefoot.robot_io.client_side.robot_watch import Absences
+_READY = "ready: what is said from now on is in the record"
 _CUT_OFF = "{} is cut off; what is whole of it was written"
 
 
@@ -104,7 +106,7 @@ def record(
             record_bus(
                 observer,
                 file,
-                on_ready=report_ready if child else _say_ready,
+                on_ready=report_ready if child else partial(log_note, _READY),
                 stop=stop,
             )
         absences = observer.absences
@@ -139,12 +141,6 @@ def _tell(file: McapFile, absences: Absences) -> None:
             )
     if absences.times:
         log_warning(f"{absences}; what was said meanwhile is not in the record")
-
-
-def _say_ready() -> None:
-    from surefoot.processes.child import log_note
-
-    log_note("ready: what is said from now on is in the record")
 
 
 log = typer.Typer(

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from surefoot.robot_io.robot import Robot
     from surefoot.schemas.endpoints import Endpoints
 
-_CONTROLLER = "With --controller"
 _PLAYING = "Playing on the bus"
 
 
@@ -87,27 +86,11 @@ def replay(
             metavar="NAME",
             help="Control law to take instead of the recorded one; as for `run`.",
             autocompletion=complete_controller,
-            rich_help_panel=_CONTROLLER,
+            rich_help_panel=options.CONTROLLER,
         ),
     ] = None,
-    settings: Annotated[
-        Path | None,
-        typer.Option(
-            "--settings",
-            metavar="FILE",
-            help="Settings to take instead of those attached to the record.",
-            rich_help_panel=_CONTROLLER,
-        ),
-    ] = None,
-    overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
-            help="Override one setting, such as tsid.base_kp=120. May be repeated.",
-            rich_help_panel=_CONTROLLER,
-        ),
-    ] = None,
+    settings: options.SettingsOption = None,
+    overrides: options.SetOption = None,
     as_json: options.JsonOption = False,
     endpoints: options.EndpointsOption = None,
     listen: options.ListenOption = None,
@@ -118,8 +101,8 @@ def replay(
 
     On the bus it looks like the robot, for surefoot view and record, and refuses to be
     commanded. With --controller nothing goes on any bus: exits with 0 when all
-    commands come out the same, bit for bit, and with 1 when not. The whole record is
-    read into memory.
+    commands come out the same, bit for bit, and with 1 when not; law and settings are
+    those of the record where none are named. The whole record is read into memory.
     """
     from surefoot.playback.timeline import read_timeline, recorded_robot
 

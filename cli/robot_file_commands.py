@@ -164,14 +164,12 @@ def new_robot(
 
 
 def _table(name: str, notes: tuple[Note, ...]) -> Table:
-    from rich.table import Table
     from rich.text import Text
 
+    from surefoot.cli.console import new_table
     from surefoot.robot_files.draft import KINDS
 
-    table = Table(title=f"{name}: from its URDF")
-    table.add_column("")
-    table.add_column("what", overflow="fold")
+    table = new_table(f"{name}: from its URDF", "", "what")
     for kind in KINDS:
         lines = [note.text for note in notes if note.kind == kind]
         for place, line in enumerate(lines):
@@ -192,7 +190,9 @@ def check_robot_file(
 
     Exits with 2 when the files contradict each other; warnings stop nothing.
     """
-    from surefoot.cli.console import print_json, print_table
+    from rich.console import Group
+
+    from surefoot.cli.console import print_result
     from surefoot.robot_files.judge import judge
     from surefoot.robot_io.robot import load_robot
     from surefoot.schemas.settings import ControllerSettings
@@ -200,22 +200,21 @@ def check_robot_file(
 
     robot = load_robot(file, servo_profile=servo_profile)
     report = judge(robot, compute_margins(robot, ControllerSettings()))
-    if as_json:
-        print_json(report)
-        return
-    print_table(_findings(report))
-    print_table(_scenarios(report))
+    print_result(
+        report,
+        lambda: Group(_findings(report), _scenarios(report)),
+        as_json=as_json,
+    )
 
 
 def _findings(report: RobotFileReport) -> Table:
     from rich.markup import escape
-    from rich.table import Table
+
+    from surefoot.cli.console import new_table
 
     warnings = sum(f.verdict == "warning" for f in report.findings)
     title = f"{report.robot}: {warnings or 'no'} warning{'s' * (warnings != 1)}"
-    table = Table(title=title)
-    for heading in ("what", "", "found", "do"):
-        table.add_column(heading, overflow="fold")
+    table = new_table(title, "what", "", "found", "do")
     for finding in report.findings:
         mark = "[green]ok[/]" if finding.verdict == "ok" else "[bold yellow]warning[/]"
         table.add_row(finding.name, mark, escape(finding.got), escape(finding.advice))
@@ -223,11 +222,10 @@ def _findings(report: RobotFileReport) -> Table:
 
 
 def _scenarios(report: RobotFileReport) -> Table:
-    from rich.table import Table
+    from surefoot.cli.console import new_table
 
-    table = Table(title="shipped scenarios")
-    for heading in ("scenario", "", "why; --scale-to-robot makes it fit"):
-        table.add_column(heading, overflow="fold")
+    headings = ("scenario", "", "why; --scale-to-robot makes it fit")
+    table = new_table("shipped scenarios", *headings)
     for fit in report.scenarios:
         mark = "[bold yellow]out of reach[/]" if fit.why else "[green]ok[/]"
         table.add_row(fit.name, mark, fit.why)

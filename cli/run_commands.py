@@ -329,7 +329,8 @@ def doctor(as_json: options.JsonOption = False) -> None:
     Exits with 3 when something would stop a run. Takes a few seconds.
     """
     from surefoot.cli.console import print_json, print_text
-    from surefoot.cli.doctor_report import Severity, examine
+    from surefoot.cli.doctor_machine import examine
+    from surefoot.cli.doctor_packages import Severity
 
     findings = []
     for finding in examine():

@@ -121,7 +121,7 @@ def parse_vary(text: str) -> list[tuple[str, Any]]:
     Raises:
         UsageError: neither.
     """
-    from surefoot.schemas.scenario_paths import parse_override, parse_value
+    from surefoot.schemas.toml_file import parse_override, parse_value
 
     path, equals, values = text.partition("=")
     path = path.strip()
@@ -255,9 +255,7 @@ def report(
             "without a window.",
         ),
     ] = False,
-    open_browser: Annotated[
-        bool, typer.Option("--open", help="Open the page in the web browser.")
-    ] = False,
+    open_browser: options.OpenOption = False,
 ) -> None:
     """Write a page about runs: plots, 3-D replay, figures, settings, logs.
 

@@ -11,9 +11,10 @@ from rich.console import Group as RenderableGroup
 from rich.table import Table
 from rich.text import Text
 
+from surefoot.cli.console import new_table
 from surefoot.outcome import Judgement
 from surefoot.schemas.motions import ROTATIONS
-from surefoot.schemas.reasons import EndReason, counted, in_words, plain
+from surefoot.schemas.reasons import NONE, EndReason, counted, given, in_words, plain
 from surefoot.schemas.result import (
     ControllerResult,
     Distribution,
@@ -130,12 +131,9 @@ def study_tables(summaries: Summaries) -> RenderableGroup:
     tables: dict[str, Table] = {}
     for group, summary in summaries.items():
         if group.case not in tables:
-            tables[group.case] = Table(
-                *("controller", "servo", "up", "95 %"),
-                *("CoM rms [mm]", "force [N]", "peak [N]"),
-                title=group.case,
-                title_justify="left",
-            )
+            headings = ("controller", "servo", "up", "95 %")
+            figures = ("CoM rms [mm]", "force [N]", "peak [N]")
+            tables[group.case] = new_table(group.case, *headings, *figures)
         tables[group.case].add_row(*cells_of(group, summary)[1:8])
     note = "CoM rms x, y, z and deviation of the forces: mean over runs that stayed up"
     return RenderableGroup(*tables.values(), note)
@@ -269,11 +267,9 @@ def histogram_table(name: str, histogram: Histogram) -> Table:
     """
     edges, counts = histogram.edges_ms, histogram.counts
     total = sum(counts)
-    table = Table(title=f"{name}, {total} times", title_justify="left", box=None)
-    table.add_column("ms", justify="right", no_wrap=True)
-    table.add_column("", width=BAR_WIDTH, no_wrap=True)
-    table.add_column("count", justify="right", no_wrap=True)
-    table.add_column("share", justify="right", no_wrap=True)
+    headings = ("ms", "", "count", "share")
+    table = new_table(f"{name}, {total} times", figures=headings, boxed=False)
+    table.columns[1].justify, table.columns[1].width = "left", BAR_WIDTH
     filled = [index for index, count in enumerate(counts) if count]
     if not filled:
         return table
@@ -315,10 +311,10 @@ def counts_table(counts: Iterable[ChannelCount]) -> Table:
         row = (
             count.channel,
             str(count.messages),
-            "-" if count.first is None else str(count.first),
-            "-" if count.last is None else str(count.last),
-            f"{count.missing} by {count.counted_by}" if counted else "-",
-            str(count.restarts) if counted else "-",
+            given(count.first),
+            given(count.last),
+            f"{count.missing} by {count.counted_by}" if counted else NONE,
+            str(count.restarts) if counted else NONE,
         )
         unreadable = f"{count.unreadable}{count.encoding and f' ({count.encoding})'}"
         table.add_row(*row, *((unreadable,) if odd else ()))

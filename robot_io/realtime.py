@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from surefoot.schemas.arrays import MS_PER_NS, NS_PER_S
 from surefoot.schemas.reasons import SIGNALS
 from surefoot.schemas.result import NO_TIME, Distribution, Histogram
 
-MS_PER_NS = 1e-6
 EDGES_MS = (
     *(0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5),
     *(2.0, 3.0, 5.0, 7.0, 10.0, 20.0, 50.0, 100.0, 1000.0),
@@ -42,7 +42,6 @@ TICKS_KEPT = 1024
 _NOTHING = 0
 SWITCH_INTERVAL_S = 1e-4
 """Longest wait of another thread for the interpreter [s]; Python's default is 5 ms."""
-NS_PER_S = 1e9
 MAX_LAG_PERIODS = 5
 """A loop that is late by more does not try to catch up: a burst of ticks in no time
 would ask the impossible of whoever answers them."""

@@ -10,8 +10,6 @@ speak of the same joints in the same order.
 
 from __future__ import annotations
 
-import os
-import tempfile
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -27,7 +25,13 @@ from surefoot.robot_io.snapshot import Snapshot
 from surefoot.schemas.arrays import Array, Mat, Vec6
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.robot_file import Foot, RobotFile, ServoProfile, Side
-from surefoot.schemas.toml_file import FileStruct, convert, find_toml, read_toml
+from surefoot.schemas.toml_file import (
+    FileStruct,
+    atomic_file,
+    convert,
+    find_toml,
+    read_toml,
+)
 from surefoot.schemas.topics import resolve_keys
 
 Offsets = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
@@ -126,14 +130,8 @@ def save_tare(robot_path: Path, tare: Tare) -> Path:
         OSError: it cannot be written there.
     """
     path = tare_path(robot_path)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".toml")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            tomli_w.dump(msgspec.to_builtins(tare), file)
-        os.replace(name, path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    with atomic_file(path) as file:
+        tomli_w.dump(msgspec.to_builtins(tare), file)
     return path
 
 
@@ -242,10 +240,8 @@ class Robot:
 
     def _soft(self, name: str, hard: Array) -> Array:
         wanted = [getattr(joint, name) for joint in self.file.joint]
-        limits = hard.copy()
-        for index, value in enumerate(wanted):
-            if value is not None:
-                limits[index] = value
+        pairs = zip(wanted, hard, strict=True)
+        limits = np.array([own if soft is None else soft for soft, own in pairs])
         clipped: Array = np.clip(limits, self.lower, self.upper)
         clipped.setflags(write=False)
         return clipped
@@ -287,7 +283,8 @@ def load_robot(name_or_path: str | Path, *, servo_profile: str | None = None) ->
     path = find_robot(name_or_path)
     file, urdf_folder = _read(path)
     if servo_profile is not None:
-        file = _with_profile(file, servo_profile)
+        servo = msgspec.structs.replace(file.servo, profile=servo_profile)
+        file = msgspec.structs.replace(file, servo=servo)
     urdf_path = urdf_folder / file.urdf
     if not urdf_path.is_file():
         raise RobotFileError(f"{path}: urdf: no such file: {urdf_path}")
@@ -346,11 +343,6 @@ def _merged(
         else:
             base[name] = value
     return base, folder
-
-
-def _with_profile(file: RobotFile, profile: str) -> RobotFile:
-    servo = msgspec.structs.replace(file.servo, profile=profile)
-    return msgspec.structs.replace(file, servo=servo)
 
 
 def _bus_keys(file: RobotFile, path: Path) -> dict[str, str]:

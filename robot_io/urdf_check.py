@@ -94,15 +94,17 @@ class Urdf:
         element = joint.find("origin")
         place = f"joint {joint.get('name')!r}: origin"
         offset = self.vector(element, "xyz", place)
-        return offset, _turn(*self.vector(element, "rpy", place))
+        roll, pitch, yaw = self.vector(element, "rpy", place)
+        x, y, z = np.eye(3)
+        return offset, rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
 
     def fixed_to(self, link: str) -> list[str]:
         """A link, and those above it that do not move against it."""
         chain = [link]
-        joint = self.joint_above(link)
-        while joint is not None and joint.get("type") == _FIXED:
+        while (joint := self.joint_above(chain[-1])) is not None:
+            if joint.get("type") != _FIXED:
+                break
             chain.append(end(joint, "parent"))
-            joint = self.joint_above(chain[-1])
         return chain
 
     def mass_of(self, link: str) -> float:
@@ -386,12 +388,6 @@ def end(joint: ElementTree.Element, which: str) -> str:
     """Name of a joint's parent or child link."""
     element = joint.find(which)
     return "" if element is None else element.get("link", "")
-
-
-def _turn(roll: float, pitch: float, yaw: float) -> Mat:
-    x, y, z = np.eye(3)
-    turned: Mat = rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
-    return turned
 
 
 def rotation(axis: Vec3, angle: float) -> Mat:

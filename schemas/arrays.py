@@ -1,4 +1,4 @@
-"""Array aliases shared by all packages."""
+"""Array aliases, and factors between units, shared by all packages."""
 
 from __future__ import annotations
 
@@ -25,3 +25,7 @@ Floats6 = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
 Pair = Annotated[list[float], msgspec.Meta(min_length=2, max_length=2)]
 """(left, right)."""
 JsonObject = dict[str, Any]
+MS_PER_S, NS_PER_S, MM_PER_M = 1e3, 1e9, 1e3
+NS_PER_MS, MS_PER_NS = 1e6, 1e-6
+GRAVITY_M_S2 = 9.81
+"""Of a simulated world, where a scenario says nothing else."""

@@ -105,7 +105,11 @@ def all_schemas() -> dict[str, JsonObject]:
         messages.StabilizerReply,
     ]
     kinds = dict.fromkeys([*carried, *FILE_FORMATS])
-    return {f"{_snake(kind.__name__)}.schema.json": json_schema(kind) for kind in kinds}
+    schemas = {}
+    for kind in kinds:
+        snake = re.sub(r"(?<!^)(?=[A-Z])", "_", kind.__name__).lower()
+        schemas[f"{snake}.schema.json"] = json_schema(kind)
+    return schemas
 
 
 def as_text(schema: JsonObject) -> str:
@@ -113,16 +117,15 @@ def as_text(schema: JsonObject) -> str:
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 
-def write_schemas(directory: Path = JSON_DIR) -> list[Path]:
+def write_schemas() -> None:
     """Write all schemas, and remove those of formats that are gone."""
-    directory.mkdir(parents=True, exist_ok=True)
+    JSON_DIR.mkdir(parents=True, exist_ok=True)
     texts = {name: as_text(schema) for name, schema in all_schemas().items()}
-    for stale in directory.glob("*.schema.json"):
+    for stale in JSON_DIR.glob("*.schema.json"):
         if stale.name not in texts:
             stale.unlink()
     for name, text in texts.items():
-        (directory / name).write_text(text, encoding="utf-8")
-    return [directory / name for name in texts]
+        (JSON_DIR / name).write_text(text, encoding="utf-8")
 
 
 def _describe(schema: JsonObject, struct: type[msgspec.Struct]) -> None:
@@ -179,10 +182,6 @@ def _inline(node: Any, definitions: JsonObject) -> Any:
     if "$ref" in node:
         own = {**definitions[node["$ref"].removeprefix(_REF)], **own}
     return {key: _inline(item, definitions) for key, item in own.items()}
-
-
-def _snake(name: str) -> str:
-    return re.sub(r"(?<!^)(?=[A-Z])", "_", name).lower()
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM)
 one to a process that was started to outlive it, as by nohup."""
 if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
     SIGNALS = (*SIGNALS, signal.SIGHUP)
+NONE = "-"
+"""What a table says in place of a figure."""
 
 
 class ModeCause(StrEnum):
@@ -188,6 +190,11 @@ class Outcome(StrEnum):
 def counted(counts: Mapping[str, int]) -> str:
     """How often each of some reasons was given; ``none`` for none at all."""
     return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
+
+
+def given(value: float | None, form: str = "") -> str:
+    """A figure as text; a dash for none."""
+    return NONE if value is None else format(value, form)
 
 
 def plain(reason: StrEnum) -> str:

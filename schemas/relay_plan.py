@@ -16,7 +16,6 @@ from surefoot.schemas.validation import nearest_or_all
 Probability = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 Milliseconds = Annotated[float, msgspec.Meta(gt=0.0, le=10000.0)]
 Seconds = Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
-MS_PER_S = 1e3
 SPEAKERS = {
     "sensors": [Direction.FROM_ROBOT],
     "commands": [Direction.TO_ROBOT],

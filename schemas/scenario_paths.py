@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import difflib
 import math
-import tomllib
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -75,7 +74,7 @@ def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     for path, value in values.items():
         if (
             path not in known
-            and not _is_within_open(path)
+            and not any(path.startswith(f"{whole}.") for whole in _OPEN)
             and not _is_absent(table, path)
         ):
             raise FileFormatError(_unknown(path, scenario, known), field=path)
@@ -102,41 +101,10 @@ def scenario_paths(scenario: Scenario) -> list[str]:
                 paths.append(f"platform.{at}.motion.{index}.{rate}")
     if moving:
         paths.append(_PACE)
-    if any(True for _ in _tilts(table)):
+    motions = (m for each in table["platform"] for m in _horizontal(each))
+    if any(motion["kind"] in _TILTING for motion in motions):
         paths.append(_TILT_RATE)
     return paths
-
-
-def parse_override(text: str, *, option: str) -> tuple[str, Any]:
-    """Take ``PATH=VALUE`` apart; the value is written as in TOML.
-
-    Raises:
-        FileFormatError: there is no ``=``, or the value is no TOML value.
-    """
-    path, equals, value = text.partition("=")
-    if not equals or not path.strip():
-        raise FileFormatError(
-            f"{option} {text!r}: expected PATH=VALUE, such as friction=0.4", field=text
-        )
-    return path.strip(), parse_value(value, what=f"{option} {path.strip()}")
-
-
-def parse_value(text: str, *, what: str) -> Any:
-    """Read one TOML value; a bare word is a text.
-
-    Raises:
-        FileFormatError: neither.
-    """
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError as error:
-        if text.strip().replace("-", "").replace("_", "").isalnum():
-            return text.strip()
-        raise FileFormatError(
-            f"{what}: got {text!r}, expected a number, a text or a list such as "
-            "[0.0, 120.0, 0.0]",
-            field=what,
-        ) from error
 
 
 def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:
@@ -157,11 +125,6 @@ def _is_absent(table: Table, path: str) -> bool:
         else:
             return False
     return isinstance(place, dict) and name in place and place[name] is None
-
-
-def _is_within_open(path: str) -> bool:
-    """Whether a path leads into a value that may be a number or a table."""
-    return any(path.startswith(f"{whole}.") for whole in _OPEN)
 
 
 def _leaves(value: Any, path: str = "") -> Iterable[str]:
@@ -269,11 +232,6 @@ def _set_pace(table: Table, factor: float) -> None:
             for key in _PACED:
                 if motion.get(key) is not None:
                     motion[key] *= factor
-
-
-def _tilts(table: Table) -> Iterable[Table]:
-    for platform in table["platform"]:
-        yield from (m for m in _horizontal(platform) if m["kind"] in _TILTING)
 
 
 def _horizontal(platform: Table) -> list[Table]:

@@ -8,158 +8,23 @@ axes of a setting that has several.
 from __future__ import annotations
 
 import difflib
-import tomllib
 from typing import Annotated, Any, Literal
 
 import msgspec
 
 from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.law_settings import (
+    DikSettings,
+    GroundSettings,
+    SwaySettings,
+    TsidSettings,
+    WholeBodySettings,
+    ZmpSettings,
+)
 from surefoot.schemas.robot_file import Fraction, NonNegative, Positive
-from surefoot.schemas.toml_file import FileStruct, convert
-from surefoot.schemas.walk_settings import WalkSettings
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.toml_file import FileStruct, convert, parse_override
 
-Negative = Annotated[float, msgspec.Meta(lt=0.0)]
-PositiveTriple = tuple[Positive, Positive, Positive]
-PositiveSix = tuple[Positive, Positive, Positive, Positive, Positive, Positive]
-NegativeSix = tuple[Negative, Negative, Negative, Negative, Negative, Negative]
-FractionSix = tuple[Fraction, Fraction, Fraction, Fraction, Fraction, Fraction]
-
-
-class TsidSettings(FileStruct, frozen=True, kw_only=True):
-    """First QP, inverse dynamics: which contact wrenches the feet should feel."""
-
-    com_kp: PositiveTriple = (30.0, 30.0, 30.0)
-    """CoM position gain, x y z [1/s^2]."""
-    com_kd: PositiveTriple = (10.0, 10.0, 10.0)
-    """CoM velocity gain, x y z [1/s]."""
-    base_kp: Positive = 100.0
-    """Base orientation gain [1/s^2]."""
-    base_kd: Positive = 20.0
-    """Base angular velocity gain [1/s]."""
-    posture_kp: Positive = 50.0
-    """Posture gain [1/s^2]."""
-    posture_kd: Positive = 14.0
-    """Joint velocity gain [1/s]."""
-    com_weight: Positive = 1.0
-    """Weight of the CoM's acceleration error, the scale of all others [1]."""
-    base_weight: Positive = 0.1
-    """Weight of the base's angular acceleration error [1]."""
-    posture_weight: Positive = 1e-3
-    """Weight of the joints above the legs [1]."""
-    leg_posture_weight: NonNegative = 1e-6
-    """Weight of the leg joints: the feet's ground moves them, so keep it small [1]."""
-    torque_weight: Positive = 1e-6
-    """Weight of |tau|^2 [(N m)^-2]."""
-    force_weight: Positive = 1e-6
-    """Weight of the force difference from an even load [N^-2]."""
-    moment_weight: Positive = 1e-5
-    """Weight of the sole moments [(N m)^-2]."""
-    friction: Positive = 0.6
-    """Friction coefficient assumed; keep it under the true one [1]."""
-    yaw_friction: Positive = 0.05
-    """Yaw moment per normal force [m]."""
-    sole_scale: Fraction = 0.9
-    """Part of the sole rectangle the centre of pressure may use [1]."""
-    normal_force_min_n: NonNegative = 20.0
-    """Least normal force of a foot in contact [N]."""
-    normal_force_max_weights: Positive = 2.0
-    """Largest normal force of a foot [body weights]."""
-
-
-class DikSettings(FileStruct, frozen=True, kw_only=True):
-    """Second QP, inverse kinematics: joint velocities that drive the wrenches there."""
-
-    k_force: NegativeSix = (-50.0, -50.0, -50.0, -50.0, -50.0, -50.0)
-    """Diagonal of K per foot, x y z roll pitch yaw, negative [1/s]. A wrench error
-    moves the sole by Lambda_c^-1 / |K|: a smaller magnitude yields faster."""
-    k_lag_s: Positive = 0.01
-    """The servo profile's lag that doubles K while a foot does not stand firmly;
-    while both do, the drives' inverse makes up for it [s]."""
-    least_inverse: Fraction = 0.6
-    """Part of the drives' inverse that is kept while a foot does not stand firmly, as
-    on the way [1]."""
-    loop_delay_s: NonNegative = 0.0
-    """Delay of the loop that K is large enough for, from a reading to the servos that
-    follow its answer; one tick of the robot at least [s]."""
-    firm_again_s: Positive = 1.4
-    """Time it takes to be as quick as with ideal drives again, after a foot that did
-    not stand firmly [s]."""
-    contact_weight: PositiveSix = (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
-    """Weight of the wrench law per foot, x y z roll pitch yaw [1]."""
-    yield_limit_m_s: Positive = 1.0
-    """Fastest a sole yields to a force error."""
-    yield_limit_rad_s: Positive = 6.0
-    """Fastest a sole yields to a moment error."""
-    com_gain: PositiveTriple = (2.0, 2.0, 2.0)
-    """CoM position gain, x y z [1/s]."""
-    com_weight: PositiveTriple = (10.0, 10.0, 10.0)
-    """Weight of the CoM's velocity error, x y z [1]."""
-    base_gain: Positive = 2.0
-    """Base orientation gain [1/s]."""
-    base_weight: Positive = 2.0
-    """Weight of the base's angular velocity error [1]."""
-    posture_gain: Positive = 1.0
-    """Pull of the commanded posture to the reference posture [1/s]."""
-    posture_weight: Positive = 1e-2
-    """Weight of the joints above the legs [1]."""
-    leg_posture_weight: NonNegative = 1e-3
-    """Weight of the leg joints: the feet's ground moves them, so keep it small [1]."""
-    regularisation: Positive = 1e-4
-    """Weight of |v|^2, which keeps the problem solvable [1]."""
-    velocity_limit_rad_s: Positive = 6.0
-    """Fastest joint command; the robot file may be stricter."""
-    limit_time_s: Positive = 0.02
-    """Velocity damper: a joint may close the gap to its limit in no less [s]."""
-    limit_margin_rad: NonNegative = 0.01
-    """Margin to the joint limits."""
-    stance_leak: NonNegative = 0.3
-    """Pull of the feet back to the stance along the sole and about z [1/s]."""
-    keep_flat: Fraction = 1.0
-    """How far a foot whose pressure is wanted at its edge is kept from tipping over
-    that edge [1]: 0 not at all, 1 wholly."""
-    windup_limit_rad: Positive = 0.2
-    """Largest distance of a command from its measured joint."""
-    ramp_in_s: Positive = 0.1
-    """Commands fade in over this time after the start."""
-
-
-class GroundSettings(FileStruct, frozen=True, kw_only=True):
-    """Feed-forward of the ground's estimated motion; all zero is the paper."""
-
-    gain: FractionSix = (0.0, 0.0, 1.0, 1.0, 1.0, 0.0)
-    """Part of each foot's estimated twist fed forward, x y z roll pitch yaw [1]."""
-    pull_gain: Fraction = 1.0
-    """Part of the ground's acceleration along the level that the centre of mass is to
-    go along with [1]."""
-    cutoff_hz: Positive = 15.0
-    """Low-pass of the estimated twist."""
-    lead_s: NonNegative = 0.015
-    """Lead that makes up for the low-pass and the damping of the servos [s]."""
-    firm_force_n: Positive = 100.0
-    """Feed-forward is whole above this normal force, and in proportion below [N]."""
-    edge_begins: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.7
-    """Rotations are fed forward whole while the centre of pressure keeps within this
-    part of the sole, and not at all at its edge, over which the foot may tip [1]."""
-    edge_recovery_s: Positive = 0.03
-    """Time it takes to return after the pressure has left the edge [s]."""
-    recovery_s: Positive = 0.2
-    """Time it takes to return after a foot was unloaded [s]."""
-
-
-class SwaySettings(FileStruct, frozen=True, kw_only=True):
-    """Swaying with ground that tilts, as people do (whole-body); off with gain 0."""
-
-    gain: NonNegative = 0.0
-    """Lean of the CoM for each tilt of the ground, never farther than the soles bear:
-    0 stands upright in space, people have 2 to 5. For hard ground: soft ground tilts
-    more the farther the robot leans [1]."""
-    frequency_hz: Positive = 0.5
-    """Where tilts begin to be too fast to be followed."""
-    damping: Positive = 0.5
-    """Damping ratio there: less sways more at that frequency [1]."""
-    upright_again_s: Positive = 6.0
-    """Time constant with which the robot stands up again on a tilt that stays [s]."""
+Share = Annotated[float, msgspec.Meta(gt=0.0, lt=1.0)]
 
 
 class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
@@ -296,12 +161,108 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
             )
 
 
-class WholeBodySettings(FileStruct, frozen=True, kw_only=True):
-    """Which law the whole-body stabilizer follows."""
+class WalkSettings(FileStruct, frozen=True, kw_only=True):
+    """How the steps of a plan are taken, by any controller that walks."""
 
-    preset: Literal["surefoot", "paper"] = "surefoot"
-    """``paper`` is the published law alone: no motion of the ground fed forward, feet
-    that may tip, one posture weight for all joints. Settings given besides it win."""
+    shift_s: Positive = 0.8
+    """First shift of the weight onto one foot, from standing."""
+    settle_s: Positive = 0.6
+    """Last shift of the weight, back between the feet."""
+    preview_steps: Annotated[int, msgspec.Meta(ge=1, le=10)] = 3
+    """Steps ahead that the reference of the DCM looks [1]."""
+    horizontal_part: Share = 0.85
+    """Part of single support in which the swing foot travels [1]."""
+    apex_part: Share = 0.45
+    """Part of single support after which it is highest [1]."""
+    touchdown_m_s: Positive = 0.05
+    """Speed towards the expected ground at the planned touchdown."""
+    late_m_s: Positive = 0.3
+    """Speed down where the ground was expected and is not."""
+    late_depth_m: Positive = 0.12
+    """Farthest that a foot goes down below the expected ground [m]."""
+    unloaded_share: Fraction = 0.13
+    """A foot may leave the ground when it carries less of the weight [1]."""
+    unload_wait_s: NonNegative = 0.1
+    """It leaves without having unloaded after so long."""
+    touchdown_n: Positive = 40.0
+    """Normal force at which a foot in the air has touched down [N]."""
+    caught_share: Positive = 0.1
+    """A foot in the air that meets more than this part of the weight on its way, and
+    less from below, is caught at an edge [1]."""
+    step_over_m: NonNegative = 0.03
+    """So much higher than planned it then goes on; 0 has it push on [m]."""
+    landing_s: Positive = 0.12
+    """After touchdown a foot is landing for so long."""
+    landing_force_n: Positive = 250.0
+    """Largest normal force error that a landing foot yields to [N]."""
+    bounce_n: NonNegative = 15.0
+    """A landing foot that feels less has bounced [N]."""
+    bounce_s: NonNegative = 0.012
+    """And for so long."""
+    anchor_s: NonNegative = 0.05
+    """The odometry follows a foot until so long after its touchdown."""
+    early_share: Fraction = 0.08
+    """Part of the weight asked of a foot that touched down early [1]."""
+    leaving_margin: Fraction = 0.15
+    """How much more than its planned part of the weight a leaving foot may be asked
+    to carry [1]."""
+    lead_s: NonNegative = 0.005
+    """Lead of the swing foot's velocity, beside the servos' own lag [s]."""
+    swing_gain: Positive = 12.0
+    """Second QP: position and orientation gain of the swing foot [1/s]."""
+    swing_kp: Positive = 100.0
+    """First QP: position gain of the swing foot [1/s^2]."""
+    swing_kd: Positive = 20.0
+    """First QP: velocity gain of the swing foot [1/s]."""
+    swing_weight: Positive = 0.3
+    """First QP: weight of the swing foot, where the centre of mass has 1 [1]."""
+    height_s: Positive = 1.5
+    """Time constant with which the height reference follows the feet [s]."""
+    climb_s: Positive = 0.15
+    """The same to heights of the plan: of each of three low-passes [s]."""
+    normal_filter_s: Positive = 0.03
+    """Low-pass of the expected ground's normal [s]."""
+    normal_agreement: Positive = 0.06
+    """Soles whose normals, or the line between them, disagree by more than this show
+    no common ground [rad]."""
+    adjust: Literal["off", "place", "both"] = "both"
+    """Whether a step changes its place, or place and time, when the DCM leaves its
+    reference."""
+    adjust_dead_m: tuple[NonNegative, NonNegative] = (0.02, 0.015)
+    """Error of the DCM, ahead and sideways, that changes no step [m]."""
+    adjust_filter_s: Positive = 0.03
+    """Low-pass of that error: impacts shake it [s]."""
+    adjust_growth_m: Positive = 0.13
+    """A step that lasts so long that the DCM gets twice as far counts as much as one
+    that is shifted by this [m]."""
+    adjust_offset_weight: Positive = 5.0
+    """How much a DCM off its place at the end of the step counts more than a step off
+    its own [1]."""
+    adjust_zmp_share: Fraction = 0.5
+    """Part of the sole in which the ZMP is taken to answer an error of the DCM; over
+    the outer edge of the standing foot all of it [1]."""
+    adjust_wait_s: NonNegative = 0.3
+    """Longest that single support is made longer."""
+    adjust_pause_m: Positive = 0.05
+    """No foot leaves the ground while the DCM is farther off its reference [m]."""
+    adjust_pause_s: NonNegative = 0.8
+    """But each is kept no longer than this."""
+    adjust_rate_m_s: Positive = 2.0
+    """Fastest shift of a step."""
+    adjust_limit_m: tuple[Positive, Positive] = (0.25, 0.20)
+    """Largest shift of a step, ahead and sideways [m]."""
+    adjust_until_s: NonNegative = 0.15
+    """No shift any more so long before the planned touchdown."""
+    between_soles_m: NonNegative = 0.015
+    """Least gap between the soles, sideways [m]."""
+    farthest_m: Positive = 0.45
+    """Largest sideways distance of the middles of the feet [m]."""
+    longest_m: Positive = 0.5
+    """Farthest that a foot may be set ahead of, or behind, the other [m]."""
+    turn_limit_rad: Positive = 0.6
+    """Largest turn of a foot against the other [rad]."""
+    rise_limit_m: Positive = 0.2
+    """Largest difference of height between two footholds [m]."""
 
 
 class ControllerSettings(FileStruct, frozen=True, kw_only=True):
@@ -363,7 +324,10 @@ def build_settings(
     }
     known = setting_names()
     for text in overrides:
-        key, value = _parse_override(text, known)
+        key, value = parse_override(text, option="--set", example="tsid.base_kp=120")
+        if key not in known:
+            hint = _near_settings(key, known)
+            raise FileFormatError(f"--set {key}: no such setting; {hint}", field=key)
         section, name = key.split(".", 1)
         part = merged.setdefault(section, {})
         if not isinstance(part, dict):
@@ -410,6 +374,12 @@ def _spread(table: dict[str, Any], *, source: str) -> dict[str, Any]:
     return table
 
 
+def setting_of(settings: ControllerSettings, name: str) -> Any:
+    """Return the value of a setting, by its ``section.name``."""
+    section, key = name.split(".")
+    return getattr(getattr(settings, section), key)
+
+
 def setting_names() -> list[str]:
     """Return all settable names, as ``section.name``."""
     return [
@@ -417,22 +387,6 @@ def setting_names() -> list[str]:
         for section in msgspec.structs.fields(ControllerSettings)
         for field in msgspec.structs.fields(section.type)
     ]
-
-
-def _parse_override(text: str, known: list[str]) -> tuple[str, Any]:
-    key, equals, value = text.partition("=")
-    key = key.strip()
-    if not equals:
-        raise FileFormatError(
-            f"--set {text!r}: expected KEY=VALUE, such as tsid.base_kp=120", field=key
-        )
-    if key not in known:
-        hint = _near_settings(key, known)
-        raise FileFormatError(f"--set {key}: no such setting; {hint}", field=key)
-    try:
-        return key, tomllib.loads(f"value = {value}")["value"]
-    except tomllib.TOMLDecodeError:
-        return key, value.strip()
 
 
 def _near_settings(key: str, known: list[str]) -> str:

@@ -1,12 +1,18 @@
-"""Reads TOML files into frozen structs; errors name the file, the key and the fix."""
+"""Reads TOML files into frozen structs; errors name the file, the key and the fix.
+
+Writes files of any kind whole, or not at all.
+"""
 
 from __future__ import annotations
 
 import math
+import os
+import secrets
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, TypeVar
 
 import msgspec
 import tomli_w
@@ -151,3 +157,73 @@ def _without_none(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [_without_none(item) for item in value]
     return value
+
+
+def parse_override(
+    text: str, *, option: str, example: str = "friction=0.4"
+) -> tuple[str, Any]:
+    """Take ``KEY=VALUE`` apart; the value is written as in TOML.
+
+    Raises:
+        FileFormatError: there is no ``=``, or the value is no TOML value.
+    """
+    path, equals, value = text.partition("=")
+    if not equals or not path.strip():
+        raise FileFormatError(
+            f"{option} {text!r}: expected KEY=VALUE, such as {example}", field=text
+        )
+    return path.strip(), parse_value(value, what=f"{option} {path.strip()}")
+
+
+def parse_value(text: str, *, what: str) -> Any:
+    """Read one TOML value; a bare word is a text.
+
+    Raises:
+        FileFormatError: neither.
+    """
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError as error:
+        if text.strip().replace("-", "").replace("_", "").isalnum():
+            return text.strip()
+        raise FileFormatError(
+            f"{what}: got {text!r}, expected a number, a text or a list such as "
+            "[0.0, 120.0, 0.0]",
+            field=what,
+        ) from error
+
+
+@contextmanager
+def atomic_file(
+    path: Path, *, overwrite: bool = True, mode: int = 0o666
+) -> Iterator[IO[bytes]]:
+    """Open a file for writing that takes its name once it is complete.
+
+    Until then it has a name of its own, ``NAME.<random>.partial``, so that two writers
+    of one name do not write into one another's file.
+
+    Args:
+        path: its name.
+        overwrite: replace a file of that name.
+        mode: who may read and write it, from the first moment on, less the umask.
+
+    Yields:
+        The file, binary, to be written.
+
+    Raises:
+        FileExistsError: there is a file of that name now, and it may not be replaced.
+    """
+    partial = path.with_name(f"{path.name}.{secrets.token_hex(4)}.partial")
+    try:
+        opened = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+        with os.fdopen(opened, "wb") as file:
+            yield file
+        if overwrite:
+            partial.replace(path)
+        else:
+            os.link(partial, path)  # unlike a renaming, it replaces nothing
+    except OSError as error:
+        error.filename = error.filename or str(path)  # a failed write names no file
+        raise
+    finally:
+        partial.unlink(missing_ok=True)

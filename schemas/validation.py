@@ -126,14 +126,14 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; did you mean {near[0]!r}?" if near else ""
 
 
-def nearest_or_all(name: str, known: Iterable[str], *, all_are: str = "valid") -> str:
+def nearest_or_all(name: str, known: Iterable[str]) -> str:
     """Word a hint for an unknown name: the nearest known one, or else all of them.
 
     Returns:
         ``; did you mean 'standing'?`` or ``; valid are ...``.
     """
     names = sorted(set(known))
-    others = f"; {all_are} are {', '.join(names)}" if names else ""
+    others = f"; valid are {', '.join(names)}" if names else ""
     return nearest(name, names) or others
 
 
@@ -149,7 +149,9 @@ def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
         near, otherwise the list of the valid ones, each starting with ``;``.
     """
     structs, name = _structs_around(field, kind)
-    return nearest_or_all(name, _key_names(structs))
+    names = [s.tag_field for s in structs if s.tag_field is not None]
+    names += [member.encode_name for s in structs for member in s.fields]
+    return nearest_or_all(name, names)
 
 
 def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
@@ -248,14 +250,6 @@ def _texts(info: msgspec.inspect.Type) -> list[str]:
     return []
 
 
-def _key_names(structs: Iterable[msgspec.inspect.StructType]) -> Iterable[str]:
-    for struct in structs:
-        if struct.tag_field is not None:
-            yield struct.tag_field
-        for member in struct.fields:
-            yield member.encode_name
-
-
 def _structs(info: msgspec.inspect.Type) -> list[msgspec.inspect.StructType]:
     """Return the struct types in a type: itself, its items or its alternatives."""
     if isinstance(info, msgspec.inspect.StructType):
@@ -320,7 +314,7 @@ def _reworded(text: str, path: str, raw: Any, kind: type[msgspec.Struct]) -> str
     what = " or ".join(
         _WORDS.get(name.strip(), name.strip()) for name in expected[1].split("|")
     )
-    if _is_lone_table(expected[1], got):
+    if expected[1].startswith("array") and isinstance(got, dict):
         what = f"a list of tables: write [[{path}]]"
     elif expected[1].startswith("array") and items_of(path, kind):
         what = f"a list of {items_of(path, kind)}"
@@ -337,11 +331,6 @@ def _missing(path: str, raw: Any, kind: type[msgspec.Struct]) -> str:
     also = f", and so {'are' if len(others) > 1 else 'is'} {', '.join(others)}"
     choices = _choices(valid_values(path, kind), None)
     return f"is missing{choices}{also if others else ''}"
-
-
-def _is_lone_table(expected: str, got: Any) -> bool:
-    """Return whether a table stands for a list of tables: [x] instead of [[x]]."""
-    return expected.startswith("array") and isinstance(got, dict)
 
 
 def _choices(valid: list[str], got: Any) -> str:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import csv
-import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +14,7 @@ import numpy as np
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.motions import Quantity, RecordedMotion
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.mcap_channel import bad_key, read_mcap, short
+from surefoot.sim_robot.record_values import Numbers, bad_key, is_number, read_mcap
 
 _PEER: dict[str, tuple[Quantity, str]] = {
     ".at2": ("acceleration", "g"),
@@ -34,8 +33,6 @@ _KNET_RATE = re.compile(r"^Sampling Freq\(Hz\)\s+(\S+?)(?:Hz)?\s*$", re.MULTILIN
 _KNET_SCALE = re.compile(r"^Scale Factor\s+(\S+?)\s*\(gal\)\s*/\s*(\S+)", re.MULTILINE)
 _KNET_LASTS = re.compile(r"^Duration Time\(s\)\s+(\S+)", re.MULTILINE)
 _KNET_HEAD_END = re.compile(r"^Memo\b.*$", re.MULTILINE)
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EDed][-+]?\d+)?", re.ASCII)
-_RUN_TOGETHER = re.compile(r"(?<=[\d.])(?=[-+])")
 _IN_BRACKETS = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\))\s*$")
 
 
@@ -146,7 +143,7 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
             f"{motion.file}: the first {_PEER_MOST_HEAD_LINES} lines do not say NPTS "
             "and DT, expected a record of PEER",
         )
-    number = _Numbers(motion.file)
+    number = Numbers(motion.file)
     samples = number(words[0], "NPTS", above=0.0)
     unit = (words[2] or "").lower()
     per_second = _SECONDS.get(unit) or _SECONDS.get(unit.removesuffix("s"))
@@ -188,7 +185,7 @@ def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
             f"{motion.file}: its heading has no `Sampling Freq(Hz)`, `Scale Factor` or "
             "`Memo.`, expected a record of K-NET",
         )
-    number = _Numbers(motion.file)
+    number = Numbers(motion.file)
     rate_hz = number(rate[1], "Sampling Freq(Hz)", above=0.0)
     gal, steps = (number(scale[at], "Scale Factor", above=0.0) for at in (1, 2))
     body = text[end.end() :].splitlines()
@@ -204,7 +201,7 @@ def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
 def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
     """Time and values in columns, by commas, semicolons or blanks; # for remarks."""
     quantity = _stated_quantity(motion)
-    number = _Numbers(motion.file)
+    number = Numbers(motion.file)
     lines, remark = [], ""
     for at, line in enumerate(_decoded(motion.file, content).splitlines(), start=1):
         if line.strip() and not line.lstrip().startswith("#"):
@@ -215,7 +212,7 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
     rows = _rows(motion.file, lines, delimiter)
     first = rows[0][1] if rows else []
     heading, must_fit = [], delimiter == " "
-    if not any(_is_number(cell, delimiter) for cell in first):
+    if not any(is_number(cell, delimiter) for cell in first):
         heading = first
         rows, first = rows[1:], rows[1][1] if rows[1:] else []
     elif remark:
@@ -238,7 +235,7 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
         cells.extend([""] * (width - len(cells)))
     used = [(at, cells[0], cells[column]) for at, cells in rows]
     if delimiter in ";\t" and any("," in time + value for _, time, value in used):
-        number = _Numbers(motion.file, decimal_comma=True)
+        number = Numbers(motion.file, decimal_comma=True)
     name = heading[column] if column < len(heading) else f"column {column + 1}"
     table = np.array(
         [
@@ -254,9 +251,9 @@ def _delimiter(lines: list[tuple[int, str]]) -> str:
     """Return what stands between the cells of a text, as its last line shows."""
     last = lines[-1][1] if lines else ""
     for delimiter in ";\t,":
-        if delimiter in last and _is_number(last.split(delimiter)[0], delimiter):
+        if delimiter in last and is_number(last.split(delimiter)[0], delimiter):
             return delimiter
-    if _is_number(last.partition(" ")[0], " "):
+    if is_number(last.partition(" ")[0], " "):
         return " "
     return next((delimiter for delimiter in ";\t," if delimiter in last), " ")
 
@@ -331,93 +328,3 @@ def _stated_quantity(motion: RecordedMotion) -> Quantity:
             "expected one of 'position', 'velocity', 'acceleration'",
         )
     return motion.quantity
-
-
-@dataclass(frozen=True)
-class _Numbers:
-    """Reads the numbers of a text file, those of Fortran included.
-
-    Attributes:
-        file: for errors.
-        decimal_comma: 0,5 is a half, and no number has a point.
-    """
-
-    file: str
-    decimal_comma: bool = False
-
-    def __call__(
-        self, word: str, what: str, *, line: int = 0, above: float = -math.inf
-    ) -> float:
-        """Return a finite number.
-
-        Raises:
-            ScenarioError: the word is none, or not above the bound.
-        """
-        plain = word.strip()
-        if self.decimal_comma:
-            plain = plain.replace(".", "?").replace(",", ".")
-        value = math.nan
-        if _NUMBER.fullmatch(plain):
-            value = float(plain.upper().replace("D", "E"))
-        if math.isfinite(value) and value > above:
-            return value
-        bound = "" if above == -math.inf else f" above {above:g}"
-        mark = " with a decimal comma" if self.decimal_comma else ""
-        raise self.bad(what, word, f"a number{bound}{mark}", line=line)
-
-    def bad(
-        self, what: str, got: str, expected: str, *, line: int = 0
-    ) -> ScenarioError:
-        """Return the error for what is no number."""
-        place = f", line {line}" if line else ""
-        got = repr(short(got)) if got.strip() else "nothing"
-        return bad_key(
-            "file",
-            f"{self.file}{place}: {what} is {got}, expected {expected}; mend or remove "
-            "it",
-        )
-
-    def rows(self, lines: Iterable[str], *, first_line: int) -> Array:
-        """Return all numbers of some lines, (n,); fixed widths may touch."""
-        return np.array(
-            [
-                self(part, "a value", line=at)
-                for at, line in enumerate(lines, start=first_line)
-                for word in line.split()
-                for part in _parts(word)
-            ],
-            dtype=np.float64,
-        )
-
-    def enough(self, found: int, told: float) -> None:
-        """Check that there are as many values as the heading tells."""
-        if found < math.floor(told + 1e-6):
-            raise bad_key(
-                "file",
-                f"{self.file}: holds {found} values and its heading says {told:g}; "
-                "it was cut off, fetch it again",
-            )
-
-    def no_more(self, found: int, told: float, lines: Iterable[str]) -> None:
-        """Check that what the heading does not tell of only fills the last row."""
-        words = ([_parts(word) for word in line.split()] for line in lines)
-        row = max((sum(map(len, line)) for line in words), default=0)
-        if found >= told + row:
-            raise bad_key(
-                "file",
-                f"{self.file}: holds {found} values and its heading says {told:g}; one "
-                "of the two is wrong, fetch it again or mend the heading",
-            )
-
-
-def _parts(word: str) -> list[str]:
-    """Return numbers that touch one by one; 1.5-101, an exponent, is left whole."""
-    parts = _RUN_TOGETHER.split(word)
-    return parts if all("." in part for part in parts) else [word]
-
-
-def _is_number(cell: str, delimiter: str) -> bool:
-    plain = cell.strip().strip('"')
-    if delimiter in ";\t":
-        plain = plain.replace(",", ".")
-    return _NUMBER.fullmatch(plain) is not None

@@ -11,7 +11,7 @@ import numpy as np
 
 from surefoot.robot_io.snapshot import Snapshot, SnapshotLayout, readings
 from surefoot.robot_io.ticks.recorder import TickRecorder, TickSink
-from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.arrays import MM_PER_M, Array, Vec3
 from surefoot.schemas.reasons import FallCriterion
 from surefoot.schemas.signals import lay_out
 from surefoot.sim_robot.state_view import PlantTruth, PlantView
@@ -33,7 +33,6 @@ FALL_TILT_RAD = math.radians(60.0)
 FALL_CLEARANCE_M = 0.03
 """Links above the ankles this close to the height of the lower sole are down."""
 _UPRIGHT = math.cos(FALL_TILT_RAD)
-MM_PER_M = 1e3
 
 
 class PlantMetrics:

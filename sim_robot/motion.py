@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import GRAVITY_M_S2, Array
 from surefoot.schemas.motions import (
     BLEND_S,
     DropMotion,
@@ -28,7 +28,6 @@ from surefoot.sim_robot.recorded import recorded_law
 MotionLaw = Callable[[float], tuple[float, float]]
 """Time [s] to (position, velocity) in SI; at rest in zero until the motion starts.
 Those below are of the time since then."""
-GRAVITY_M_S2 = 9.81
 STATES = 80
 """In a cycle: 3 ** 4 - 1."""
 COMPONENTS = 256

@@ -193,7 +193,6 @@ def run_robot(
     ticks: TickSink | None = None,
     histogram: bool = False,
     wait_s: float | None = None,
-    stop: StopRequest | None = None,
     on_tick: Callable[[int], None] | None = None,
 ) -> PlantResult:
     """Run a scenario on the bus for the commander that takes the lease.
@@ -212,7 +211,6 @@ def run_robot(
         ticks: gets the signals of every tick; None keeps none.
         histogram: whether the result holds those of the times.
         wait_s: how long to wait for a commander; None for ever [s].
-        stop: ends the run from outside, besides signals.
         on_tick: called with the tick now and then, for a progress bar.
 
     Returns:
@@ -222,7 +220,7 @@ def run_robot(
         EndpointError: cannot listen there.
         ScenarioError: the scenario fits neither the robot nor its ticks.
     """
-    stop = stop or StopRequest()
+    stop = StopRequest()
     simulated = SimulatedRobot(robot, scenario, seed=seed, ticks=ticks)
     gate = CommandGate(robot, simulated.held_posture)
     with (

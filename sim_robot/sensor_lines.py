@@ -95,20 +95,15 @@ class SensorFaults:
 def _spoil(fault: SensorFault, snapshot: Snapshot) -> dict[str, Any]:
     failing = sensor(fault.sensor)
     if fault.kind == "jump":
-        return _shifted(failing, snapshot, by=fault.offset)
+        field, part = failing.place(failing.offset.attribute)
+        values = getattr(snapshot, field).copy()
+        axis = failing.offset.axis
+        values[part][slice(None) if axis is None else axis] += fault.offset
+        return {field: values}
     wrong = math.nan if fault.kind == "nan" else IMPOSSIBLE
     return {
         name: np.full_like(getattr(snapshot, name), wrong) for name in failing.fields
     }
-
-
-def _shifted(failing: Sensor, snapshot: Snapshot, *, by: float) -> dict[str, Any]:
-    """The reading a jump touches, with an offset."""
-    field, part = failing.place(failing.offset.attribute)
-    values = getattr(snapshot, field).copy()
-    axis = failing.offset.axis
-    values[part][slice(None) if axis is None else axis] += by
-    return {field: values}
 
 
 def kind_of(entry: Sensor) -> str:

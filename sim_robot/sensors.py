@@ -11,13 +11,12 @@ import mujoco
 import numpy as np
 
 from surefoot.robot_io.snapshot import Snapshot
-from surefoot.schemas.arrays import Array, Mat, Vec3
+from surefoot.schemas.arrays import GRAVITY_M_S2, Array, Mat, Vec3
 from surefoot.schemas.messages import JointState
 from surefoot.schemas.robot_file import VirtualForceTorque
 from surefoot.schemas.scenario_robot import Delay, Sensors
 from surefoot.schemas.sensors import SENSORS, Noise, Sensor
 from surefoot.sim_robot.conventions import SIM_STEP_S, xyzw
-from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.robot_spec import (
     ATTITUDE,
     SENSOR_NOISY,

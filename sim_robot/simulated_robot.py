@@ -8,7 +8,7 @@ from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.robot_side.mode_machine import DONE, Answer
 from surefoot.robot_io.snapshot import Snapshot
 from surefoot.robot_io.ticks.recorder import TickSink
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import MS_PER_S, Array
 from surefoot.schemas.messages import PushEvent, PushRequest
 from surefoot.schemas.reasons import ModeCause, RequestRefusal
 from surefoot.schemas.result import COMMANDED, Distribution, ModeReport, PlantResult
@@ -27,7 +27,6 @@ from surefoot.sim_robot.recorded import recorded_ground
 from surefoot.sim_robot.sensor_lines import SensorFaults
 from surefoot.sim_robot.state_view import PlantTruth
 
-MS_PER_S = 1e3
 _RUN_LENGTH_TOLERANCE = 1e-9
 
 
@@ -119,7 +118,7 @@ class SimulatedRobot:
         self._delay = CommandDelay(delay_ticks, posture=self.plant.posture)
         self._faults = SensorFaults(scenario.fault, period_s=period_s)
         self._sensed: Snapshot | None = None
-        self._robot, self._period_s = robot, period_s
+        self._period_s = period_s
         self._recorded_ground = recorded_ground(scenario)
         self._last_tick = math.ceil(
             scenario.duration_s / period_s - _RUN_LENGTH_TOLERANCE

@@ -17,9 +17,9 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.errors import FileFormatError
+from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.settings import (
     ControllerSettings,
-    DikSettings,
     EstimatorSettings,
     setting_names,
 )
@@ -271,14 +271,11 @@ def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controll
     Raises:
         ControllerError: it has no ``start`` or ``step``.
     """
-    if isinstance(controller, ForeignController) or _is_ours(controller):
+    is_ours = type(controller).__module__.startswith("surefoot.stabilizer.")
+    if isinstance(controller, ForeignController) or is_ours:
         ours: Controller = controller
         return ours
     return ForeignController(controller, n_a=robot.n_a, name=name)
-
-
-def _is_ours(controller: Any) -> bool:
-    return type(controller).__module__.startswith("surefoot.stabilizer.")
 
 
 def _shipped(name: str) -> ControllerMaker:
@@ -324,11 +321,8 @@ def _takes(target: Any) -> int:
     kinds = [parameter.kind for parameter in parameters]
     if inspect.Parameter.VAR_POSITIONAL in kinds:
         return 2
-    places = (
-        inspect.Parameter.POSITIONAL_ONLY,
-        inspect.Parameter.POSITIONAL_OR_KEYWORD,
-    )
-    return min(2, sum(kind in places for kind in kinds))
+    last = inspect.Parameter.POSITIONAL_OR_KEYWORD  # after those without a keyword
+    return min(2, sum(kind <= last for kind in kinds))
 
 
 def _module(place: str) -> ModuleType:
@@ -358,12 +352,8 @@ def _module_of_file(path: Path) -> ModuleType:
     whole = path.resolve()
     for name, module in list(sys.modules.items()):
         file = str(vars(module).get("__file__"))
-        is_script = name == "__main__"
-        if (
-            file.endswith(whole.name)
-            and not is_script
-            and Path(file).resolve() == whole
-        ):
+        is_it = file.endswith(whole.name) and Path(file).resolve() == whole
+        if is_it and name != "__main__":
             return module
     digest = hashlib.sha256(str(whole).encode()).hexdigest()[:8]
     name = f"surefoot_controller_{whole.stem}_{digest}"

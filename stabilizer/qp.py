@@ -12,7 +12,6 @@ does on most ticks; only otherwise a solver runs: PIQP, or any other
 
 from __future__ import annotations
 
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple, Protocol
@@ -22,6 +21,7 @@ import piqp
 from scipy.linalg import lapack
 
 from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.toml_file import atomic_file
 from surefoot.stabilizer.errors import QpStatus
 
 _NOTHING: Array = np.zeros(0)
@@ -282,7 +282,5 @@ def save_failure(data: QpData, path: Path) -> None:
     Raises:
         OSError: it cannot be written there.
     """
-    unfinished = path.with_name(path.name + ".part")
-    with unfinished.open("wb") as file:
+    with atomic_file(path) as file:
         np.savez(file, **asdict(data))
-    os.replace(unfinished, path)

@@ -23,7 +23,7 @@ from surefoot.schemas.messages import (
     SettingsRequest,
 )
 from surefoot.schemas.reasons import RequestRefusal
-from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.settings import ControllerSettings, setting_of
 from surefoot.schemas.toml_file import convert
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller, Tunable
@@ -56,7 +56,7 @@ Values = dict[str, list[float]]
 
 def live_values(settings: ControllerSettings) -> Values:
     """Return the settings that may change, with their present values."""
-    return {name: _numbers(_get(settings, name)) for name in LIVE_SETTINGS}
+    return {name: _numbers(setting_of(settings, name)) for name in LIVE_SETTINGS}
 
 
 def with_values(settings: ControllerSettings, values: Values) -> ControllerSettings:
@@ -72,14 +72,20 @@ def with_values(settings: ControllerSettings, values: Values) -> ControllerSetti
     """
     tables: dict[str, dict[str, Any]] = msgspec.to_builtins(settings)
     for name, numbers in values.items():
-        _check_name(name)
+        if name not in LIVE_SETTINGS:
+            raise FileFormatError(
+                f"{name}: cannot be changed during a run"
+                f"{nearest(name, LIVE_SETTINGS)}; these can: "
+                f"{', '.join(LIVE_SETTINGS)}",
+                field=name,
+            )
         section, key = name.split(".")
-        axes = len(_numbers(_get(settings, name)))
+        axes = len(_numbers(setting_of(settings, name)))
         if len(numbers) not in (1, axes):
             raise FileFormatError(
                 f"{name}: got {len(numbers)} numbers, expected 1 or {axes}", field=name
             )
-        if isinstance(_get(settings, name), tuple):
+        if isinstance(setting_of(settings, name), tuple):
             tables[section][key] = numbers * axes if len(numbers) == 1 else numbers
         else:
             tables[section][key] = numbers[0]
@@ -101,21 +107,6 @@ def between(before: Values, after: Values, *, share: float) -> Values:
         ]
         for name in after
     }
-
-
-def _check_name(name: str) -> None:
-    if name in LIVE_SETTINGS:
-        return
-    raise FileFormatError(
-        f"{name}: cannot be changed during a run{nearest(name, LIVE_SETTINGS)}; these "
-        f"can: {', '.join(LIVE_SETTINGS)}",
-        field=name,
-    )
-
-
-def _get(settings: ControllerSettings, name: str) -> Any:
-    section, key = name.split(".")
-    return getattr(getattr(settings, section), key)
 
 
 def _numbers(value: Any) -> list[float]:

@@ -10,7 +10,7 @@ import numpy as np
 from surefoot.robot_io.realtime import RecentTimes, TimingLog
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.ticks.recorder import TickRecorder, TickSink
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import MS_PER_NS, NS_PER_S, Array
 from surefoot.schemas.messages import SCHEMA_VERSION, StabilizerStatus
 from surefoot.schemas.reasons import EndReason, SensorTrouble, StabilizerState
 from surefoot.schemas.result import NO_TIME, ControllerResult
@@ -25,11 +25,9 @@ _ARRAYS = (
 )
 _PHASES, _FOOT_STATES = list(Phase), list(FootState)
 _NUMBERS = ("in_contact", "wrench_qp", "motion_qp", "controller_ms")
-_MS_PER_NS = 1e-6
 _OTHER = len(QP_WORDS) - 1
 _QP_NUMBERS = {word: number for number, word in enumerate(QP_WORDS)}
 _NO_CONTACTS = (MISSING, MISSING)
-NS_PER_S = 1e9
 TICKS_IN_STATUS = 1024
 TIMING_EVERY_STATUSES = 25
 """Percentiles take as long as a small QP: not in every status."""
@@ -72,7 +70,7 @@ class ControllerRecorder:
             right,
             _QP_NUMBERS.get(output.wrench_qp, _OTHER),
             _QP_NUMBERS.get(output.motion_qp, _OTHER),
-            duration_ns * _MS_PER_NS,
+            duration_ns * MS_PER_NS,
         )
         told: tuple[Array | None, ...] = (
             output.F_id,

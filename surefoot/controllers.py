@@ -12,6 +12,7 @@ from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
 from surefoot.run_plan import RunPlan, Settings, resolve_settings
+from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
 from surefoot.schemas.scenario_robot import SensorDelays
 from surefoot.stabilizer import factory
@@ -20,7 +21,6 @@ from surefoot.stabilizer.control.controller import Controller
 if TYPE_CHECKING:
     from surefoot.stabilizer.margins.margins import LoopMargins
 
-MS_PER_S = 1e3
 MOST_TICKS = 100
 _WALKS = ("whole-body", "zmp")
 """Controllers that take steps, each with the same limits."""
@@ -161,11 +161,7 @@ def loop_notice(plan: RunPlan) -> str:
 
 
 def walk_notice(plan: RunPlan) -> str:
-    """Say what of a run's walk will not be walked; empty if all of it will.
-
-    Args:
-        plan: of the run.
-    """
+    """Say what of a run's walk will not be walked; empty if all of it will."""
     walk = plan.walk
     if walk is None or plan.controller not in _WALKS:
         return ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import re
 import shlex
 import sys
@@ -14,9 +15,14 @@ from importlib.metadata import (
     version,
 )
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlparse
 
 _NAME = "surefoot"
+_PACKAGES = (
+    *("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy"),
+    *("msgpack", "msgspec"),
+)
 _ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -48,6 +54,15 @@ def installed_version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None
+
+
+def this_machine() -> dict[str, Any]:
+    """Python, platform and the packages that a run depends on, by name."""
+    return {
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "packages": {name: installed_version(name) for name in _PACKAGES},
+    }
 
 
 def _source(package: Distribution) -> str | None:
@@ -94,9 +109,6 @@ def _shown(path: Path) -> str:
 def _pip(*words: str) -> str:
     """The pip of this very Python, whichever is first on the path."""
     python = sys.executable or "python3"
-    return shlex.join([_shown_program(python), "-m", "pip", "install", *words])
-
-
-def _shown_program(python: str) -> str:
     near = os.path.relpath(python)
-    return python if near.startswith("..") else near
+    program = python if near.startswith("..") else near
+    return shlex.join([program, "-m", "pip", "install", *words])

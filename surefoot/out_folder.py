@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -14,6 +13,7 @@ from typing import IO, Any, BinaryIO, Self
 import msgspec
 
 from surefoot.errors import EnvironmentFailedError, UsageError
+from surefoot.schemas.toml_file import atomic_file
 
 try:
     import fcntl
@@ -122,36 +122,8 @@ def take_away(made: Iterable[Path]) -> None:
             path.rmdir() if path.is_dir() else path.unlink()
 
 
-@contextmanager
-def atomic_file(path: Path, *, overwrite: bool = True) -> Iterator[IO[bytes]]:
-    """Open a file for writing that takes its name once it is complete.
-
-    Until then it has a name of its own, ``NAME.<random>.partial``, so that two writers
-    of one name do not write into one another's file.
-
-    Yields:
-        The file, binary, to be written.
-
-    Raises:
-        FileExistsError: there is a file of that name now, and it may not be replaced.
-    """
-    partial = path.with_name(f"{path.name}.{secrets.token_hex(4)}.partial")
-    try:
-        with partial.open("xb") as file:
-            yield file
-        if overwrite:
-            partial.replace(path)
-        else:
-            os.link(partial, path)  # unlike a renaming, it replaces nothing
-    except OSError as error:
-        error.filename = error.filename or str(path)  # a failed write names no file
-        raise
-    finally:
-        partial.unlink(missing_ok=True)
-
-
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file, whole or not at all; see :func:`atomic_file`."""
+    """Write a file, whole or not at all."""
     with atomic_file(path) as file:
         file.write(data)
 
@@ -192,11 +164,7 @@ def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
         UsageError: the name is taken, or in use.
         OSError: it cannot be written there.
     """
-    if path.exists() and not overwrite:
-        raise UsageError(
-            f"--out {path}: is there already; name another file, or overwrite it "
-            "(--overwrite)"
-        )
+    is_to_replace(path, overwrite=overwrite)
     partial = path.with_name(path.name + ".partial")
     file = partial.open("ab")
     try:

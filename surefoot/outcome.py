@@ -19,7 +19,6 @@ or not at all.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from surefoot.schemas.messages import RobotMode
@@ -218,7 +217,7 @@ _NOTHING = ControllerResult(
 """Figures of a stabilizer whose process died."""
 
 
-def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunResult:
+def join_result(plan: RunPlan, sides: Sides) -> RunResult:
     """Join both sides of a run into the object scripts read."""
     plant, answered, relay = sides
     outcome, detail = judge(
@@ -248,7 +247,7 @@ def join_result(plan: RunPlan, sides: Sides, *, out: Path | None = None) -> RunR
         mode=plan.mode,
         outcome=outcome,
         outcome_detail=detail,
-        out=None if out is None else str(out),
+        out=None,
         relay=relay,
         **figures,
     )

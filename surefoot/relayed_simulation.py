@@ -21,12 +21,10 @@ from surefoot.robot_io.relay.lane import Lane, Parcel, PlanClock
 from surefoot.robot_io.robot_side.server import read_command
 from surefoot.robot_io.snapshot import SnapshotLayout, ages_of, sensor_messages
 from surefoot.run_plan import RunPlan
+from surefoot.schemas.arrays import NS_PER_S
 from surefoot.schemas.codec import decode, encode
 from surefoot.schemas.errors import MessageError
-from surefoot.schemas.messages import (
-    Reference,
-    RobotMode,
-)
+from surefoot.schemas.messages import Reference, RobotMode
 from surefoot.schemas.reasons import EndReason, ModeCause
 from surefoot.schemas.result import NO_TIME, RelayResult
 from surefoot.schemas.sensors import SENSORS
@@ -35,7 +33,6 @@ from surefoot.signals import TickSinks
 from surefoot.simulation import COMMANDER, Simulation, command_of
 from surefoot.stabilizer.control.controller import ControllerOutput
 
-NS_PER_S = 1e9
 LOOK_EVERY_TICKS = 20
 """The stabilizer looks at the robot's status every 20 ticks, as it is told of it."""
 INSTANT_S = 1e-9
@@ -181,6 +178,7 @@ class HeardSensor(Generic[M]):
 
     Attributes:
         latest: newest message taken; None before the first.
+        newest: tick of the newest message that has come.
         is_lost: it kept the others waiting, and is not waited for until it is back.
     """
 
@@ -192,17 +190,12 @@ class HeardSensor(Generic[M]):
         self._joint_count = joint_count
         self._coming: Schedule[bytes] = Schedule()
         self._waiting: list[M] = []
-        self._newest = NEVER
+        self.newest = NEVER
 
     @property
     def tick(self) -> int:
         """Tick of the newest message taken."""
         return NEVER if self.latest is None else self.latest.tick
-
-    @property
-    def newest(self) -> int:
-        """Tick of the newest message that has come."""
-        return self._newest
 
     def send(self, parcel: Parcel) -> None:
         """Put a message on its way."""
@@ -215,8 +208,8 @@ class HeardSensor(Generic[M]):
                 message = decode(data, self._kind, joint_count=self._joint_count)
             except MessageError:
                 continue
-            if message.tick > self._newest:
-                self._newest = message.tick
+            if message.tick > self.newest:
+                self.newest = message.tick
                 self._waiting.append(message)
 
     def take_up_to(self, tick: int) -> None:
@@ -248,13 +241,14 @@ class DelayedSensors:
         """Return the snapshot to answer now; None while there is none."""
         for sensor in self.sensors.values():
             sensor.hear(now_s)
-        if max(sensor.newest for sensor in self.sensors.values()) <= self._answered:
+        newest = max(sensor.newest for sensor in self.sensors.values())
+        if newest <= self._answered:
             return None
         if not self._is_waiting:
             self._is_waiting, self._since_s = True, now_s
         is_over = now_s - self._since_s >= PATIENCE_S - INSTANT_S
         *_, last = (s for s in self.sensors.values() if not s.is_lost or is_over)
-        tick = last.newest if not is_over else self._newest_tick()
+        tick = newest if is_over else last.newest
         if tick <= self._answered:
             return None
         late = [s for s in self.sensors.values() if s.newest < tick]
@@ -270,6 +264,3 @@ class DelayedSensors:
         stale = tuple(name for name, s in self.sensors.items() if s.tick != tick)
         snapshot = self._layout.join(tick, messages)
         return SnapshotReading(snapshot, stale, ages_of(messages, tick), 0)
-
-    def _newest_tick(self) -> int:
-        return max(sensor.newest for sensor in self.sensors.values())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import platform
 import shutil
 import sys
 from collections.abc import Collection
@@ -15,7 +14,7 @@ from typing import TypeVar
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.installation import installed_version
+from surefoot.installation import this_machine
 from surefoot.out_folder import OutFolder, write_json
 from surefoot.run_plan import Mode, RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
@@ -27,7 +26,6 @@ RELAY = "relay.toml"
 TICKS, CONTROLLER_TICKS = "ticks.mcap", "controller-ticks.mcap"
 RECORD = "run.mcap"
 QP_FAILURE = "qp-failure.npz"
-_PACKAGES = ("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy", "msgspec")
 _T = TypeVar("_T", bound=msgspec.Struct)
 MARKER = "run.json"
 """Every folder of a run holds this file; a folder without it is no run."""
@@ -113,9 +111,7 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
         mode=plan.mode,
         relay=None if plan.relay_path is None else plan.relay_path.stem,
         started=datetime.now(UTC).isoformat(timespec="seconds"),
-        python=platform.python_version(),
-        platform=platform.platform(),
-        packages={name: installed_version(name) for name in _PACKAGES},
+        **this_machine(),
     )
     write_json(folder / MARKER, about)
 

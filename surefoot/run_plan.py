@@ -166,6 +166,7 @@ def make_plan(
         if told:
             path = None  # the run keeps what is run
             _log.info("%s", told)
+    is_shipped = not isinstance(robot, Robot) and Path(robot).suffix != ".toml"
     resolved = resolve_settings(settings, overrides=overrides)
     check_read(overrides, [controller])
     check_settings(resolved, model, duration_s=world.duration_s)
@@ -174,7 +175,7 @@ def make_plan(
         scenario_name=name,
         scenario_path=path,
         robot=model,
-        robot_name=str(robot) if _is_shipped(robot) else str(model.path),
+        robot_name=str(robot) if is_shipped else str(model.path),
         controller=controller,
         settings=resolved,
         seed=seed,
@@ -220,10 +221,6 @@ def _steps(scenario: Scenario, robot: Robot, settings: ControllerSettings) -> Wa
 
     assert scenario.walk is not None
     return plan_of(scenario.walk, robot, settings.walk, duration_s=scenario.duration_s)
-
-
-def _is_shipped(robot: str | Path | Robot) -> bool:
-    return not isinstance(robot, Robot) and Path(robot).suffix != ".toml"
 
 
 def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ import pytest
 from surefoot.cli import console
 from surefoot.cli.__main__ import main
 from surefoot.robot_io.bus.bus import loopback_endpoints
+from surefoot.robot_io.robot import ROBOTS_DIR
 from surefoot.schemas.endpoints import Endpoints
 from tests.command import PLAIN, Surefoot, run_surefoot, scenario_file
 from tests.one_name import modules_with_two_names
@@ -98,6 +100,14 @@ def short_scenario(tmp_path: Path) -> Path:
     """Standing on firm ground for a fraction of a second."""
     noise = "[sensors]\nforce_noise_n = 2.0\n"
     return scenario_file(tmp_path, 0.3, name="short", more=noise)
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    """The Walker's files to be damaged; the path of its TOML."""
+    for kind in ("urdf", "toml"):
+        shutil.copy(ROBOTS_DIR / "walker" / f"walker.{kind}", tmp_path)
+    return tmp_path / "walker.toml"
 
 
 @pytest.fixture

@@ -6,10 +6,14 @@ import os
 import socket
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+import msgspec
+
 import surefoot as sf
+from surefoot.robot_io.robot import Robot
 
 _T = TypeVar("_T")
 PATIENCE_S = 300.0 * float(os.environ.get("SUREFOOT_TEST_PATIENCE", "1"))
@@ -75,3 +79,8 @@ ROLLING = sf.Scenario(
     sensors=sf.Sensors(force_noise_n=2.0, gyro_noise_rad_s=0.002),
 )
 """Half a second in which every signal moves, with noise that depends on the seed."""
+
+
+def with_rate(robot: Robot, rate_hz: float) -> Robot:
+    """The same robot at another control rate."""
+    return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))

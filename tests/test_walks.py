@@ -20,14 +20,15 @@ from surefoot.schemas.scenario import Scenario, Tile
 from surefoot.sim_robot.plant import Plant
 
 
-@pytest.mark.parametrize("line", LINES, ids=lambda line: line.name)
-def test_a_run_is_drawn_with_its_number(line: walks.Line) -> None:
-    first, again = line.scenario(1), line.scenario(1)
+@pytest.mark.parametrize("line", LINES)
+def test_a_run_is_drawn_with_its_number(line: str) -> None:
+    scenario = LINES[line]
+    first, again = scenario(1), scenario(1)
     assert msgspec.json.encode(first) == msgspec.json.encode(again)
     Plant(load_robot("walker"), first, seed=1)
-    varies = msgspec.json.encode(first) != msgspec.json.encode(line.scenario(2))
-    is_shipped = line.scenario.__qualname__.startswith("shipped")
-    assert varies is not (is_shipped or line.name == "stop and go")
+    varies = msgspec.json.encode(first) != msgspec.json.encode(scenario(2))
+    is_shipped = scenario.__qualname__.startswith("shipped")
+    assert varies is not (is_shipped or line == "stop and go")
 
 
 def test_borders_run_under_the_footholds() -> None:
@@ -43,17 +44,17 @@ def test_borders_run_under_the_footholds() -> None:
 def test_the_study_keeps_the_row_of_each_run(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    line = LINES[0]
+    line, scenario = next(iter(LINES.items()))
 
     def short(number: int) -> Scenario:
-        return msgspec.structs.replace(line.scenario(number), duration_s=2.5)
+        return msgspec.structs.replace(scenario(number), duration_s=2.5)
 
-    monkeypatch.setitem(walks.SCENARIOS, line.name, short)
-    run = WalkRun(line.name, 3, "whole-body", "ideal")
+    monkeypatch.setitem(LINES, line, short)
+    run = WalkRun(line, 3, "whole-body", "ideal")
     words = ["--out", str(tmp_path), "--jobs", "1", "--set", "tsid.com_kp=30"]
     options = study_options(None, count=1).parse_args(words)
     [row] = run_all([run], options, title="walks")
-    assert (row["line"], row["number"]) == (line.name, 3)
+    assert (row["line"], row["number"]) == (line, 3)
     assert run_all([run], options, title="walks") == [row]
     assert replace(run, number=4).key != run.key
 
@@ -89,7 +90,7 @@ def test_no_tile_is_under_the_soles_at_first() -> None:
 @pytest.mark.parametrize("words", ["borders", "fast platform"])
 def test_slow_drives_walk_where_a_sole_tips_and_ground_sinks(words: str) -> None:
     """None of these borders, and one of these platforms, were walked without."""
-    [line] = [name for name in walks.SCENARIOS if words in name]
+    [line] = [name for name in LINES if words in name]
     runs = [WalkRun(line, number, "whole-body", "harmonic") for number in range(4)]
     rows = [run.run(run.plan(robot="walker", overrides=())) for run in runs]
     assert sum(row["outcome"] in ("walked", "stood") for row in rows) >= 3
@@ -98,7 +99,7 @@ def test_slow_drives_walk_where_a_sole_tips_and_ground_sinks(words: str) -> None
 @pytest.mark.closed_loop
 def test_a_foot_caught_at_an_edge_steps_over_it() -> None:
     """It pushed on: the robot came half as far, feet 0.5 m off, or fell."""
-    [line] = [name for name in walks.SCENARIOS if "kerb" in name]
+    [line] = [name for name in LINES if "kerb" in name]
     run = WalkRun(line, 2, "whole-body", "harmonic")
     row = run.run(run.plan(robot="walker", overrides=()))
     assert row["outcome"] in ("walked", "stood")
@@ -124,7 +125,7 @@ def test_before_a_wall_the_walk_ends() -> None:
 @pytest.mark.parametrize("words", ["borders", "seesaw"])
 def test_a_sole_that_tips_about_an_edge_is_not_followed(words: str) -> None:
     """It was: 28 and 17 mm of the DCM's error, now 11 and 6."""
-    [line] = [name for name in walks.SCENARIOS if words in name]
+    [line] = [name for name in LINES if words in name]
     for number in range(2):
         run = WalkRun(line, number, "whole-body", "ideal")
         row = run.run(run.plan(robot="walker", overrides=()))

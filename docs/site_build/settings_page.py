@@ -20,9 +20,8 @@ from surefoot.stabilizer.requests import LIVE_SETTINGS
 _HEAD = """# Settings
 
 Every gain, weight and limit of the controllers, written from the structs in
-[`schemas/settings.py`](../../schemas/settings.py),
-[`schemas/walk_settings.py`](../../schemas/walk_settings.py) and
-[`schemas/zmp_settings.py`](../../schemas/zmp_settings.py).
+[`schemas/settings.py`](../../schemas/settings.py) and
+[`schemas/law_settings.py`](../../schemas/law_settings.py).
 
 ```sh
 surefoot run moving-platform-slow --set tsid.base_kp=120 --set dik.k_force=-40

@@ -10,32 +10,9 @@ import msgspec
 import msgspec.inspect as inspect
 
 from surefoot.schemas.json_schema import field_docs
-from surefoot.studies.tables import markdown
+from surefoot.studies.tables import markdown, split_unit
 
 _UNIT = re.compile(r"\s*\[([^\]]+)\]")
-_SUFFIXES = {
-    "_nm_s_rad": "N m s/rad",
-    "_kg_m2": "kg m^2",
-    "_nm_rad": "N m/rad",
-    "_rad_s": "rad/s",
-    "_deg_s": "deg/s",
-    "_m_s2": "m/s^2",
-    "_m_s": "m/s",
-    "_scale": "1",
-    "_weights": "body weights",
-    "_bytes": "bytes",
-    "_rad": "rad",
-    "_deg": "deg",
-    "_hz": "Hz",
-    "_nm": "N m",
-    "_mm": "mm",
-    "_ms": "ms",
-    "_ns": "ns",
-    "_m": "m",
-    "_n": "N",
-    "_s": "s",
-}
-"""Endings of names that say the unit, longest first."""
 _NBSP = "\N{NO-BREAK SPACE}"
 _HEADINGS = {"text": "what it is", "type": "holds"}
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -94,7 +71,7 @@ def _row(field: inspect.Field, doc: str) -> FieldRow:
     is_numeric = _is_numeric(field.type)
     unit = found[1] if found else ""
     if not unit and is_numeric:
-        unit = next((u for end, u in _SUFFIXES.items() if field.name.endswith(end)), "")
+        _, unit = split_unit(field.name)
     text = literals(_UNIT.sub("", doc, count=1) if found else doc).strip()
     return FieldRow(
         name=field.encode_name,

@@ -22,6 +22,7 @@ from surefoot.robot_io.bus.session import (
 )
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import Pace, StopRequest, distribution_of
+from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.result import Distribution
 
@@ -43,7 +44,6 @@ _NAMESPACE = "loopback"
 _BYTES = 600
 """Size of a message with a robot's joints."""
 _POLL_S = 0.002
-_MS_PER_S = 1e3
 ONE_HOST_LEASE_MS = 10_000
 """Between processes of one run a death closes the link at once. What is silent and not
 dead is a process that a busy machine has not let run."""
@@ -301,7 +301,7 @@ def measure_loopback(endpoints: Endpoints) -> Distribution:
         _wait_for_match(forth, back)
         for _ in range(_WARM_UP):
             round_trip()
-        times_ms = [_MS_PER_S * round_trip() for _ in range(ROUND_TRIPS)]
+        times_ms = [MS_PER_S * round_trip() for _ in range(ROUND_TRIPS)]
     return distribution_of(times_ms)
 
 
@@ -312,14 +312,10 @@ def _wait_for_match(*publishers: zenoh.Publisher) -> None:
         RobotUnreachableError: not in time.
     """
     end = time.monotonic() + _ANSWER_S
-    while not all(_matches(publisher) for publisher in publishers):
+    # The type stubs lack this property.
+    while not all(p.matching_status.matching for p in publishers):  # type: ignore[attr-defined]
         if time.monotonic() >= end:
             raise RobotUnreachableError(
                 f"the two ends did not find each other within {_ANSWER_S:g} s"
             )
         time.sleep(_POLL_S)  # a listener would need a thread for this one moment
-
-
-def _matches(publisher: zenoh.Publisher) -> bool:
-    status = publisher.matching_status
-    return bool(getattr(status, "matching", status))

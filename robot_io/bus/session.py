@@ -36,13 +36,12 @@ from surefoot.robot_io.security.own_certificates import (
     check_own_certificates,
     peer_fault,
 )
-from surefoot.schemas.arrays import JsonObject
+from surefoot.schemas.arrays import MS_PER_S, JsonObject
 from surefoot.schemas.codec import MAX_MESSAGE_BYTES
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.topics import resolve_keys
 
 CONNECT_TIMEOUT_S = 5.0
-MS_PER_S = 1e3
 QUERY_TIMEOUT_MS = 1000
 MAX_SESSIONS = 16
 HANDSHAKE_MS = 1000
@@ -142,7 +141,10 @@ def open_session(
     try:
         yield session
     finally:
-        _close(session)
+        try:
+            session.close()  # type: ignore[no-untyped-call]
+        except zenoh.ZError as error:  # a hanging peer must not hide other errors
+            logging.getLogger(__name__).warning("closing the bus: %s", cause_of(error))
 
 
 def expect_to_listen() -> None:
@@ -231,7 +233,15 @@ def session_config(
     if role is not Role.ROUTER and namespace:
         config["namespace"] = namespace
     if is_listening:
-        config["low_pass_filter"] = [_size_limit(endpoints)]
+        config["low_pass_filter"] = [
+            {
+                "id": "incoming",
+                "flows": ["ingress"],
+                "messages": ["put", "query", "reply", "delete"],
+                "key_exprs": ["**"],
+                "size_limit": endpoints.max_bytes,
+            }
+        ]
     if is_listening and endpoints.tls is not None:
         config["access_control"] = access_control(
             endpoints.access, keys=keys or resolve_keys({}), namespace=namespace
@@ -243,16 +253,6 @@ def _mode(role: Role, *, is_listening: bool) -> str:
     if role is Role.ROUTER:
         return "router"
     return "peer" if is_listening else "client"
-
-
-def _size_limit(endpoints: Endpoints) -> JsonObject:
-    return {
-        "id": "incoming",
-        "flows": ["ingress"],
-        "messages": ["put", "query", "reply", "delete"],
-        "key_exprs": ["**"],
-        "size_limit": endpoints.max_bytes,
-    }
 
 
 def _transport(endpoints: Endpoints, wait_before_drop_s: float) -> JsonObject:
@@ -304,15 +304,7 @@ def _tls(endpoints: Endpoints) -> JsonObject:
     }
 
 
-def _close(session: zenoh.Session) -> None:
-    """Close the session; a hanging peer must not hide other errors."""
-    try:
-        session.close()  # type: ignore[no-untyped-call]
-    except zenoh.ZError as error:
-        logging.getLogger(__name__).warning("closing the bus: %s", _cause(error))
-
-
-def _cause(error: zenoh.ZError) -> str:
+def cause_of(error: zenoh.ZError) -> str:
     """Return Zenoh's message without the source files of its build."""
     return str(error).split(" at /")[0]
 
@@ -337,7 +329,7 @@ def _open_error(
             endpoints, "nobody answers", timeout_s, looks=role is not Role.CLIENT
         )
         return RobotUnreachableError(words)
-    why = _cause(error)
+    why = cause_of(error)
     if "in use" in why:
         why = "the address is in use; stop who listens there, or choose another port"
     return EndpointError(

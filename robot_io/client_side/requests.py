@@ -13,6 +13,7 @@ import zenoh
 
 from surefoot.robot_io.bus.bus import Bus, bytes_of
 from surefoot.robot_io.bus.channel import Latest
+from surefoot.robot_io.bus.session import cause_of
 from surefoot.robot_io.client_side.robot_watch import ReadOnlyClient
 from surefoot.robot_io.errors import RequestRefusedError, RobotUnreachableError
 from surefoot.robot_io.robot import Robot
@@ -130,8 +131,8 @@ class ServiceCaller:
                 if reply.ok is not None:
                     return reply.ok.payload.to_bytes()
         except zenoh.ZError as error:
-            words = str(error).split(" at /")[0]
-            raise RobotUnreachableError(f"{key}: not asked: {words}") from error
+            why = f"{key}: not asked: {cause_of(error)}"
+            raise RobotUnreachableError(why) from error
         return None
 
 

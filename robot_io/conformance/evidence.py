@@ -15,8 +15,6 @@ from surefoot.schemas.errors import MessageError
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.topics import TICK_SENSORS, topic
 
-GRAVITY_M_S2 = 9.81
-
 
 class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the run."""

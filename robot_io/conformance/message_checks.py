@@ -4,14 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from surefoot.robot_io.conformance.evidence import (
-    GRAVITY_M_S2,
-    Findings,
-    Recording,
-    Skeleton,
-)
+from surefoot.robot_io.conformance.evidence import Findings, Recording, Skeleton
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.arrays import GRAVITY_M_S2, MS_PER_S, NS_PER_S, Array, Vec3
 from surefoot.schemas.messages import ImuState
 from surefoot.schemas.sensors import SENSORS, Sensor, ankle_sensor, of_kind
 
@@ -20,8 +15,6 @@ LOST_SHARE = 0.05
 """Ticks of which a message may be missing."""
 JITTER_PERIODS = 0.5
 """Typical error of the period; the worst may reach the watchdog's patience."""
-NS_PER_S = 1e9
-MS_PER_S = 1e3
 ACCELERATION_TOLERANCE_M_S2 = 0.5
 TILT_TOLERANCE_RAD = 0.2
 GYRO_TOLERANCE_RAD_S = 0.2

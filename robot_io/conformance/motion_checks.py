@@ -6,7 +6,7 @@ import numpy as np
 
 from surefoot.robot_io.conformance.evidence import Findings, Recording, Skeleton
 from surefoot.robot_io.conformance.probe import Offset, Probe
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import MS_PER_S, Array
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.sensors import ankle_sensor
@@ -26,7 +26,6 @@ TOLERANCE_S = 0.15
 FAULT_TOLERANCE = 1.3
 STOP_S = 0.1
 STREAM_S = 0.2
-MS_PER_S = 1e3
 
 
 def check_joint_order(probe: Probe, findings: Findings) -> None:

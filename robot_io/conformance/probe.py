@@ -210,15 +210,16 @@ class Probe:
             else:
                 self.put(self.command(q=(self.q_held + offset(passed_s)).tolist()))
             count += 1
-            self._hear_status()
+            while (data := self._statuses.poll()) is not None:
+                self._read_status(data)
         return recording
 
-    def stream_until_active(self, *, timeout_s: float = ANSWER_S) -> bool:
+    def stream_until_active(self) -> bool:
         """Answer until the robot says that it follows.
 
         On a busy machine it may hold for a moment, for silence, and go on by itself.
         """
-        end = time.monotonic() + timeout_s
+        end = time.monotonic() + ANSWER_S
         while time.monotonic() < end:
             self.stream(STREAM_S)
             if self.status is not None and self.status.mode is RobotMode.ACTIVE:
@@ -278,10 +279,6 @@ class Probe:
             self.wait_status(lambda s: s.mode is mode, timeout_s=timeout_s) is not None
         )
 
-    def wait_for_robot(self, *, timeout_s: float) -> bool:
-        """Wait for the robot's first status."""
-        return self.wait_status(lambda s: True, timeout_s=timeout_s) is not None
-
     def _hear(self, recording: Recording, *, deadline: float) -> bool:
         """Take all ticks that have come, and wait for one when there is none."""
         data = self._sensors["joints"].wait(deadline)
@@ -298,17 +295,10 @@ class Probe:
         with suppress(MessageError):  # told by who reads the recording
             joints = decode(newest, JointState, joint_count=self.robot.n_a)
             self.tick = joints.tick
-            self._watch_motion(np.array(joints.q))
+            q = np.array(joints.q)
+            self.q_first = q if self.q_first is None else self.q_first
+            self.moved_rad = max(self.moved_rad, float(np.abs(q - self.q_first).max()))
         return True
-
-    def _watch_motion(self, q: Array) -> None:
-        if self.q_first is None:
-            self.q_first = q
-        self.moved_rad = max(self.moved_rad, float(np.abs(q - self.q_first).max()))
-
-    def _hear_status(self) -> None:
-        while (data := self._statuses.poll()) is not None:
-            self._read_status(data)
 
     def _read_status(self, data: bytes) -> bool:
         try:
@@ -339,7 +329,7 @@ def probing(
         end_s = time.monotonic() + timeout_s
         watch.find_within(end_s, endpoints=endpoints, timeout_s=timeout_s)
         probe = Probe(robot, bus, watch, identity=identity)
-        if not probe.wait_for_robot(timeout_s=timeout_s):
+        if probe.wait_status(lambda s: True, timeout_s=timeout_s) is None:
             what = f"no status of a robot {robot.file.namespace!r}"
             if probe.status_errors:
                 what += f" that can be read ({probe.status_error})"

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import msgspec
 
+from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.codec import decode_map
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.relay_plan import (
-    MS_PER_S,
     ClockJumpFault,
     CorruptFault,
     CutFault,

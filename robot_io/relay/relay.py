@@ -140,7 +140,11 @@ class Relay:
                         raise RobotIoError(
                             f"the relay cannot send any more: {dispatcher.error}"
                         ) from dispatcher.error
-        return self._result()
+        counts = {name: dict(lane.counts) for name, lane in self._lanes.items()}
+        return RelayResult(
+            plan=self._plan.name,
+            counts={name: count for name, count in counts.items() if count},
+        )
 
     def _connect(
         self, robots_side: Bus, other_side: Bus, dispatcher: Dispatcher
@@ -178,10 +182,3 @@ class Relay:
         """Hear nothing more, so that nothing is sent on a side that is closed."""
         for forwarder in self._forwarders:
             forwarder.close()
-
-    def _result(self) -> RelayResult:
-        counts = {name: dict(lane.counts) for name, lane in self._lanes.items()}
-        return RelayResult(
-            plan=self._plan.name,
-            counts={name: count for name, count in counts.items() if count},
-        )

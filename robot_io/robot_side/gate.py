@@ -94,9 +94,7 @@ class CommandLimits:
         self._by_velocity = robot.velocity_limit * robot.period_s
         self._by_step = np.full(robot.n_a, robot.file.gate.step_limit_rad)
         self._reach = np.minimum(self._by_velocity, self._by_step)
-        self._low = np.empty(robot.n_a)
-        self._high = np.empty(robot.n_a)
-        self._excess = np.empty(robot.n_a)
+        self._low, self._high, self._excess = np.empty((3, robot.n_a))
 
     def clip(self, wanted: Array, before: Array, *, out: Array) -> tuple[Limit, ...]:
         """Move from one posture toward another as far as the limits allow.
@@ -121,14 +119,6 @@ class CommandLimits:
         np.abs(wanted - out, out=self._excess)
         if self._excess.max() <= ROUNDING_RAD:
             return ()
-        return self._diagnose(wanted, before)
-
-    def worst_joint(self) -> tuple[int, float]:
-        """Return the joint cut most in the last clip, and by how much [rad]."""
-        index = int(self._excess.argmax())
-        return index, float(self._excess[index])
-
-    def _diagnose(self, wanted: Array, before: Array) -> tuple[Limit, ...]:
         inside = np.clip(wanted, self._lower, self._upper)
         move = np.abs(inside - before) - ROUNDING_RAD
         found = {
@@ -137,6 +127,11 @@ class CommandLimits:
             Limit.STEP: move > self._by_step,
         }
         return tuple(limit for limit, joints in found.items() if joints.any())
+
+    def worst_joint(self) -> tuple[int, float]:
+        """Return the joint cut most in the last clip, and by how much [rad]."""
+        index = int(self._excess.argmax())
+        return index, float(self._excess[index])
 
 
 class CommandGate:
@@ -184,13 +179,11 @@ class CommandGate:
         self._limits = CommandLimits(robot)
         self._posture = _fixed(np.array(posture, dtype=np.float64))
         self._before = self._posture
-        self._wanted = self._posture.copy()
-        self._allowed = self._posture.copy()
+        self._wanted, self._allowed = np.array((posture, posture), dtype=np.float64)
         self._seen_mode, self._mode_since_s = self.modes.mode, 0.0
         self._sequence = -1
         self._heard_s = 0.0
-        self._is_commanded = False
-        self._is_first = False
+        self._is_commanded = self._is_first = False
 
     @property
     def mode(self) -> RobotMode:
@@ -263,7 +256,7 @@ class CommandGate:
         self.clipped.update(clipped)
         settings = self._settings
         if clipped and settings.beyond_limits == "refuse" and not settings.warn_only:
-            refusal = self.refuse(Refusal.LIMIT, f"{self._excess(clipped)}")
+            refusal = self.refuse(Refusal.LIMIT, self._excess(clipped))
             return CommandResult(command.tick, self._posture, refusal, clipped)
         self._follow(clipped, now_s)
         self.delay.follow(command.tick)
@@ -324,15 +317,11 @@ class CommandGate:
         age = tick - command.tick
         if not 0 <= age <= self._oldest:
             refusal = Refusal.LATE if age > 0 else Refusal.FUTURE
-            detail = f"answers tick {command.tick} at tick {tick}"
-            return self.refuse(refusal, detail)
+            return self.refuse(refusal, f"answers tick {command.tick} at tick {tick}")
         began_tick, began_s = self._began[command.tick % len(self._began)]
-        if (
-            began_tick == command.tick
-            and now_s - began_s > self._max_age_s + ROUNDING_S
-        ):
-            detail = f"answers sensors {now_s - began_s:.3f} s old"
-            return self.refuse(Refusal.LATE, detail)
+        age_s = now_s - began_s
+        if began_tick == command.tick and age_s > self._max_age_s + ROUNDING_S:
+            return self.refuse(Refusal.LATE, f"answers sensors {age_s:.3f} s old")
         return None
 
     def _why_no_posture(self, q: list[float]) -> Refusal | None:

@@ -178,8 +178,12 @@ class ModeMachine:
             case "release":
                 self.lose(ModeCause.RELEASED, f"released by {who}")
                 return DONE
+            case "reset" if self.mode is RobotMode.FAULT:
+                self._set(RobotMode.HOLD, ModeCause.RESET, f"reset by {who}")
+                return DONE
             case "reset":
-                return self._reset(who)
+                why = f"no fault to reset, the robot is {self.mode}"
+                return self.decline(RequestRefusal.NO_FAULT, why)
             case "enable" | "hold" | "disable":
                 return self._change(action, who)
         return self.decline(
@@ -255,14 +259,6 @@ class ModeMachine:
         if mode is RobotMode.ACTIVE and self.mode is RobotMode.OFF:
             return self.decline(RequestRefusal.IS_OFF, "off; ask for hold first")
         self._set(mode, ModeCause.REQUESTED, f"{action} asked for by {who}")
-        return DONE
-
-    def _reset(self, who: str) -> Answer:
-        if self.mode is not RobotMode.FAULT:
-            return self.decline(
-                RequestRefusal.NO_FAULT, f"no fault to reset, the robot is {self.mode}"
-            )
-        self._set(RobotMode.HOLD, ModeCause.RESET, f"reset by {who}")
         return DONE
 
     def _set(self, mode: RobotMode, cause: ModeCause, detail: str) -> None:

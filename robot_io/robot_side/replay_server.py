@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import zenoh
 
@@ -24,6 +25,7 @@ from surefoot.schemas.reasons import RequestRefusal
 from surefoot.schemas.topics import (
     ALIVE_STABILIZER,
     ALL_CHANNELS,
+    SERVICES,
     TOPICS,
     URGENT,
     Direction,
@@ -86,50 +88,36 @@ class ReplayServer(RobotsSide):
             name: self._bus.publisher(keys[name], urgent=name in URGENT)
             for name in ALL_CHANNELS
         }
-        replies: dict[Direction, Callable[[], ServiceReply | StabilizerReply]] = {
-            Direction.SERVICE: self._robots_refusal,
-            Direction.STABILIZER_SERVICE: self._stabilizers_refusal,
-        }
         for entry in TOPICS:
-            if entry.direction in replies:
-                self._refuse(keys[entry.name], replies[entry.direction])
+            if entry.direction in SERVICES:
+                answer = partial(self._refuse, entry.direction)
+                self._bus.queryable(keys[entry.name], answer)
 
-    def _refuse(
-        self, key: str, reply: Callable[[], ServiceReply | StabilizerReply]
-    ) -> None:
-        def on_query(query: zenoh.Query) -> None:
-            with query:
-                query.reply(query.key_expr, encode(reply()))
-
-        self._bus.queryable(key, on_query)
-
-    def _robots_refusal(self) -> ServiceReply:
+    def _refuse(self, direction: Direction, query: zenoh.Query) -> None:
         status = self._status
-        return ServiceReply(
-            schema=SCHEMA_VERSION,
-            accepted=False,
-            refusal=RequestRefusal.RECORDED,
-            detail=REFUSAL,
-            mode=RobotMode.HOLD if status is None else status.mode,
-            commander="" if status is None else status.commander,
-            q_command=(
-                self._robot.nominal.tolist() if status is None else status.q_command
-            ),
-            instance=self.identity.instance,
-            description=self.identity.description,
-            pace=Pace.REALTIME,
-        )
-
-    def _stabilizers_refusal(self) -> StabilizerReply:
-        status = self._status
-        return StabilizerReply(
-            schema=SCHEMA_VERSION,
-            accepted=False,
-            refusal=RequestRefusal.RECORDED,
-            detail=REFUSAL,
-            tick=0 if status is None else status.tick,
-            settings={},
-        )
+        told: dict[str, Any] = {
+            "schema": SCHEMA_VERSION,
+            "accepted": False,
+            "refusal": RequestRefusal.RECORDED,
+            "detail": REFUSAL,
+        }
+        reply: ServiceReply | StabilizerReply
+        if direction is Direction.SERVICE:
+            held = self._robot.nominal.tolist()
+            reply = ServiceReply(
+                **told,
+                mode=RobotMode.HOLD if status is None else status.mode,
+                commander="" if status is None else status.commander,
+                q_command=held if status is None else status.q_command,
+                instance=self.identity.instance,
+                description=self.identity.description,
+                pace=Pace.REALTIME,
+            )
+        else:
+            tick = 0 if status is None else status.tick
+            reply = StabilizerReply(**told, tick=tick, settings={})
+        with query:
+            query.reply(query.key_expr, encode(reply))
 
     def _note_status(self, data: bytes) -> None:
         """Keep it for refusals; the stabilizer is there while it commands."""

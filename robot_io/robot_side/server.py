@@ -44,10 +44,6 @@ def read_command(data: bytes, gate: CommandGate) -> JointCommand | None:
     """Read a command; the gate counts one that cannot be read as refused.
 
     What its numbers are is for the gate to judge: one without a posture is an answer.
-
-    Args:
-        data: as it came.
-        gate: of the robot.
     """
     try:
         return decode_fields(data, JointCommand)
@@ -204,16 +200,15 @@ class RobotServer(RobotsSide):
             self._services.wait(IDLE_POLL_S)
         return False
 
-    def see_off(self, commander: str, *, timeout_s: float = SEE_OFF_S) -> None:
+    def see_off(self, commander: str) -> None:
         """Wait until a commander that was told of the end has left the bus.
 
         What it said before has then been passed on to whoever looks on.
 
         Args:
             commander: its name; empty for nobody.
-            timeout_s: how long to wait at most [s].
         """
-        end_s = time.monotonic() + timeout_s
+        end_s = time.monotonic() + SEE_OFF_S
         while self._services.is_present(commander) and time.monotonic() < end_s:
             self._services.wait(IDLE_POLL_S)
             self._services.serve(now_s=0.0)

@@ -277,7 +277,11 @@ class RobotServices:
         while self._asked:
             asked = self._asked.popleft()
             with asked.query as query:
-                self._reply(query, asked.answer(bytes_of(query), now_s))
+                try:
+                    answer = asked.answer(bytes_of(query), now_s)
+                except MessageError as error:
+                    answer = Answer(RequestRefusal.MALFORMED, str(error))
+                self._reply(query, answer)
         return True
 
     def _queue_for(
@@ -303,19 +307,13 @@ class RobotServices:
         self._bus.waker.interrupt()
 
     def _answer_mode(self, data: bytes, now_s: float) -> Answer:
-        try:
-            asked = decode(data, ModeRequest)
-        except MessageError as error:
-            return Answer(RequestRefusal.MALFORMED, str(error))
+        asked = decode(data, ModeRequest)
         if asked.action not in MODE_ACTIONS:
             return _unknown(asked.action, MODE_ACTIONS)
         return self._gate.request(asked.action, asked.commander, now_s=now_s)
 
     def _answer_lease(self, data: bytes, now_s: float) -> Answer:
-        try:
-            asked = decode(data, LeaseRequest)
-        except MessageError as error:
-            return Answer(RequestRefusal.MALFORMED, str(error))
+        asked = decode(data, LeaseRequest)
         if asked.action not in LEASE_ACTIONS:
             return _unknown(asked.action, LEASE_ACTIONS)
         if asked.action == "take" and (why := self._why_not_meant(asked)):
@@ -350,10 +348,7 @@ class RobotServices:
         del now_s
         if self._push is None:
             return Answer(RequestRefusal.NOT_SUPPORTED, "this robot is not simulated")
-        try:
-            return self._push(decode(data, PushRequest))
-        except MessageError as error:
-            return Answer(RequestRefusal.MALFORMED, str(error))
+        return self._push(decode(data, PushRequest))
 
     def _reply(self, query: zenoh.Query, answer: Answer) -> None:
         modes = self._gate.modes

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ipaddress
-import os
 import re
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -15,6 +14,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from surefoot.robot_io.errors import CertificateError
+from surefoot.schemas.toml_file import atomic_file
 
 LISTENERS = ("robot", "router")
 IDENTITIES = (*LISTENERS, "stabilizer", "operator", "planner", "observer")
@@ -227,20 +227,9 @@ def _write(folder: Path, name: str, issued: Issued) -> list[Path]:
         serialization.PrivateFormat.PKCS8,
         serialization.NoEncryption(),
     )
-    _replace(key_file, key, mode=_PRIVATE)
     certificate = issued.certificate.public_bytes(serialization.Encoding.PEM)
-    _replace(certificate_file, certificate, mode=_PUBLIC)
+    with atomic_file(key_file, mode=_PRIVATE) as file:
+        file.write(key)
+    with atomic_file(certificate_file, mode=_PUBLIC) as file:
+        file.write(certificate)
     return [certificate_file, key_file]
-
-
-def _replace(path: Path, data: bytes, *, mode: int) -> None:
-    """Write a file whole; a key is never readable by others, not even at first."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        with os.fdopen(
-            os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb"
-        ) as file:
-            file.write(data)
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)

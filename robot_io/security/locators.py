@@ -12,6 +12,8 @@ import socket
 import stat
 from pathlib import Path
 
+import msgspec
+
 from surefoot.robot_io.errors import EndpointError, LocatorError
 from surefoot.schemas.arrays import JsonObject
 from surefoot.schemas.endpoints import DEFAULT_LOCATOR, Access, Endpoints
@@ -250,14 +252,15 @@ def access_control(
             *("command", "ask", "serve", "operate", "live", "plan", "read", "hear"),
         ],
     }
+    groups = msgspec.structs.asdict(access)
     policies = [
         {"rules": may[group], "subjects": [f"{group}s"]}
-        for group, names in _groups(access).items()
+        for group, names in groups.items()
         if names
     ]
     subjects: list[JsonObject] = [
         {"id": f"{group}s", "cert_common_names": names}
-        for group, names in _groups(access).items()
+        for group, names in groups.items()
         if names
     ]
     # Whoever got through the handshake has a certificate of ours, listed or not.
@@ -269,17 +272,6 @@ def access_control(
         "rules": _rules(keys, namespace),
         "subjects": subjects,
         "policies": policies,
-    }
-
-
-def _groups(access: Access) -> dict[str, list[str]]:
-    return {
-        "stabilizer": access.stabilizer,
-        "operator": access.operator,
-        "planner": access.planner,
-        "observer": access.observer,
-        "robot": access.robot,
-        "router": access.router,
     }
 
 

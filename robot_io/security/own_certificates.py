@@ -104,15 +104,12 @@ _USES = {
 }
 
 
-def check_own_certificates(
-    endpoints: Endpoints, *, is_listening: bool, now: datetime | None = None
-) -> None:
+def check_own_certificates(endpoints: Endpoints, *, is_listening: bool) -> None:
     """Refuse certificates of ours that the others would turn away.
 
     Args:
         endpoints: with paths of certificates, or without TLS.
         is_listening: whether this process listens, or else dials.
-        now: the present when None.
 
     Raises:
         CertificateError: names the file, what is wrong with it, and what to do.
@@ -120,7 +117,7 @@ def check_own_certificates(
     tls = endpoints.tls
     if tls is None:
         return
-    now = now or datetime.now(UTC)
+    now = datetime.now(UTC)
     chain = read_certificates(Path(tls.certificate))
     authorities = read_certificates(Path(tls.ca))
     for path, certificates in ((tls.certificate, chain), (tls.ca, authorities)):

@@ -34,6 +34,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from surefoot.robot_io.realtime import leave_priority
 from surefoot.robot_io.ticks.recorder import Block, BlockFormat, SignalArray
+from surefoot.schemas.arrays import NS_PER_S
 
 _LOG = logging.getLogger(__name__)
 
@@ -48,8 +49,7 @@ LOST = "lost_ticks"
 BLOCKS_UNDERWAY = 16
 """So many blocks may wait for the disk: eight seconds of a run in real time."""
 _COMPRESSION_LEVEL = 1
-_SEQUENCE_MASK = 2**32 - 1
-_NS_PER_S = 1e9
+SEQUENCE_MASK = 2**32 - 1
 
 
 class TickFile:
@@ -174,14 +174,14 @@ class _Mcap:
         self._counts: dict[int, int] = {}
         self._first_ns = self._last_ns = self._chunks = 0
         self._file.write(MCAP0_MAGIC)
-        self._file.write(_bytes(Header(profile=PROFILE, library="surefoot")))
+        self._file.write(record_bytes(Header(profile=PROFILE, library="surefoot")))
         self._file.flush()
 
     def add(self, form: BlockFormat, block: Block) -> None:
         """Write a block, and give it to the system: it survives this process."""
         signals = form.signals(block)
         begin_s, end_s = (float(signals["time_s"][row]) for row in (0, -1))
-        times_ns = round(_NS_PER_S * begin_s), round(_NS_PER_S * end_s)
+        times_ns = round(NS_PER_S * begin_s), round(NS_PER_S * end_s)
         # Ticks last: a block of which they can be read is whole.
         for name in sorted(signals, key="tick".__eq__):
             self._add(form, name, signals[name], int(signals["tick"][0]), times_ns)
@@ -207,18 +207,18 @@ class _Mcap:
             )
             self._channels[name] = channel
             self._counts[channel.id] = 0
-            parts.append(_bytes(channel))
+            parts.append(record_bytes(channel))
         channel_id = self._channels[name].id
         little = values.astype(values.dtype.newbyteorder("<"), copy=False)
         message = Message(
             channel_id=channel_id,
-            sequence=first_tick & _SEQUENCE_MASK,
+            sequence=first_tick & SEQUENCE_MASK,
             log_time=begin_ns,
             publish_time=begin_ns,
             data=FIRST_TICK.pack(first_tick) + little.tobytes(),
         )
         index = MessageIndex(channel_id, [(begin_ns, sum(map(len, parts)))])
-        data = b"".join([*parts, _bytes(message)])
+        data = b"".join([*parts, record_bytes(message)])
         chunk = Chunk(
             compression="zstd",
             data=self._compressor.compress(data),
@@ -227,8 +227,8 @@ class _Mcap:
             uncompressed_crc=zlib.crc32(data),
             uncompressed_size=len(data),
         )
-        self._file.write(_bytes(chunk))
-        self._file.write(_bytes(index))
+        self._file.write(record_bytes(chunk))
+        self._file.write(record_bytes(index))
         self._chunks += 1
         self._counts[channel_id] += 1
         if self._chunks == 1:
@@ -238,7 +238,7 @@ class _Mcap:
     def finish(self, *, lost_ticks: int) -> None:
         """Write the end, by which a reader knows that the file is whole."""
         counts = Metadata(name=COUNTS, metadata={LOST: str(lost_ticks)})
-        self._file.write(_bytes(counts) + _bytes(DataEnd(0)))
+        self._file.write(record_bytes(counts) + record_bytes(DataEnd(0)))
         statistics = Statistics(
             attachment_count=0,
             channel_count=len(self._channels),
@@ -254,7 +254,7 @@ class _Mcap:
             summary_start=self._file.tell(), summary_offset_start=0, summary_crc=0
         )
         ends = [*self._channels.values(), statistics, footer]
-        self._file.write(b"".join(map(_bytes, ends)) + MCAP0_MAGIC)
+        self._file.write(b"".join(map(record_bytes, ends)) + MCAP0_MAGIC)
         self._file.flush()
 
     def close(self) -> None:
@@ -263,7 +263,8 @@ class _Mcap:
             self._file.close()
 
 
-def _bytes(record: McapRecord) -> bytes:
+def record_bytes(record: McapRecord) -> bytes:
+    """A record of MCAP as it stands in a file."""
     builder = RecordBuilder()
     record.write(builder)
     # mcap gives this method no types.

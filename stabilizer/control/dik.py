@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.schemas.settings import DikSettings
+from surefoot.schemas.law_settings import DikSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import (
     SelectionTask,

@@ -31,8 +31,9 @@ import numpy as np
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.robot_file import ServoProfile
-from surefoot.schemas.settings import ControllerSettings, DikSettings
+from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
 

@@ -18,7 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.settings import ContactSettings, DikSettings, GroundSettings
+from surefoot.schemas.law_settings import DikSettings, GroundSettings
+from surefoot.schemas.settings import ContactSettings
 from surefoot.stabilizer.control.drives import needed_stiffness, ticks_of
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.soft_ground import SoftGround
@@ -135,11 +136,7 @@ class ForceFeedback:
         self._set_stiffness()
 
     def suspend_feed_forward(self, side: int) -> None:
-        """Take a foot's motion for its own, not its ground's, until it stood a while.
-
-        Args:
-            side: left or right.
-        """
+        """Take a foot's motion for its own, not its ground's, until it stood a bit."""
         self._low_passed[SOLE_ROWS[side]] = 0.0
         self.share[side] = 0.0
         self._turn_share[side][:] = [0.0, 0.0]

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from surefoot.schemas.arrays import Vec3
-from surefoot.schemas.settings import SwaySettings
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.law_settings import SwaySettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.walking.footsteps import mean_yaw

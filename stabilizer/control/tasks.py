@@ -18,7 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.schemas.settings import ControllerSettings, DikSettings, TsidSettings
+from surefoot.schemas.law_settings import DikSettings, TsidSettings
+from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.schemas.settings import TsidSettings
+from surefoot.schemas.law_settings import TsidSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import (
     LoadTask,
@@ -131,7 +131,6 @@ class _FeetProblem:
         self.feet = feet
         self.rows = slice(6 * feet[0], 6 * feet[-1] + 6)
         n_c = 6 * len(feet)
-        self.n_c = n_c
         self.qp = DenseQp("tsid", n=n_a, m=ROWS_PER_FOOT * len(feet), solver=solver)
         self.C: Mat = np.zeros((ROWS_PER_FOOT * len(feet), n_c))
         for i, foot in enumerate(feet):
@@ -201,7 +200,6 @@ class Tsid:
                 there by plan; none for a robot that only stands.
             solver: makes the solver of each problem.
         """
-        self._model = model
         self._settings = settings
         self._load = LoadTask(model, settings)
         n_a = model.n_a

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import schur, solve_triangular
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.arrays import MS_PER_S, Array, Mat
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.margins.linear_loop import LinearLoop, LoopMatrices
 
@@ -33,7 +33,6 @@ MOST_TICKS = 200
 LARGEST_FACTOR = 1e3
 BISECTIONS = 12
 BALANCING_ROUNDS = 5
-MS_PER_S = 1e3
 ENOUGH_DB = 6.0
 """Gain margin to have: a robot that yields twice as much as was thought [dB]."""
 

@@ -240,7 +240,9 @@ class SensorHealth:
                 self._repeats[index] = 0
             elif ages[index] == 0 and moves and any(changed):
                 self._repeats[index] += 1
-            self._count_overload(index)
+            is_foot = index in (LEFT_FT, RIGHT_FT)
+            overloads = is_foot and self._sums[index] > self._overload
+            self._overloaded[index] = self._overloaded[index] + 1 if overloads else 0
             trouble = self._trouble(index, snapshot, ages[index])
             self._judge(index, trouble)
             if trouble:
@@ -256,13 +258,6 @@ class SensorHealth:
         self._good = replace(snapshot, **mended) if mended else snapshot
         self._limits.believe(self._good)
         return self._good
-
-    def _count_overload(self, index: int) -> None:
-        is_foot = index in (LEFT_FT, RIGHT_FT)
-        if is_foot and self._sums[index] > self._overload:
-            self._overloaded[index] += 1
-        else:
-            self._overloaded[index] = 0
 
     def _judge(self, index: int, trouble: SensorTrouble | None) -> None:
         """From trouble to loss and back."""

@@ -145,8 +145,9 @@ class Safety:
             believed = self._offsets.correct(believed)
             if any(self._offsets.found):
                 self._tell_offsets(self._offsets.found)
-        if 1 in self._health.overload_ticks:
-            self._remember()
+        for side, ticks in enumerate(self._health.overload_ticks):
+            if ticks == 1:  # here an overload of the foot begins, if it is one
+                self._before_overload[side] = self._command.copy()
         is_degraded = any(self._degraded) or self.state is StabilizerState.DEGRADED
         if not self._health.all_believed or is_degraded:
             self._react_to_losses()
@@ -230,12 +231,6 @@ class Safety:
                 before, ticks = self._command_before_overload(overloaded)
                 controller.undo_overload(before, ticks=ticks, sides=overloaded)
         return True
-
-    def _remember(self) -> None:
-        """Keep the command at which a foot's overload begins, if it is one."""
-        for side, ticks in enumerate(self._health.overload_ticks):
-            if ticks == 1:
-                self._before_overload[side] = self._command.copy()
 
     def _command_before_overload(
         self, overloaded: tuple[bool, bool]

@@ -16,10 +16,11 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 
+from surefoot.schemas.arrays import MM_PER_M
 from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.schemas.result import WalkReport
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkStatus
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
@@ -28,7 +29,6 @@ from surefoot.stabilizer.walking.footsteps import SIDES, Foothold
 from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.step_queue import Move
 
-MM_PER_M = 1e3
 TOUCH_TICKS_S = 0.003
 """A force must last so long to be a touchdown, at least [s]."""
 
@@ -270,9 +270,11 @@ class Feet:
                     self._feel_for_ground(side, normals[side])
             elif state is FootState.LANDING:
                 self._land(side, normals)
-            elif state is FootState.PLANTED and self._has_lost(side):
-                self._contacts.owned[side] = True
-                self._reland(side)
+            elif state is FootState.PLANTED:
+                stands = self._contacts.in_contact
+                if stands[1 - side] and not stands[side]:  # has lost its ground
+                    self._contacts.owned[side] = True
+                    self._reland(side)
 
     def set_down(self, side: int) -> None:
         """Take a foot that is in the air to have touched down: it cannot feel it."""
@@ -337,11 +339,6 @@ class Feet:
         ):
             self._contacts.in_contact[side] = False
             self._reland(side)
-
-    def _has_lost(self, side: int) -> bool:
-        """Whether a foot that stood has lost its ground, and the other one has not."""
-        in_contact = self._contacts.in_contact
-        return in_contact[1 - side] and not in_contact[side]
 
     def _reland(self, side: int) -> None:
         self._anchors.planted[side] = False

@@ -12,8 +12,8 @@ import numpy as np
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat
 from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import Side, Step, Walk, WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import standing
 from surefoot.stabilizer.model import RobotModel
 
@@ -276,11 +276,7 @@ def swing_time(
 
 
 def half_width_of(robot: Robot) -> float:
-    """Return the distance from sole to middle in a robot's nominal stance [m].
-
-    Args:
-        robot: what its files say.
-    """
+    """Return the distance from sole to middle in a robot's nominal stance [m]."""
     left, right = standing(RobotModel(robot)).p_sole
     return 0.5 * float(left[1] - right[1])
 

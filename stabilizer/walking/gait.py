@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from enum import StrEnum
 
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.walking.dcm import (
     Point,
     ZmpPhase,

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Vec3
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom, cross

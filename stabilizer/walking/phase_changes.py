@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.estimation.contact import ContactMonitor
 from surefoot.stabilizer.walking.dcm import Point
 from surefoot.stabilizer.walking.feet import Feet, FootState

@@ -21,7 +21,7 @@ from collections.abc import Callable
 import numpy as np
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 from surefoot.stabilizer.walking.dcm import Point
 from surefoot.stabilizer.walking.footsteps import Foothold

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance, standing
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, swing_time
@@ -97,14 +97,7 @@ class StepQueue:
     def of(
         cls, settings: WalkSettings, *, robot: Robot, model: RobotModel, stance: Stance
     ) -> StepQueue:
-        """Return the queue of a robot that begins in a stance.
-
-        Args:
-            settings: how far steps may go.
-            robot: what its files say.
-            model: of it.
-            stance: the nominal one.
-        """
+        """Return the queue of a robot that begins in its nominal stance."""
         left, right = stance.p_sole
         return cls(
             settings,
@@ -307,12 +300,7 @@ def nearest_of(model: RobotModel, settings: WalkSettings) -> float:
 
 
 def leg_speed_of(robot: Robot, stance: Stance) -> float:
-    """Return the speed of the end of a straight leg, by that of its drives [m/s].
-
-    Args:
-        robot: what its files say.
-        stance: the nominal one.
-    """
+    """Return the speed of the end of a straight leg, by that of its drives [m/s]."""
     return stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.tasks import Task
 from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom, cross

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.dynamics import SolesAndCom
 from surefoot.stabilizer.model import yaw_from
 from surefoot.stabilizer.walking.footsteps import Foothold, swing_time

@@ -13,8 +13,8 @@ import numpy as np
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.dynamics import (
@@ -88,7 +88,7 @@ class Walk:
                 are commanded carry it along.
             servo_lag_s: by which joints follow their commands [s].
         """
-        self._settings, self._dt = settings, (period_s := robot.period_s)
+        self._settings, period_s = settings, robot.period_s
         self._has_odometry = anchors is not None
         anchors = anchors or Anchors(stance.p_sole, stance.yaw_sole)
         self._anchors = anchors

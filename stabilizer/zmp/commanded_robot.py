@@ -22,8 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.schemas.settings import DikSettings
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import DikSettings, ZmpSettings
 from surefoot.stabilizer.dynamics import SOLE_ROWS
 from surefoot.stabilizer.model import N_BASE_V, RobotModel, yaw_from
 from surefoot.stabilizer.qp import DenseQp, QpSolution

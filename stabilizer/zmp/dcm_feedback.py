@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from surefoot.schemas.arrays import Mat, Vec3
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.model import GRAVITY
 from surefoot.stabilizer.walking.dcm import Point

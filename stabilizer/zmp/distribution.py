@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.control.tsid import sole_rows
 from surefoot.stabilizer.dynamics import NORMAL
 from surefoot.stabilizer.model import RobotModel, skew

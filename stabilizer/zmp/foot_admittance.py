@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.dynamics import NORMAL
 from surefoot.stabilizer.zmp.dcm_feedback import LeakyIntegrator
 from surefoot.stabilizer.zmp.distribution import centre_of_pressure

@@ -200,17 +200,7 @@ def write_page(
     sections: Sequence[Section],
     sources: Sequence[str],
 ) -> None:
-    """Write index.html, one static file that opens offline.
-
-    Args:
-        folder: that gets it.
-        title: its heading.
-        robot: as it was given.
-        subject: the robot's measures.
-        intro: paragraphs before the sections.
-        sections: in order.
-        sources: where protocols and data come from.
-    """
+    """Write index.html, one static file that opens offline."""
     text = render(
         TEMPLATE,
         title=title,

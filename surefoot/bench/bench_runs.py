@@ -17,12 +17,11 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar
 from surefoot.run_plan import RunPlan
-from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import Sensors
 from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
-from surefoot.studies.cell import Row, figures_of, find_variant, plan_in
+from surefoot.studies.cell import Row, figures_of, find_variant, is_up, plan_in
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore, code_fingerprint
 
@@ -102,12 +101,11 @@ class Subject:
         )
 
 
-def subject_of(robot: str, *, servo_profile: str | None = None) -> Subject:
+def subject_of(robot: str) -> Subject:
     """Measure a robot in its nominal stance.
 
     Args:
         robot: shipped name or path of a robot file.
-        servo_profile: any; the measures are the same.
 
     Raises:
         RobotFileError: no such robot, or its files contradict each other.
@@ -115,7 +113,7 @@ def subject_of(robot: str, *, servo_profile: str | None = None) -> Subject:
     from surefoot.robot_io.robot import load_robot
     from surefoot.sim_robot.plant import Plant
 
-    model = load_robot(robot, servo_profile=servo_profile)
+    model = load_robot(robot)
     plant = Plant(model, Scenario(name="stance", duration_s=1.0), seed=0)
     x, y, height = plant.com_reference.tolist()
     soles = plant.view.sole_left, plant.view.sole_right
@@ -160,10 +158,6 @@ def proportion(subject: Subject, *, direction_deg: float) -> Proportion:
 
     Implements the normalisation of DYSTURBANCE (10.3389/frobt.2022.817870): a figure
     divided by its factor is what it would be for a person, so that robots compare.
-
-    Args:
-        subject: the robot.
-        direction_deg: of the push.
     """
     ours, theirs = (_tipping(who, direction_deg) for who in (subject, PERSON))
     return Proportion(
@@ -274,7 +268,7 @@ class BenchCell(ABC):
             "seed": self.seed,
             **row,
             # Of a robot that fell, or was held at last, they would tell nothing.
-            "seen": probe.figures() if Outcome(row["outcome"]).is_up else {},
+            "seen": probe.figures() if is_up(row) else {},
         }
 
 

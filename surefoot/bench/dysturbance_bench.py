@@ -44,8 +44,7 @@ from surefoot.bench.push_results import (
 )
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
-from surefoot.schemas.reasons import Outcome
-from surefoot.studies.cell import Row
+from surefoot.studies.cell import Row, is_up
 
 DIRECTIONS_DEG = (0.0, 180.0, 90.0)
 QUICK_DIRECTIONS_DEG = DIRECTIONS_DEG[:1]
@@ -210,5 +209,5 @@ def _search(
         rows = run(cells, title=f"round {count}")
         found.update(zip((cell.key for cell in cells), rows, strict=True))
         for search, row in zip(open_ones.values(), rows, strict=True):
-            search.tell(stood=Outcome(row["outcome"]).is_up)
+            search.tell(stood=is_up(row))
     return found

@@ -11,6 +11,7 @@ import numpy as np
 
 from surefoot.bench.bench_runs import NOISE, BenchCell, Subject, Under
 from surefoot.bench.sway_response import phasor
+from surefoot.schemas.arrays import GRAVITY_M_S2
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.sim_robot.pushes import RodState
@@ -34,7 +35,6 @@ UNITS: dict[PushKind, str] = {
     "slow-displacement": "m",
     "slow-force": "N",
 }
-GRAVITY_M_S2 = 9.81
 START_S = 0.5
 AFTER_STRIKE_S = 3.5
 RISE_S = 3.0
@@ -214,12 +214,7 @@ def push_cell(
 
 
 def first_guess(disturbance: Disturbance, subject: Subject) -> float:
-    """Size at which a linear inverted pendulum of these measures would tip.
-
-    Args:
-        disturbance: what is done.
-        subject: measures of the robot.
-    """
+    """Size at which a linear inverted pendulum of these measures would tip."""
     mass, height = subject.mass_kg, subject.com_height_m
     base = subject.base_m(disturbance.direction_deg)
     own = math.sqrt(GRAVITY_M_S2 / height)

@@ -25,8 +25,9 @@ from surefoot.bench.push_cells import (
     PushKind,
     fit_impedance,
 )
+from surefoot.schemas.reasons import given
 from surefoot.studies.cell import Row
-from surefoot.studies.tables import svg_of, text_of
+from surefoot.studies.tables import canvas, svg_of
 
 _INTRO = (
     "A rod strikes the robot, swings it, or slowly leads it off; by a given way or by "
@@ -226,9 +227,9 @@ def push_tables(results: Sequence[PushResult]) -> list[TextTable]:
                 *result.under,
                 _margin(result, result.margin),
                 _margin(result, result.normalised),
-                text_of(result.energy_j, ".2f"),
-                text_of(result.normalised_energy_j, ".2f"),
-                text_of(result.absorbed, ".2f"),
+                given(result.energy_j, ".2f"),
+                given(result.normalised_energy_j, ".2f"),
+                given(result.absorbed, ".2f"),
             )
             for result in results
         ],
@@ -255,14 +256,7 @@ def _margin(result: PushResult, value: float) -> str:
 def write_push_page(
     folder: Path, results: Sequence[PushResult], *, robot: str, subject: Subject
 ) -> None:
-    """Write index.html.
-
-    Args:
-        folder: that gets it.
-        results: of all pushes.
-        robot: as it was given.
-        subject: its measures.
-    """
+    """Write index.html."""
     drawn = {"Stability margins": _drawings(results)}
     write_page(
         folder,
@@ -305,14 +299,11 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
     Returns:
         SVG.
     """
-    from matplotlib.figure import Figure as Canvas
-
-    figure = Canvas(figsize=(9.6, 3.6), layout="constrained")
-    figure.suptitle(title)
     kinds = [k for k in SINES if any(r.disturbance.kind == k for r in results)]
-    panels: Any = figure.subplots(1, len(kinds), squeeze=False)[0]
+    figure, _ = canvas(9.6, 3.6, columns=len(kinds))
+    figure.suptitle(title)
     looks = styles([result.under for result in results])
-    for axes, kind in zip(panels, kinds, strict=True):
+    for axes, kind in zip(figure.axes, kinds, strict=True):
         for under, look in looks.items():
             there = [
                 r for r in results if r.under == under and r.disturbance.kind == kind
@@ -330,5 +321,4 @@ def draw_margins(title: str, results: Sequence[PushResult]) -> bytes:
         axes.set(xscale="log", yscale="log", xlabel="frequency [Hz]")
         axes.set(ylabel=f"{unit}, lowest to highest")
         axes.grid(alpha=0.3, which="both")
-    figure.legend(loc="outside right upper", fontsize="small")
     return svg_of(figure)

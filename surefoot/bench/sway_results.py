@@ -23,9 +23,9 @@ from surefoot.bench.sway_response import (
     frequency_response,
     human_sway,
 )
-from surefoot.schemas.reasons import Outcome
-from surefoot.studies.cell import Row
-from surefoot.studies.tables import NONE, svg_of, text_of
+from surefoot.schemas.reasons import NONE, given
+from surefoot.studies.cell import Row, is_up
+from surefoot.studies.tables import canvas, svg_of
 
 LEAST_PERCENTILE = 5
 _WHO = ("ground", "controller", "servo", "outcome")
@@ -78,7 +78,7 @@ class SwayResult:
     @property
     def is_up(self) -> bool:
         """Whether the robot stood to the end."""
-        return Outcome(self.row["outcome"]).is_up
+        return is_up(self.row)
 
     @property
     def seen(self) -> dict[str, Any]:
@@ -137,7 +137,8 @@ def sway_result(cell: SwayCell, row: Row) -> SwayResult:
     seen = row["seen"]
     response = None
     if cell.stimulus.protocol == "prts" and seen:
-        spectra = [_complex(seen[name]) for name in ("stimulus", "response")]
+        parts = [np.array(seen[name]) for name in ("stimulus", "response")]
+        spectra = [real + 1j * imaginary for real, imaginary in parts]
         response = frequency_response(*spectra, cycle_s=cell.stimulus.cycle_s)
     return SwayResult(cell.stimulus, cell.under, cell.height_m, row, response)
 
@@ -184,7 +185,7 @@ def _prts_cells(result: SwayResult) -> tuple[str, ...]:
         f"{response.frequencies_hz[at]:g}",
         f"{response.coherence.min():.2f}",
         NONE if below is None else f"{below} of {len(gain)}",
-        text_of(result.score, ".2f"),
+        given(result.score, ".2f"),
     )
 
 
@@ -206,10 +207,10 @@ def _transient_cells(result: SwayResult) -> tuple[str, ...]:
     return (
         f"{seen['sway_peak']:.3f}",
         f"{seen['sway_peak_s']:.2f}",
-        text_of(seen["settling_s"], ".2f"),
-        text_of(seen["delay_s"], ".2f"),
-        text_of(seen["rise_s"], ".2f"),
-        text_of(seen["overshoot"] and 100.0 * seen["overshoot"], ".1f"),
+        given(seen["settling_s"], ".2f"),
+        given(seen["delay_s"], ".2f"),
+        given(seen["rise_s"], ".2f"),
+        given(seen["overshoot"] and 100.0 * seen["overshoot"], ".1f"),
     )
 
 
@@ -234,22 +235,10 @@ _TABLES = {
 }
 
 
-def _complex(parts: list[Any]) -> Any:
-    real, imaginary = (np.array(part) for part in parts)
-    return real + 1j * imaginary
-
-
 def write_sway_page(
     folder: Path, results: Sequence[SwayResult], *, robot: str, subject: Subject
 ) -> None:
-    """Write index.html.
-
-    Args:
-        folder: that gets it.
-        results: of the runs.
-        robot: as it was given.
-        subject: its measures.
-    """
+    """Write index.html."""
     human = human_sway()
     known = {
         "half": human.score_percentiles[50],
@@ -304,7 +293,8 @@ def draw_responses(title: str, results: Sequence[SwayResult]) -> bytes:
     Returns:
         SVG.
     """
-    figure, (gain, phase, coherence) = _panels(title, rows=3, height=7.6)
+    figure, (gain, phase, coherence) = canvas(8.6, 7.6, rows=3)
+    figure.suptitle(title)
     stimulus = results[0].stimulus
     human = human_sway()
     frequencies = human.frequencies_hz * stimulus.speed
@@ -329,7 +319,8 @@ def draw_responses(title: str, results: Sequence[SwayResult]) -> bytes:
     gain.set(yscale="log", ylabel="gain [deg/deg]")
     phase.set(ylabel="phase [deg]")
     coherence.set(ylabel="coherence", ylim=(-0.03, 1.03))
-    return _finish(figure, coherence)
+    coherence.set(xscale="log", xlabel="frequency [Hz]")
+    return svg_of(figure)
 
 
 def _draw_people(gain: Any, phase: Any, frequencies: Any) -> None:
@@ -358,7 +349,8 @@ def beside_people(frequencies_hz: Sequence[float], phases_deg: Sequence[float]) 
 
 
 def _draw_sines(title: str, results: Sequence[SwayResult]) -> bytes:
-    figure, (gain, phase) = _panels(title, rows=2, height=5.2)
+    figure, (gain, phase) = canvas(8.6, 5.2, rows=2)
+    figure.suptitle(title)
     if results[0].stimulus.axis in TILTS:
         _draw_people(gain, phase, human_sway().frequencies_hz)
     looks = styles([result.under for result in results])
@@ -372,12 +364,13 @@ def _draw_sines(title: str, results: Sequence[SwayResult]) -> bytes:
             gain.plot(at, gains, marker="o", ms=3, label=under.label, **look)
             phase.plot(at, phases, marker="o", ms=3, **look)
     gain.set(yscale="log", ylabel="gain [deg/deg]")
-    phase.set(ylabel="phase [deg]")
-    return _finish(figure, phase)
+    phase.set(ylabel="phase [deg]", xscale="log", xlabel="frequency [Hz]")
+    return svg_of(figure)
 
 
 def _draw_steps(title: str, results: Sequence[SwayResult]) -> bytes:
-    figure, (sway,) = _panels(title, rows=1, height=3.0)
+    figure, sway = canvas(8.6, 3.0)
+    figure.suptitle(title)
     looks = styles([result.under for result in results])
     for result in results:
         if result.seen:
@@ -385,22 +378,4 @@ def _draw_steps(title: str, results: Sequence[SwayResult]) -> bytes:
             look, label = looks[result.under], result.under.label
             sway.plot(curve["time_s"], curve["sway_deg"], label=label, lw=1.1, **look)
     sway.set(ylabel="sway [deg]", xlabel="time since the step began [s]")
-    figure.legend(loc="outside right upper", fontsize="small")
-    return svg_of(figure)
-
-
-def _panels(title: str, *, rows: int, height: float) -> tuple[Any, Any]:
-    from matplotlib.figure import Figure as Canvas
-
-    figure = Canvas(figsize=(8.6, height), layout="constrained")
-    figure.suptitle(title)
-    panels = figure.subplots(rows, 1, sharex=True, squeeze=False)[:, 0]
-    for axes in panels:
-        axes.grid(alpha=0.3)
-    return figure, panels
-
-
-def _finish(figure: Any, lowest: Any) -> bytes:
-    lowest.set(xscale="log", xlabel="frequency [Hz]")
-    figure.legend(loc="outside right upper", fontsize="small")
     return svg_of(figure)

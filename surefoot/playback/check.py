@@ -9,8 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
-
 from surefoot.errors import UsageError
 from surefoot.playback.recompute import (
     Inputs,
@@ -28,7 +26,7 @@ from surefoot.playback.timeline import (
     recorded_robot,
     to_wire,
 )
-from surefoot.recording.contents import VERSIONS, Versions, versions
+from surefoot.recording.contents import VERSIONS, version_notes, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
 from surefoot.run_folder import MARKER, RECORD, SCENARIO, SETTINGS
@@ -105,46 +103,6 @@ def replay(
         )
 
 
-def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
-    """What is other than it was, in words; nothing when all is the same."""
-    if recorded is None:
-        return ["the record does not say which versions it was made with"]
-    try:
-        then = msgspec.json.decode(recorded, type=Versions)
-    except (ValueError, RecursionError) as error:
-        return [f"the attached {VERSIONS} cannot be read ({error})"]
-    notes = [
-        f"{name}: recorded with {before}, now {now}"
-        for name, before, now in (
-            ("python", then.python, present.python),
-            ("platform", then.platform, present.platform),
-        )
-        if before != now
-    ]
-    notes += [
-        f"{name}: recorded with {then.packages.get(name)}, now {version}"
-        for name, version in present.packages.items()
-        if then.packages.get(name) != version
-    ]
-    return notes + _code_notes(then, present)
-
-
-def _code_notes(then: Versions, present: Versions) -> list[str]:
-    before, now = then.git_commit, present.git_commit
-    notes = []
-    if before != now:
-        notes.append(f"code: recorded at commit {_short(before)}, now {_short(now)}")
-    for when, about in (("when recorded", then), ("now", present)):
-        changed = about.git_changed_files
-        if changed:
-            notes.append(f"code: {len(changed)} files not committed {when}")
-    return notes
-
-
-def _short(commit: str | None) -> str:
-    return "unknown" if commit is None else commit[:12]
-
-
 def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSettings:
     """Return the settings attached to a record, with some replaced.
 
@@ -155,13 +113,7 @@ def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSet
     Raises:
         FileFormatError: they cannot be used.
     """
-    table: dict[str, Any] = {}
-    data = timeline.record.attachments.get(SETTINGS)
-    if data is not None:
-        try:
-            table = tomllib.loads(data.decode())
-        except ValueError as error:
-            raise FileFormatError(f"the attached {SETTINGS}: {error}") from error
+    table = _attached(timeline, SETTINGS) or {}
     return build_settings(table, overrides=overrides, source=f"attached {SETTINGS}")
 
 
@@ -173,14 +125,19 @@ def recorded_walk(
     Raises:
         FileFormatError: the attached scenario cannot be used.
     """
-    data = timeline.record.attachments.get(SCENARIO)
-    if data is None:
+    table = _attached(timeline, SCENARIO)
+    if table is None:
         return None
-    try:
-        table = tomllib.loads(data.decode())
-    except ValueError as error:
-        raise FileFormatError(f"the attached {SCENARIO}: {error}") from error
     return steps_in(table, robot, settings, source=f"attached {SCENARIO}")
+
+
+def _attached(timeline: Timeline, name: str) -> dict[str, Any] | None:
+    """The table of an attached file; None without one."""
+    data = timeline.record.attachments.get(name)
+    try:
+        return None if data is None else tomllib.loads(data.decode())
+    except ValueError as error:
+        raise FileFormatError(f"the attached {name}: {error}") from error
 
 
 def check(
@@ -274,7 +231,11 @@ def _followable(session: Session, notes: list[str]) -> Session | None:
         )
         return None
     if session.missing:
-        before, after = _gap(session)
+        before, after = next(
+            (earlier.tick, later.tick)
+            for earlier, later in pairwise(session.commands)
+            if later.sequence != earlier.sequence + 1
+        )
         notes.append(
             f"{session.missing} commands of {who} are not in the record; compared up "
             f"to tick {before}, before the first of them"
@@ -282,14 +243,6 @@ def _followable(session: Session, notes: list[str]) -> Session | None:
         count = [command.tick for command in session.commands].index(after)
         return Session(who, session.commands[:count], session.starts)
     return session
-
-
-def _gap(session: Session) -> tuple[int, int]:
-    """Return the ticks of the commands before and after the first missing one."""
-    for earlier, later in pairwise(session.commands):
-        if later.sequence != earlier.sequence + 1:
-            return earlier.tick, later.tick
-    raise AssertionError("no command is missing")
 
 
 def _of_session(

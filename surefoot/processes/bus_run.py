@@ -202,19 +202,20 @@ def run_processes(
     meeting, beyond_file = folder / ENDPOINTS, folder / f"beyond-{ENDPOINTS}"
     write_endpoints(meeting, endpoints)
     write_endpoints(beyond_file, beyond)
-    shared = _shared_argv(plan)
+    shared = [*_description_argv(plan), f"--{plan.mode}"]
+    scenario = str(plan.scenario_path or folder / SCENARIO)
     if histogram:
         shared.append("--histogram")
     if priority is not None:
         shared += ["--realtime-priority", str(priority)]
     robot_argv = [
-        *_robot_argv(plan, folder),
-        *shared,
+        *("robot", scenario, "--seed", str(plan.seed), *shared),
         *("--endpoints", str(meeting)),
         *("--result-file", str(plant_file)),
     ]
     stabilizer_argv = [
-        *_stabilizer_argv(plan, folder),
+        *("stabilizer", "--controller", plan.controller, "--wait", str(_START_S)),
+        *(("--walk", scenario) if plan.scenario.walk is not None else ()),
         *shared,
         *("--endpoints", str(beyond_file)),
         *("--settings", str(folder / SETTINGS)),
@@ -305,21 +306,6 @@ def _relay_result(
     return None
 
 
-def _robot_argv(plan: RunPlan, folder: Path) -> list[str]:
-    return ["robot", _scenario_of(plan, folder), "--seed", str(plan.seed)]
-
-
-def _scenario_of(plan: RunPlan, folder: Path) -> str:
-    return str(plan.scenario_path or folder / SCENARIO)
-
-
-def _stabilizer_argv(plan: RunPlan, folder: Path) -> list[str]:
-    words = ["stabilizer", "--controller", plan.controller, "--wait", str(_START_S)]
-    if plan.scenario.walk is not None:
-        words += ["--walk", _scenario_of(plan, folder)]
-    return words
-
-
 def _relay_argv(
     plan: RunPlan, relay_path: Path, robots: Endpoints, beyond: Endpoints
 ) -> list[str]:
@@ -330,10 +316,6 @@ def _relay_argv(
         *(word for locator in robots.connect for word in ("--connect", locator)),
         *(word for locator in beyond.listen for word in ("--listen", locator)),
     ]
-
-
-def _shared_argv(plan: RunPlan) -> list[str]:
-    return [*_description_argv(plan), f"--{plan.mode}"]
 
 
 def _description_argv(plan: RunPlan) -> list[str]:

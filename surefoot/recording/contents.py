@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import platform
 import subprocess
 import time
 from collections import deque
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import msgspec
 
 from surefoot.errors import UsageError
-from surefoot.installation import installed_version
+from surefoot.installation import this_machine
 from surefoot.robot_io.realtime import StopRequest, quiet_interpreter
 from surefoot.robot_io.robot import EXTENDS, Robot
 from surefoot.schemas.toml_file import read_toml
@@ -45,7 +44,6 @@ LAST_S = 0.3
 """Once the robot is gone, what is still on its way may take so long [s]."""
 ROBOT_TOML, ROBOT_BELOW, ROBOT_JSON = "robot.toml", "robot-below.toml", "robot.json"
 ROBOT_URDF, VERSIONS = "robot.urdf", "versions.json"
-_PACKAGES = ("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy", "msgpack")
 _GIT_S = 5.0
 _MEDIA = {
     ".toml": "application/toml",
@@ -191,9 +189,7 @@ class Versions(msgspec.Struct, kw_only=True):
 def versions() -> Versions:
     """What runs here: packages, Python, commit and changed files of our own code."""
     return Versions(
-        python=platform.python_version(),
-        platform=platform.platform(),
-        packages={name: installed_version(name) for name in _PACKAGES},
+        **this_machine(),
         git_commit=_git("rev-parse", "HEAD"),
         git_changed_files=(_git("status", "--porcelain") or "").splitlines(),
     )
@@ -215,3 +211,43 @@ def _git(*words: str) -> str | None:
     except (OSError, subprocess.SubprocessError):
         return None
     return done.stdout.strip()
+
+
+def version_notes(recorded: bytes | None, present: Versions) -> list[str]:
+    """What is other than it was, in words; nothing when all is the same."""
+    if recorded is None:
+        return ["the record does not say which versions it was made with"]
+    try:
+        then = msgspec.json.decode(recorded, type=Versions)
+    except (ValueError, RecursionError) as error:
+        return [f"the attached {VERSIONS} cannot be read ({error})"]
+    notes = [
+        f"{name}: recorded with {before}, now {now}"
+        for name, before, now in (
+            ("python", then.python, present.python),
+            ("platform", then.platform, present.platform),
+        )
+        if before != now
+    ]
+    notes += [
+        f"{name}: recorded with {then.packages.get(name)}, now {version}"
+        for name, version in present.packages.items()
+        if then.packages.get(name) != version
+    ]
+    return notes + _code_notes(then, present)
+
+
+def _code_notes(then: Versions, present: Versions) -> list[str]:
+    before, now = then.git_commit, present.git_commit
+    notes = []
+    if before != now:
+        notes.append(f"code: recorded at commit {_short(before)}, now {_short(now)}")
+    for when, about in (("when recorded", then), ("now", present)):
+        changed = about.git_changed_files
+        if changed:
+            notes.append(f"code: {len(changed)} files not committed {when}")
+    return notes
+
+
+def _short(commit: str | None) -> str:
+    return "unknown" if commit is None else commit[:12]

@@ -7,7 +7,6 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
 from typing import IO, Any, Literal
@@ -68,25 +67,21 @@ def _arrays(record: Record) -> dict[str, Array]:
     return arrays
 
 
-@contextmanager
-def _text(file: IO[bytes]) -> Iterator[io.TextIOWrapper]:
-    """The file for texts, as the csv module wants it."""
+def _write_csv(file: IO[bytes], parts: Iterable[Columns]) -> None:
+    """Write columns that go on from part to part, under their names."""
     text = io.TextIOWrapper(
         file, encoding="utf-8", errors="backslashreplace", newline=""
     )
-    yield text
+    writer = csv.writer(text)
+    for index, columns in enumerate(parts):
+        if index == 0:
+            writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
     text.flush()
     text.detach()
 
 
-def _write_csv(file: IO[bytes], columns: Columns) -> None:
-    with _text(file) as text:
-        writer = csv.writer(text)
-        writer.writerow(columns)
-        writer.writerows(zip(*columns.values(), strict=True))
-
-
-def _parquet_writer() -> Callable[[IO[bytes], Columns], None]:
+def _parquet_writer() -> Callable[[IO[bytes], list[Columns]], None]:
     pyarrow = _pyarrow()
 
     def column_of(values: list[Any]) -> Any:
@@ -95,7 +90,8 @@ def _parquet_writer() -> Callable[[IO[bytes], Columns], None]:
         except (ValueError, TypeError, OverflowError):  # of several types
             return pyarrow.array([json.dumps(value) for value in values])
 
-    def write(file: IO[bytes], columns: Columns) -> None:
+    def write(file: IO[bytes], parts: list[Columns]) -> None:
+        (columns,) = parts
         arrays = {name: column_of(values) for name, values in columns.items()}
         pyarrow.parquet.write_table(pyarrow.table(arrays), file)
 
@@ -142,12 +138,13 @@ def _signals_npz(file: IO[bytes], signals: Signals) -> None:
 
 
 def _signals_csv(file: IO[bytes], signals: Signals) -> None:
-    with _text(file) as text:
-        writer = csv.writer(text)
-        for index, columns in enumerate(_parts(signals)):
-            if index == 0:
-                writer.writerow(columns)
-            writer.writerows(zip(*map(_fields, columns.values()), strict=True))
+    _write_csv(
+        file,
+        (
+            {name: _fields(column) for name, column in columns.items()}
+            for columns in _parts(signals)
+        ),
+    )
 
 
 def _signals_parquet(file: IO[bytes], signals: Signals) -> None:
@@ -240,7 +237,7 @@ def _export_tables(
     folder: Path,
     *,
     suffix: str,
-    write: Callable[[IO[bytes], Columns], None],
+    write: Callable[[IO[bytes], list[Columns]], None],
     overwrite: bool,
 ) -> list[Path]:
     safe = safe_names(record.channels)
@@ -259,7 +256,7 @@ def _export_tables(
         for channel, path in paths.items():
             note_new(path)
             with new_file(path, overwrite=overwrite) as file:
-                write(file, _columns(record.messages(channel)))
+                write(file, [_columns(record.messages(channel))])
     return list(paths.values())
 
 

@@ -236,8 +236,7 @@ class McapRecords:
             return None
         opcode, length = _HEAD.unpack(head)
         frame = _Frame(opcode, at, length)
-        following = bisect_right(self._starts, at)
-        limit = self._starts[following] if following < len(self._starts) else self._size
+        limit = self._next_start(at) or self._size
         if opcode == 0:
             self.damage.append(Damage(at, "zeros where a record should begin"))
         elif frame.end > self._size:

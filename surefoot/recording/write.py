@@ -23,6 +23,7 @@ from surefoot.recording.contents import Attachment
 from surefoot.recording.mcap_records import BAD_CONTENT
 from surefoot.recording.read import LARGEST_GAP, count_message, new_count
 from surefoot.robot_io.client_side.observer import Sample
+from surefoot.robot_io.ticks.write import SEQUENCE_MASK, record_bytes
 from surefoot.schemas.codec import Head, decode_map
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.json_schema import json_schema
@@ -44,7 +45,6 @@ UNREADABLE, BYTES = "unreadable", "application/octet-stream"
 COUNTS = "surefoot/counts"
 """Name of the metadata with what was counted, one entry a channel."""
 _UNITS = "SI units and radians; wrenches and orientations as the schema says"
-_SEQUENCE_MASK = 2**32 - 1
 
 
 class LogTimes:
@@ -226,7 +226,7 @@ class McapFile:
             log_time=self._times.of(name, head),
             publish_time=head.stamp_ns,
             data=data,
-            sequence=head.tick & _SEQUENCE_MASK,
+            sequence=head.tick & SEQUENCE_MASK,
         )
 
     def _keep_apart(self, sample: Sample) -> None:
@@ -245,7 +245,7 @@ class McapFile:
             log_time=self._times.latest or sample.received_ns,
             publish_time=sample.received_ns,
             data=sample.data,
-            sequence=self.counts[name].unreadable & _SEQUENCE_MASK,
+            sequence=self.counts[name].unreadable & SEQUENCE_MASK,
         )
 
     def _check_room(self) -> None:
@@ -301,10 +301,7 @@ class _IndexOnDisk:
 
     def append(self, index: ChunkIndex) -> None:
         """Take one more."""
-        builder = RecordBuilder()
-        index.write(builder)
-        # mcap gives this method no types.
-        self._file.write(builder.end())  # type: ignore[no-untyped-call]
+        self._file.write(record_bytes(index))
 
     def __iter__(self) -> Iterator[Self]:
         """Give all of them, as one record."""

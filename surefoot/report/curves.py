@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from surefoot.report.run_data import BusColumns, RunData
-from surefoot.schemas.arrays import Array
+from surefoot.schemas.arrays import MM_PER_M, Array
 from surefoot.schemas.reasons import StabilizerState
 from surefoot.schemas.signals import BY_NAME, MISSING
 from surefoot.sim_robot.metrics import CONTACT_LOST_N
@@ -25,7 +25,6 @@ AXES = ("x", "y", "z")
 TURNS = ("roll", "pitch", "yaw")
 MODES = ("off", "hold", "active", "fault")
 CONTACT = ("no", "yes")
-MM_PER_M = 1e3
 NORMALS = {"left": 2, "right": 8}
 """Where the normal force of each sole is among the wrenches of both."""
 STILL = 1e-6

@@ -27,8 +27,7 @@ from surefoot.report.tables import figure_rows, sentence, setting_rows
 from surefoot.report.video import draw_animation, draw_video
 from surefoot.schemas.settings import setting_names
 from surefoot.view.robot_shape import RobotShape
-from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP
-from surefoot.view.walk import DCM
+from surefoot.view.scene import LEGEND, WALK_LEGEND
 
 HERE = Path(__file__).parent
 REPORT_MARKER = "report.json"
@@ -38,19 +37,6 @@ REPORT_FILES = (
     *("scene-*.html", "video-*.mp4", "thumbnail-*.png", "animation-*.webp"),
 )
 """Everything a report writes."""
-LEGEND = (
-    (MEASURED, "measured force of the ground, 1 m per kN"),
-    (WANTED, "desired force, beside it"),
-    (WANTED, "desired centre of mass"),
-    (COM, "centre of mass"),
-    (ZMP, "zero moment point, measured"),
-    (POLYGON, "support polygon"),
-)
-WALK_LEGEND = (
-    (DCM, "walking: divergent component of motion"),
-    (WANTED, "planned steps, desired DCM and ZMP"),
-    (MEASURED, "steps taken"),
-)
 _NO_RECORD = (
     "no record of the bus (run.mcap), as runs with --inline have none; its page lacks "
     "what only the bus tells: modes, and when each command came."

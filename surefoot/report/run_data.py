@@ -25,7 +25,7 @@ from surefoot.run_folder import (
     About,
     read_ends,
 )
-from surefoot.schemas.arrays import Array, Vec3
+from surefoot.schemas.arrays import NS_PER_MS, Array, Vec3
 from surefoot.schemas.codec import Head
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.messages import (
@@ -42,7 +42,6 @@ from surefoot.sim_robot.ground import ground_blocks
 
 MOST_RUNS = 6
 """So many colours can be told apart."""
-NS_PER_MS = 1e6
 M = TypeVar("M", Head, RobotStatus, StabilizerStatus)
 
 
@@ -243,6 +242,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
         )
     scenario = load_scenario(folder / SCENARIO)
     plant = Plant(robot, scenario, seed=result.seed)
+    records = (folder / RECORD, folder / f"{RECORD}.partial")
     return RunData(
         label=label,
         result=result,
@@ -254,7 +254,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
         signals=signals,
         com_reference=plant.com_reference,
         ground=ground_blocks(plant.world),
-        heard=_find_record(folder),
+        heard=next((read_heard(r) for r in records if r.is_file()), None),
         logs={
             path.stem: path.read_text(encoding="utf-8", errors="replace")
             for path in sorted(folder.glob("*.log"))
@@ -287,10 +287,3 @@ def _labels(folders: list[Path]) -> list[str]:
     if len(set(names)) == len(names):
         return names
     return [str(folder) for folder in folders]
-
-
-def _find_record(folder: Path) -> BusColumns | None:
-    for name in (RECORD, f"{RECORD}.partial"):
-        if (folder / name).is_file():
-            return read_heard(folder / name)
-    return None

@@ -9,10 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from surefoot.robot_files.draft import Draft, listed
+from surefoot.robot_files.draft import Draft, listed, mass_of
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import drop, end
-from surefoot.schemas.arrays import Mat
 
 WORLDS = ("world", "map", "odom", "ground", "universe")
 LIGHT_SHARE = 1e-3
@@ -176,12 +175,6 @@ def foot_links(draft: Draft, sole: str) -> list[str]:
     return found
 
 
-def drop_collisions(draft: Draft) -> None:
-    """Leave out what robots collide with: here soles alone touch anything."""
-    for link in draft.root.iter("link"):
-        drop(link, ("collision",))
-
-
 def open_limits(draft: Draft) -> None:
     """Give joints without torque or speed limit one that nobody takes for told."""
     for joint in draft.joints.values():
@@ -228,12 +221,17 @@ def settle_inertias(draft: Draft, *, repair: bool) -> None:
     """
     impossible = []
     for name, link in draft.links.items():
-        mass, tensor = _mass_and_tensor(link)
+        mass, tensor = mass_of(link), link.find("inertial/inertia")
         if tensor is None or mass <= 0.0:
             continue
-        I = _matrix(tensor)  # noqa: E741
-        if not np.all(np.isfinite(I)):
+        I = np.zeros((3, 3))  # noqa: E741
+        try:
+            I[_UPPER] = [float(tensor.get(key, "")) for key in _INERTIA]
+        except ValueError:
             continue  # refused with its place when all else is checked
+        I = np.triu(I) + np.triu(I, 1).T  # noqa: E741
+        if not np.all(np.isfinite(I)):
+            continue  # likewise
         second = 0.5 * np.trace(I) * np.eye(3) - I
         values, axes = np.linalg.eigh(second)
         if values[0] >= -_ROUNDING * values[2] and np.linalg.eigvalsh(I)[0] > 0.0:
@@ -253,25 +251,3 @@ def settle_inertias(draft: Draft, *, repair: bool) -> None:
             "--repair-inertias"
         )
     draft.note("changed", f"impossible inertias repaired: {listed(impossible)}")
-
-
-def _mass_and_tensor(
-    link: ElementTree.Element,
-) -> tuple[float, ElementTree.Element | None]:
-    mass = link.find("inertial/mass")
-    try:
-        kg = 0.0 if mass is None else float(mass.get("value", ""))
-    except ValueError:
-        kg = 0.0
-    return kg, link.find("inertial/inertia")
-
-
-def _matrix(tensor: ElementTree.Element) -> Mat:
-    """(3, 3); nan where there is no number."""
-    I = np.empty((3, 3))  # noqa: E741
-    for key, i, j in zip(_INERTIA, *_UPPER, strict=True):
-        try:
-            I[i, j] = I[j, i] = float(tensor.get(key, ""))
-        except ValueError:
-            I[i, j] = np.nan
-    return I

@@ -14,7 +14,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import atomic_file
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.robot_io.urdf_check import (
     UNUSED_TAGS,
@@ -24,6 +23,7 @@ from surefoot.robot_io.urdf_check import (
     read_urdf_element,
 )
 from surefoot.schemas.arrays import Mat, Vec3
+from surefoot.schemas.toml_file import atomic_file
 
 KEPT_TAGS = ("link", "joint", "material")
 
@@ -123,12 +123,12 @@ class Draft:
     def carried_kg(self, joint: ElementTree.Element) -> float:
         """Mass of all that hangs on a joint; what cannot be read counts nothing."""
         links = self.links
-        return sum(_mass(links[name]) for name in self.below(end(joint, "child")))
+        return sum(mass_of(links[name]) for name in self.below(end(joint, "child")))
 
     @property
     def mass_kg(self) -> float:
         """Mass of all links."""
-        return sum(_mass(link) for link in self.links.values())
+        return sum(mass_of(link) for link in self.links.values())
 
     def find_link(self, name: str, *, option: str) -> str:
         """Return the name of a link that somebody gave.
@@ -236,7 +236,8 @@ def write_origin(element: ElementTree.Element, place: Vec3, R: Mat) -> None:
         origin.set(key, " ".join(f"{float(v) + 0.0:.9g}" for v in values))
 
 
-def _mass(link: ElementTree.Element) -> float:
+def mass_of(link: ElementTree.Element) -> float:
+    """Mass of a link [kg]; zero for what cannot be read."""
     element = link.find("inertial/mass")
     return 0.0 if element is None else _number(element.get("value"))
 

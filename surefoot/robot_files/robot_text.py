@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from surefoot.robot_files.draft import Draft, listed
-from surefoot.schemas.arrays import Vec3
+from surefoot.schemas.arrays import GRAVITY_M_S2, Vec3
 from surefoot.schemas.robot_file import Foot
 from surefoot.schemas.toml_file import toml_text
 from surefoot.stabilizer.stance.legs import Body
@@ -20,7 +20,6 @@ FASTEST_RAD_S, USUAL_RAD_S = 50.0, 6.0
 """A joint speed above the first is no limit; the second stands for it."""
 STRONGEST = 2.0
 """A torque of more than this many times mass x gravity x height is no limit."""
-GRAVITY_M_S2 = 9.81
 _DAMPING = 1.0
 _UPRIGHT_AXIS = 0.7
 GUESSED = "  # guessed"
@@ -124,11 +123,6 @@ def leg_drive(*, place: int, knee: int, axis: Vec3, up: Vec3) -> Drive:
     return _FIRM if is_yaw or place > knee else _STRONG
 
 
-def upper_drive(carried_share: float) -> Drive:
-    """The Walker's drive of a joint above the legs that carries this much."""
-    return next(drive for least, drive in _CARRIES if carried_share >= least)
-
-
 def velocity_limit(told: float) -> tuple[float, bool]:
     """A joint's speed limit [rad/s], and whether the URDF tells it."""
     is_told = 0.0 < told <= FASTEST_RAD_S
@@ -170,7 +164,8 @@ def joint_lines(
             axis = _axis(body, name)
             like = leg_drive(place=place, knee=knee, axis=axis, up=up)
         else:
-            like = upper_drive(body.carried_share(name))
+            share = body.carried_share(name)
+            like = next(drive for least, drive in _CARRIES if share >= least)
         drive = scale.drive(like)
         limit = element.find("limit")
         assert limit is not None  # as the URDF was checked

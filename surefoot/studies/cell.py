@@ -12,6 +12,7 @@ import msgspec
 
 from surefoot.errors import UsageError
 from surefoot.run_plan import resolve_settings
+from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.factory import controller_names, find_controller
@@ -61,6 +62,11 @@ class Group(NamedTuple):
         """Scenario and what was varied, in words."""
         words = ", ".join(f"{name} {in_words(value)}" for name, value in self.values)
         return f"{self.scenario} ({words})" if words else self.scenario
+
+
+def is_up(row: Row) -> bool:
+    """Whether the robot of a run stayed up."""
+    return Outcome(row["outcome"]).is_up
 
 
 def in_words(value: Any) -> str:

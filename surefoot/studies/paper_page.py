@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
 from surefoot.out_folder import write_whole
 from surefoot.run_plan import settings_text
@@ -104,14 +103,11 @@ def record(
 def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
     """Draw base position and rotation, force and moment of the left sole.
 
-    Args:
-        title: of the scenario.
-        runs: arrays by controller.
-
     Returns:
         SVG.
     """
     from matplotlib.figure import Figure
+    from scipy.spatial.transform import Rotation
 
     figure = Figure(figsize=(9.0, 7.2), layout="constrained")
     figure.suptitle(title)
@@ -121,7 +117,7 @@ def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
         base = arrays["true_base_pose"]
         panels = (
             (1e3 * (base[:, :3] - base[0, :3]), "xyz"),
-            (np.degrees(_roll_pitch_yaw(base[:, 3:])), "rpy"),
+            (Rotation.from_quat(base[:, 3:]).as_euler("xyz", degrees=True), "rpy"),
             (arrays["true_F"][:, :3], "xyz"),
             (arrays["true_F"][:, 3:6], "xyz"),
         )
@@ -141,15 +137,7 @@ def draw(title: str, runs: dict[str, dict[str, Array]]) -> bytes:
     labels = ("base position [mm]", "base rotation [deg]", "force [N]", "moment [N m]")
     for row, label in enumerate(labels):
         grid[row, 0].set_ylabel(label)
-    return svg_of(figure)
-
-
-def _roll_pitch_yaw(quat_xyzw: Array) -> Array:
-    """Return (n, 3) angles about x, y, z in turn [rad]."""
-    from scipy.spatial.transform import Rotation
-
-    angles: Array = Rotation.from_quat(quat_xyzw).as_euler("xyz")
-    return angles
+    return svg_of(figure, legend=False)
 
 
 TEMPLATE = Path(__file__).parent / "paper.html.j2"
@@ -184,7 +172,10 @@ def write_report(
         columns=COLUMNS,
         rows=[cells_of(group, summary) for group, summary in summaries.items()],
         curves=_curves(summaries),
-        figures=_figures(folder),
+        figures=[
+            inline_svg(path.read_bytes())
+            for path in sorted((folder / FIGURES).glob("*.svg"))
+        ],
         variants=[VARIANTS[name] for name in used],
         settings=_settings(used),
     )
@@ -220,11 +211,6 @@ def _curves(summaries: Summaries) -> list[str]:
             )
             pages.append(inline_svg(svg))
     return pages
-
-
-def _figures(folder: Path) -> list[str]:
-    paths = sorted((folder / FIGURES).glob("*.svg"))
-    return [inline_svg(path.read_bytes()) for path in paths]
 
 
 def _markdown(paper: list[Claim], own: list[Claim], summaries: Summaries) -> str:

@@ -23,7 +23,6 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.out_folder import (
     FolderLock,
-    atomic_file,
     make_out_folder,
     not_there,
     take_away,
@@ -31,6 +30,7 @@ from surefoot.out_folder import (
 )
 from surefoot.run_plan import RunPlan
 from surefoot.schemas.scenario import with_recordings
+from surefoot.schemas.toml_file import atomic_file
 from surefoot.sim_robot.catalogue import naming_scenario
 from surefoot.sim_robot.recorded import recorded_ground, recorded_track
 from surefoot.stabilizer.factory import CONTROLLERS, find_target

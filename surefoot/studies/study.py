@@ -17,7 +17,6 @@ from typing import Any
 
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
-from surefoot.schemas.reasons import Outcome
 from surefoot.studies.cell import (
     Cell,
     Group,
@@ -25,6 +24,7 @@ from surefoot.studies.cell import (
     find_variant,
     group_of,
     hashable,
+    is_up,
 )
 from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
@@ -105,12 +105,12 @@ def summarise(rows: Iterable[Row]) -> Summaries:
 
 
 def _summary(rows: list[Row]) -> GroupSummary:
-    standing = [row for row in rows if Outcome(row["outcome"]).is_up]
+    standing = [row for row in rows if is_up(row)]
     low, high = success_interval(len(standing), len(rows))
     if not standing:
         return GroupSummary(runs=len(rows), up=0, up_from=low, up_to=high)
     deviations = [
-        math.sqrt(_mean_square(pair))
+        math.sqrt(_mean([v * v for v in pair]))
         for row in standing
         if (pair := row["force_deviation_rms_n"]) is not None
     ]
@@ -145,10 +145,6 @@ def _over(rows: list[Row], name: str, what: Any) -> list[float] | None:
 
 def _mean(values: Sequence[float]) -> float:
     return sum(values) / len(values)
-
-
-def _mean_square(values: Sequence[float]) -> float:
-    return sum(v * v for v in values) / len(values)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from surefoot.out_folder import write_json, write_whole
+from surefoot.schemas.reasons import NONE, given
 from surefoot.studies.cell import Group, in_words
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 _LOG = logging.getLogger("surefoot")
 
-NONE = "-"
 COLUMNS = (
     "case",
     "controller",
@@ -34,27 +34,24 @@ COLUMNS = (
 )
 
 
-def success_limit(
-    levels: Sequence[float], rates: Sequence[float], *, at: float = 0.5
-) -> float | None:
-    """Find where the success rate first falls below a level, by interpolation.
+def success_limit(levels: Sequence[float], rates: Sequence[float]) -> float | None:
+    """Find where the success rate first falls below a half, by interpolation.
 
     Args:
         levels: what was varied, rising.
         rates: success rate at each.
-        at: the rate in question.
 
     Returns:
         None when the rate never falls below: the limit is beyond what was tried.
         The first level when it is below from the start.
     """
     for i, (level, rate) in enumerate(zip(levels, rates, strict=True)):
-        if rate >= at:
+        if rate >= 0.5:
             continue
         if i == 0:
             return level
         before, good = levels[i - 1], rates[i - 1]
-        return before + (level - before) * (good - at) / (good - rate)
+        return before + (level - before) * (good - 0.5) / (good - rate)
     return None
 
 
@@ -83,22 +80,32 @@ class Curve:
 
 
 _UNITS = {
+    "nm_s_rad": "N m s/rad",
+    "kg_m2": "kg m^2",
+    "nm_rad": "N m/rad",
     "deg_s": "deg/s",
     "rad_s": "rad/s",
-    "m_s2": "m/s²",
+    "m_s2": "m/s^2",
     "m_s": "m/s",
     "n_s": "N s",
+    "weights": "body weights",
+    "scale": "1",
     "nm": "N m",
-    "deg": "deg",
     "hz": "Hz",
-    "rad": "rad",
-    "ms": "ms",
-    "kg": "kg",
     "n": "N",
-    "m": "m",
-    "s": "s",
+    **{
+        unit: unit for unit in ("deg", "rad", "mm", "ms", "ns", "kg", "m", "s", "bytes")
+    },
 }
 """Ends of the names of values, longer ones first, and the units they stand for."""
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Return a value's name without its unit, and the unit; empty where it has none."""
+    for end, unit in _UNITS.items():
+        if name.endswith(f"_{end}"):
+            return name.removesuffix(f"_{end}"), unit
+    return name, ""
 
 
 def short_name(name: str) -> str:
@@ -114,10 +121,9 @@ def value_in_words(path: str) -> str:
         path: such as ``platform.0.motion.1.amplitude_deg``.
     """
     *places, name = path.split(".")
-    for end, unit in _UNITS.items():
-        if name.endswith(f"_{end}"):
-            name = f"{name.removesuffix(f'_{end}')} [{unit}]"
-            break
+    bare, unit = split_unit(name)
+    if unit not in ("", "1"):
+        name = f"{bare} [{unit.replace('^2', '²')}]"
     where = " ".join("all" if place == "*" else place for place in places)
     return f"{where}: {name}".removeprefix(": ").replace("_", " ")
 
@@ -154,10 +160,7 @@ def draw_curves(
     Returns:
         SVG.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.2, 3.4), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = canvas(7.2, 3.4)
     for index, curve in enumerate(curves):
         # Curves on top of each other stay visible: later ones are drawn smaller.
         size = 10.0 - 8.0 * index / len(curves)
@@ -173,16 +176,43 @@ def draw_curves(
             mark[1], (mark[0], 0.03), xytext=(4, 0), textcoords="offset points"
         )
     axes.set(xlabel=xlabel, ylabel="stayed up", title=title, ylim=(-0.03, 1.03))
-    axes.grid(alpha=0.3)
-    # Beside the plot: inside it would cover curves that lie at 0 or 1.
-    figure.legend(loc="outside right upper", fontsize="small")
     return svg_of(figure)
 
 
-def svg_of(figure: Any) -> bytes:
-    """Return a matplotlib figure as SVG, the same bytes for the same drawing."""
+def canvas(
+    width_in: float, height_in: float, *, rows: int = 1, columns: int = 1
+) -> tuple[Any, Any]:
+    """Return an empty matplotlib figure and its panels, each with a grid.
+
+    Args:
+        width_in: of the figure [in].
+        height_in: of it [in].
+        rows: of panels, which share the axis along x.
+        columns: of panels.
+
+    Returns:
+        The figure; one panel, or an array of several without its axes of length 1.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    panels = figure.subplots(rows, columns, sharex="col")
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+    return figure, panels
+
+
+def svg_of(figure: Any, *, legend: bool = True) -> bytes:
+    """Return a matplotlib figure as SVG, the same bytes for the same drawing.
+
+    Args:
+        figure: complete but for its legend.
+        legend: beside the panels; inside them it would cover curves.
+    """
     import matplotlib as mpl
 
+    if legend:
+        figure.legend(loc="outside right upper", fontsize="small")
     buffer = BytesIO()
     with mpl.rc_context({"svg.hashsalt": "surefoot"}):
         figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -199,9 +229,9 @@ def cells_of(group: Group, summary: GroupSummary) -> list[str]:
         f"{summary.up} of {summary.runs}",
         f"{summary.up_from:.2f} to {summary.up_to:.2f}",
         NONE if com is None else ", ".join(f"{value:.1f}" for value in com),
-        text_of(summary.force_deviation_n, ".0f"),
-        text_of(summary.force_peak_n, ".0f"),
-        text_of(summary.contact_gap_s, ".3f"),
+        given(summary.force_deviation_n, ".0f"),
+        given(summary.force_peak_n, ".0f"),
+        given(summary.contact_gap_s, ".3f"),
     ]
 
 
@@ -219,10 +249,13 @@ def markdown(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 def write_csv(path: Path, summaries: Summaries) -> None:
     """Write one row per group and one number per column."""
     rows = [_flat(*each) for each in summaries.items()]
+    write_rows(path, (*rows[:1], *(row.values() for row in rows)))
+
+
+def write_rows(path: Path, rows: Iterable[Iterable[object]]) -> None:
+    """Write a CSV file, headings first, whole or not at all."""
     text = io.StringIO(newline="")
-    writer = csv.writer(text)
-    writer.writerows(rows[:1])
-    writer.writerows(row.values() for row in rows)
+    csv.writer(text).writerows(rows)
     write_whole(path, text.getvalue().encode())
 
 
@@ -246,11 +279,6 @@ def _flat(group: Group, summary: GroupSummary) -> dict[str, object]:
         "force_peak_n": summary.force_peak_n,
         "contact_gap_s": summary.contact_gap_s,
     }
-
-
-def text_of(value: float | None, form: str) -> str:
-    """Return a number as text; a dash for none."""
-    return NONE if value is None else format(value, form)
 
 
 def summary_rows(summaries: Summaries) -> list[dict[str, object]]:

@@ -17,6 +17,7 @@ _SEEN = (
     "Held out: nothing was. With another seed these scenarios are the same runs, to "
     "the last bit, since they have no noise; name others with --held-out."
 )
+_ON_FRONT = "The start is on the front: nothing is better in every objective."
 NOTICEABLE = 0.005
 """Relative change below which a value or a figure counts as the same."""
 
@@ -103,7 +104,7 @@ class Tuned:
             return [
                 f"Nothing better than the start was found in {len(self.candidates)} "
                 "trials: no trial that stood has a lower mean of its objectives.",
-                *_front_words(self),
+                *([_ON_FRONT] if self.start in self.front else []),
             ]
         return [
             *(_change(self, parameter.name) for parameter in self.spec.parameters),
@@ -174,24 +175,18 @@ def _dominates(one: Candidate, other: Candidate) -> bool:
     return all(a <= b for a, b in pairs) and any(a < b for a, b in pairs)
 
 
-def _front_words(tuned: Tuned) -> list[str]:
-    if tuned.start in tuned.front:
-        return ["The start is on the front: nothing is better in every objective."]
-    return []
-
-
 def _change(tuned: Tuned, name: str) -> str:
     (parameter,) = (p for p in tuned.spec.parameters if p.name == name)
     old, new = tuned.start.values[name], tuned.chosen.values[name]
     about = f" ({parameter.about})" if parameter.about else ""
-    if old == new:
-        return f"{name} stays {_text(old)} {parameter.unit}".rstrip() + f"{about}."
-    return (
-        f"{name}: {_text(old)} to {_text(new)} {parameter.unit}".rstrip() + f"{about}."
-    )
+    said = f"{name} stays {value_text(old)}"
+    if old != new:
+        said = f"{name}: {value_text(old)} to {value_text(new)}"
+    return f"{said} {parameter.unit}".rstrip() + f"{about}."
 
 
-def _text(value: Value) -> str:
+def value_text(value: Value) -> str:
+    """Return a value of a parameter, or a figure, in few digits."""
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,8 +17,8 @@ from surefoot.out_folder import write_json, write_whole
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.studies.paper_page import inline_svg, render
-from surefoot.studies.tables import svg_of
-from surefoot.tuning.outcome import Candidate, Comparison, Tuned
+from surefoot.studies.tables import canvas, svg_of, write_rows
+from surefoot.tuning.outcome import Candidate, Comparison, Tuned, value_text
 from surefoot.tuning.parameters import overrides_of
 
 if TYPE_CHECKING:
@@ -39,10 +38,7 @@ LEAST_FOR_IMPORTANCE = 20
 
 def draw_front(tuned: Tuned) -> bytes:
     """Draw two objectives against each other, or one over the trials."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.2, 4.2), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = canvas(7.2, 4.2)
     objectives = tuned.spec.figures
     stood = [c for c in tuned.candidates if not c.stopped]
     if len(objectives) == 1:
@@ -63,8 +59,6 @@ def draw_front(tuned: Tuned) -> bytes:
             else candidate.figures[:2]
         )
         axes.plot(x, y, "o", color=colour, markersize=10, fillstyle="none", label=name)
-    axes.grid(alpha=0.3)
-    figure.legend(loc="outside right upper", fontsize="small")
     return svg_of(figure)
 
 
@@ -90,19 +84,15 @@ def _points(
 
 def draw_importance(weights: dict[str, dict[str, float]]) -> bytes:
     """Draw the weight of each parameter for each objective."""
-    from matplotlib.figure import Figure
-
     names = sorted({name for of in weights.values() for name in of}, reverse=True)
-    figure = Figure(figsize=(7.2, 1.4 + 0.3 * len(names)), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = canvas(7.2, 1.4 + 0.3 * len(names))
     height = 0.8 / len(weights)
     for index, (objective, of) in enumerate(weights.items()):
         places = [place - 0.4 + height * (index + 0.5) for place in range(len(names))]
         axes.barh(places, [of.get(n, 0.0) for n in names], height, label=objective)
     axes.set_yticks(range(len(names)), names)
     axes.set(xlabel="share in deciding whether a trial is among the best tenth")
-    axes.grid(alpha=0.3, axis="x")
-    figure.legend(loc="outside right upper", fontsize="small")
+    axes.grid(visible=False, axis="y")
     return svg_of(figure)
 
 
@@ -127,7 +117,7 @@ def write_outcome(folder: Path, tuned: Tuned, study: optuna.Study) -> None:
     for candidate in tuned.front:
         name = f"trial-{candidate.place:04d}.toml"
         write_whole(folder / FRONT / name, _settings(tuned, candidate))
-    write_whole(folder / TRIALS, _table(tuned))
+    write_rows(folder / TRIALS, _trials(tuned))
     write_whole(folder / PAGE, render(TEMPLATE, **_values(tuned, weights)).encode())
 
 
@@ -144,14 +134,14 @@ def importance(tuned: Tuned, study: optuna.Study) -> dict[str, dict[str, float]]
         name: get_param_importances(
             study,
             evaluator=PedAnovaImportanceEvaluator(),
-            target=_value(index),
+            target=partial(_value, index=index),
         )
         for index, name in enumerate(tuned.spec.objectives)
     }
 
 
-def _value(index: int) -> Callable[[optuna.trial.FrozenTrial], float]:
-    return lambda trial: float(trial.values[index])
+def _value(trial: optuna.trial.FrozenTrial, index: int) -> float:
+    return float(trial.values[index])
 
 
 def as_dict(
@@ -220,16 +210,13 @@ def _one(value: Any) -> Any:
     return value[0] if alike else value
 
 
-def _table(tuned: Tuned) -> bytes:
-    text = io.StringIO(newline="")
-    writer = csv.writer(text)
+def _trials(tuned: Tuned) -> Iterator[list[Any]]:
     names = [p.name for p in tuned.spec.parameters]
     units = [f"{o.name} [{o.unit}]" for o in tuned.spec.figures]
-    writer.writerow(["trial", *names, *units, "runs", "stopped"])
+    yield ["trial", *names, *units, "runs", "stopped"]
     for c in tuned.candidates:
         values = [c.values[name] for name in names]
-        writer.writerow([c.place, *values, *c.figures, len(c.rows), c.stopped])
-    return text.getvalue().encode()
+        yield [c.place, *values, *c.figures, len(c.rows), c.stopped]
 
 
 def _values(tuned: Tuned, weights: dict[str, dict[str, float]]) -> dict[str, Any]:
@@ -246,7 +233,7 @@ def _values(tuned: Tuned, weights: dict[str, dict[str, float]]) -> dict[str, Any
         "fell": len(stopped) - worse,
         "worse": worse,
         "drawings": [inline_svg(svg) for svg in drawings],
-        "figures": [f"{o.about} [{o.unit or 1}]" for o in spec.figures],
+        "figures": list(map(_label, spec.figures)),
         "parameters": [f"{p.name} [{p.unit or '1'}]" for p in spec.parameters],
         "front": [_row(tuned, c) for c in (tuned.start, *tuned.front)],
         "comparisons": {
@@ -261,15 +248,15 @@ def _row(tuned: Tuned, candidate: Candidate) -> list[str]:
     marks = {tuned.chosen.place: " (chosen)", tuned.start.place: " (start)"}
     return [
         f"{candidate.place}{marks.get(candidate.place, '')}",
-        *(_text(figure) for figure in candidate.figures),
-        *(_text(candidate.values[p.name]) for p in tuned.spec.parameters),
+        *(value_text(figure) for figure in candidate.figures),
+        *(value_text(candidate.values[p.name]) for p in tuned.spec.parameters),
     ]
 
 
 def _cases(comparisons: Sequence[Comparison]) -> list[list[str]]:
     def pair(comparison: Comparison, index: int) -> str:
         sides = (comparison.before, comparison.after)
-        old, new = ("-" if s is None else _text(s[index]) for s in sides)
+        old, new = ("-" if s is None else value_text(s[index]) for s in sides)
         return f"{old} → {new}"
 
     return [
@@ -280,7 +267,3 @@ def _cases(comparisons: Sequence[Comparison]) -> list[list[str]]:
         ]
         for c in comparisons
     ]
-
-
-def _text(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)

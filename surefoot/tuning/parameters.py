@@ -13,8 +13,9 @@ from msgspec import inspect
 
 from surefoot.errors import UsageError
 from surefoot.schemas.json_schema import field_docs
-from surefoot.schemas.settings import ControllerSettings, setting_names
+from surefoot.schemas.settings import ControllerSettings, setting_names, setting_of
 from surefoot.schemas.validation import nearest
+from surefoot.studies.tables import split_unit
 
 if TYPE_CHECKING:
     import optuna
@@ -52,12 +53,9 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
     @property
     def name(self) -> str:
         """As it is given: ``dik.k_force.z``."""
-        return self.setting if self.axis is None else f"{self.setting}.{self.letter}"
-
-    @property
-    def letter(self) -> str:
-        """Name of its axis."""
-        return AXES[self.axis or 0]
+        return (
+            self.setting if self.axis is None else f"{self.setting}.{AXES[self.axis]}"
+        )
 
     @property
     def is_log(self) -> bool:
@@ -78,7 +76,7 @@ class Parameter(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             UsageError: several numbers that differ, and no axis is named.
         """
-        value = _get(settings, self.setting)
+        value = setting_of(settings, self.setting)
         if not isinstance(value, tuple):
             return cast(Value, value)
         if self.axis is not None:
@@ -183,7 +181,7 @@ def overrides_of(
         if parameter.axis is None:
             table[name] = value
         else:
-            table.setdefault(name, [*_get(start, name)])[parameter.axis] = value
+            table.setdefault(name, [*setting_of(start, name)])[parameter.axis] = value
     return [f"{k}={msgspec.json.encode(v).decode()}" for k, v in table.items()]
 
 
@@ -203,15 +201,8 @@ def unit_of(setting: str) -> str:
     found = re.search(r"\[([^\]]+)\][^\[]*$", text)
     if found:
         return "" if found[1] == "1" else found[1]
-    endings = ("rad_s", "m_s", "rad", "nm", "n", "s", "m", "hz")
-    ending = next((e for e in endings if key.endswith(f"_{e}")), "")
-    spelt = {"nm": "N m", "n": "N", "hz": "Hz"}
-    return spelt.get(ending, ending.replace("_", "/"))
-
-
-def _get(settings: ControllerSettings, name: str) -> Any:
-    section, key = name.split(".")
-    return getattr(getattr(settings, section), key)
+    _, unit = split_unit(key)
+    return "" if unit == "1" else unit
 
 
 def _split(name: str) -> tuple[str, int | None]:

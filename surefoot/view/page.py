@@ -23,6 +23,7 @@ from surefoot.robot_io.client_side.observer import (
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
+from surefoot.schemas.arrays import MM_PER_M
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import StabilizerState, counted, plain
@@ -36,9 +37,9 @@ from surefoot.view.controls import (
     add_push,
 )
 from surefoot.view.robot_shape import RobotShape
-from surefoot.view.scene import COM, MEASURED, POLYGON, WANTED, ZMP, Scene
+from surefoot.view.scene import LEGEND, MEASURED, WALK_LEGEND, Scene
 from surefoot.view.scene_state import SceneState, state_of
-from surefoot.view.walk import DCM, WalkControls
+from surefoot.view.walk import WalkControls
 
 _LOG = logging.getLogger(__name__)
 FRAME_S = 1.0 / 30.0
@@ -49,7 +50,6 @@ UNDRAWN_S = 5.0
 IDENTITY = "live-page"
 DIAL_S = 1.0
 """Period of attempts to reach a robot, each reported on the page [s]."""
-MM_PER_M = 1e3
 _NOTHING = LatestMessages()
 WALK_PHASES = {
     "shift": "weight goes onto one foot",
@@ -317,31 +317,17 @@ class LivePage:
 
     def _add_scene_options(self, gui: Any) -> None:
         with gui.add_folder("Scene"):
-            gui.add_html(_LEGEND)
+            swatches = "".join(
+                f"<div><span style='color:rgb{colour};font-size:1.2em'>&#9679;</span> "
+                f"{text}</div>"
+                for colour, text in (*LEGEND, *WALK_LEGEND)
+            )
+            style = "padding:0.2em 0.8em;font-size:0.8em"
+            gui.add_html(f"<div style='{style}'>{swatches}</div>")
             ghost = gui.add_checkbox("Commanded posture (ghost)", True)
             forces = gui.add_checkbox("Forces", True)
         ghost.on_update(lambda event: self._scene.show_ghost(ghost.value))
         forces.on_update(lambda event: self._scene.show_forces(forces.value))
-
-
-def _swatch(colour: tuple[int, int, int], text: str) -> str:
-    return (
-        f"<div><span style='color:rgb{colour};font-size:1.2em'>&#9679;</span> "
-        f"{text}</div>"
-    )
-
-
-_LEGEND = (
-    "<div style='padding:0.2em 0.8em;font-size:0.8em'>"
-    + _swatch(MEASURED, "measured force of the ground, 1 m per kN")
-    + _swatch(WANTED, "desired force, beside it; desired CoM")
-    + _swatch(COM, "centre of mass")
-    + _swatch(ZMP, "zero moment point, measured")
-    + _swatch(POLYGON, "support polygon")
-    + _swatch(DCM, "walking: divergent component of motion")
-    + _swatch(WANTED, "walking: planned steps; desired DCM and ZMP")
-    + "</div>"
-)
 
 
 def free_port(port: int) -> int:

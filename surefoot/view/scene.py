@@ -22,7 +22,7 @@ from surefoot.view.scene_state import (
     support_polygon,
     zero_moment_point,
 )
-from surefoot.view.walk import AWAY, WalkScene
+from surefoot.view.walk import AWAY, DCM, WalkScene
 
 METRES_PER_NEWTON = 1e-3
 MEASURED_BESIDE_M = 0.09
@@ -41,6 +41,20 @@ COM = (225, 60, 70)
 ZMP = (130, 60, 200)
 POLYGON = (25, 160, 95)
 GROUND = (196, 201, 208)
+LEGEND = (
+    (MEASURED, "measured force of the ground, 1 m per kN"),
+    (WANTED, "desired force, beside it"),
+    (WANTED, "desired centre of mass"),
+    (COM, "centre of mass"),
+    (ZMP, "zero moment point, measured"),
+    (POLYGON, "support polygon"),
+)
+"""Colours, and what they stand for."""
+WALK_LEGEND = (
+    (DCM, "walking: divergent component of motion"),
+    (WANTED, "planned steps, desired DCM and ZMP"),
+    (MEASURED, "steps taken"),
+)
 GHOST_OPACITY = 0.16
 POLYGON_LIFT_M = 0.012
 """Clear of the ground it lies on."""

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from surefoot.cli.doctor_report import (
+from surefoot.cli.doctor_machine import check_port
+from surefoot.cli.doctor_packages import (
     PINS,
     Severity,
-    check_port,
     read_pins,
     required_packages,
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -191,12 +190,6 @@ CASES = {
     "in millimetres": (r'origin xyz="([-\d.]+) ([-\d.]+) ([-\d.]+)"',
                        r'origin xyz="\g<1>e3 \g<2>e3 \g<3>e3"', "lengths in metres"),
 }  # fmt: skip
-
-
-@pytest.fixture
-def files(tmp_path: Path) -> Path:
-    shutil.copy(WALKER / "walker.urdf", tmp_path)
-    return Path(shutil.copy(WALKER / "walker.toml", tmp_path))
 
 
 def changed(path: Path, old: str, new: str) -> None:

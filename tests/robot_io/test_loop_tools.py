@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from surefoot.robot_io.realtime import (
     MAX_LAG_PERIODS,
-    MS_PER_NS,
     SWITCH_INTERVAL_S,
     Pacer,
     RecentTimes,
@@ -23,6 +22,7 @@ from surefoot.robot_io.realtime import (
     TimingLog,
     quiet_interpreter,
 )
+from surefoot.schemas.arrays import MS_PER_NS
 from tests.support import wait_until
 
 PERIOD_S = 0.001

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import dataclasses
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -17,13 +16,6 @@ COLUMNS = (
     "nominal", "kp", "kd", "armature", "damping", "torque_limit", "velocity_limit",
     "lower", "upper",
 )  # fmt: skip
-
-
-@pytest.fixture
-def files(tmp_path: Path) -> Path:
-    """The Walker's files to be damaged; the path of its TOML."""
-    shutil.copy(WALKER / "walker.urdf", tmp_path)
-    return Path(shutil.copy(WALKER / "walker.toml", tmp_path))
 
 
 def edit(path: Path, old: str, new: str) -> None:

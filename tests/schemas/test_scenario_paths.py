@@ -9,9 +9,9 @@ from surefoot.schemas.motions import SineMotion
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.scenario_paths import (
     override_scenario,
-    parse_override,
     scenario_paths,
 )
+from surefoot.schemas.toml_file import parse_override
 
 
 def ramp(axis: str, amplitude_deg: float) -> dict[str, object]:

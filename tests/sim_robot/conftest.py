@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
-import msgspec
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
@@ -19,11 +17,6 @@ MakeScenario = Callable[..., Scenario]
 """Of keywords that are keys of a scenario."""
 MakePlant = Callable[..., Plant]
 """Likewise; with ``seed`` and ``robot``."""
-
-
-def with_rate(robot: Robot, rate_hz: float) -> Robot:
-    """The same robot at another control rate."""
-    return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
 
 
 @pytest.fixture(scope="session")

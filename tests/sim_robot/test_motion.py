@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from surefoot.schemas.arrays import GRAVITY_M_S2
 from surefoot.schemas.motions import (
     BLEND_S,
     DropMotion,
@@ -12,7 +13,7 @@ from surefoot.schemas.motions import (
     SineMotion,
 )
 from surefoot.sim_robot.errors import ScenarioError
-from surefoot.sim_robot.motion import GRAVITY_M_S2, motion_law
+from surefoot.sim_robot.motion import motion_law
 
 START_S = 0.3
 DERIVATIVE_STEP_S = 1e-6

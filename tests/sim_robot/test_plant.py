@@ -14,7 +14,8 @@ from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.plant import Plant
 from tests.awkward_robot import make_awkward
-from tests.sim_robot.conftest import MakePlant, with_rate
+from tests.sim_robot.conftest import MakePlant
+from tests.support import with_rate
 
 PERIOD_S = 0.001
 PUSH = {

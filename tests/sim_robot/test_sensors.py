@@ -8,9 +8,8 @@ import pytest
 
 from surefoot.robot_io.robot import Robot
 from surefoot.robot_io.snapshot import Snapshot
-from surefoot.schemas.arrays import Array, Mat
+from surefoot.schemas.arrays import GRAVITY_M_S2, Array, Mat
 from surefoot.schemas.robot_file import Foot
-from surefoot.sim_robot.motion import GRAVITY_M_S2
 from surefoot.sim_robot.plant import Plant
 from tests.sim_robot.conftest import MakePlant
 

@@ -15,7 +15,8 @@ from surefoot.schemas.sensors import SNAPSHOT_FIELDS
 from surefoot.sim_robot.catalogue import list_scenarios, load_scenario
 from surefoot.sim_robot.errors import CommandError, ScenarioError
 from surefoot.sim_robot.simulated_robot import SimulatedRobot
-from tests.sim_robot.conftest import MakeScenario, figures, with_rate
+from tests.sim_robot.conftest import MakeScenario, figures
+from tests.support import with_rate
 
 PERIOD_S = 0.001
 NOISE = {"force_noise_n": 2.0, "gyro_noise_rad_s": 0.002}

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import msgspec
 import numpy as np
 import pytest
 
@@ -16,6 +13,7 @@ from surefoot.stabilizer.control.drives import borne_delay, needed_stiffness
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from surefoot.stabilizer.estimation.observer import FORCES, MOTION, ReadingAges
 from surefoot.stabilizer.margins.margins import compute_margins
+from tests.support import with_rate
 
 SPEED = 470.0
 PERIOD_S = 0.001
@@ -26,10 +24,6 @@ ALMOST_DB = 5.9
 @pytest.fixture(scope="module")
 def walker() -> Robot:
     return load_robot("walker", servo_profile="ideal")
-
-
-def at_rate(robot: Robot, rate_hz: float) -> Robot:
-    return replace(robot, file=msgspec.structs.replace(robot.file, rate_hz=rate_hz))
 
 
 def stiffness(robot: Robot, *overrides: str) -> float:
@@ -71,7 +65,7 @@ def test_soft_soles_yield_by_themselves(walker: Robot) -> None:
 def test_the_rule_leaves_the_whole_loop_its_margin(
     walker: Robot, rate_hz: float, ticks: int
 ) -> None:
-    robot = at_rate(walker, rate_hz)
+    robot = with_rate(walker, rate_hz)
     settings = build_settings({}, overrides=[f"dik.loop_delay_s={ticks / rate_hz}"])
     worst = compute_margins(robot, settings, delay_ticks=ticks).worst_db
     assert worst is not None

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from surefoot.robot_io.robot import Robot, make_robot
-from surefoot.schemas.settings import ControllerSettings, DikSettings
+from surefoot.schemas.law_settings import DikSettings
+from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.factory import check_settings, make_controller
 from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.closed_loop import run_closed_loop, swing

@@ -8,18 +8,18 @@ import msgspec
 import pytest
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.settings import ControllerSettings, build_settings, setting_names
+from surefoot.schemas.settings import (
+    ControllerSettings,
+    build_settings,
+    setting_names,
+    setting_of,
+)
 
 
 def build(
     table: dict[str, Any] | None = None, overrides: list[str] | None = None
 ) -> ControllerSettings:
     return build_settings(table or {}, overrides=overrides or [], source="my.toml")
-
-
-def value_of(settings: ControllerSettings, name: str) -> Any:
-    section, field = name.split(".")
-    return getattr(getattr(settings, section), field)
 
 
 def test_nothing_said_gives_the_defaults() -> None:
@@ -30,7 +30,7 @@ def test_every_setting_can_be_overridden_by_its_name() -> None:
     """Each with its default, written as TOML, which changes nothing."""
     defaults = ControllerSettings()
     for name in setting_names():
-        value = value_of(defaults, name)
+        value = setting_of(defaults, name)
         text = list(value) if isinstance(value, tuple) else value
         assert build(overrides=[f"{name}={text}"]) == defaults
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.settings import TsidSettings
+from surefoot.schemas.law_settings import TsidSettings
 from surefoot.stabilizer.control.tsid import cone_rows
 
 HALF_LENGTH, HALF_WIDTH = 0.13, 0.07

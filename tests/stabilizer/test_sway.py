@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
+from surefoot.schemas.law_settings import SwaySettings
 from surefoot.schemas.motions import SineMotion
-from surefoot.schemas.settings import ControllerSettings, SwaySettings, build_settings
+from surefoot.schemas.settings import ControllerSettings, WalkSettings, build_settings
 from surefoot.schemas.toml_file import convert, read_toml
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.sim_robot.motion import motion_law
 from surefoot.stabilizer.control.reference import Stance, standing
 from surefoot.stabilizer.control.sway import REACH, Sway

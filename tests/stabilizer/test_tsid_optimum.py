@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.settings import TsidSettings
+from surefoot.schemas.law_settings import TsidSettings
 from surefoot.stabilizer.model import N_BASE_V
 from surefoot.stabilizer.qp import QpSolution
 from tests.stabilizer.rig import CONTACT_NAMES, CONTACT_SETS, Rig

@@ -16,8 +16,8 @@ from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.messages import SCHEMA_VERSION, RobotMode, RobotStatus
 from surefoot.schemas.reasons import ModeCause
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.walking.footsteps import Foothold, Pace
 from surefoot.stabilizer.walking.step_queue import StepQueue

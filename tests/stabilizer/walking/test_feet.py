@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.schemas.settings import ContactSettings
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import ContactSettings, WalkSettings
 from surefoot.stabilizer.estimation.contact import Anchors, ContactMonitor
 from surefoot.stabilizer.walking.feet import Feet, FootState
 

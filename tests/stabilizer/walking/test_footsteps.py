@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import MOST_STEPS, Step, Walk, WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import (
     SIDES,
     Foothold,

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.reference import standing
 from surefoot.stabilizer.estimation.contact import Anchors
 from surefoot.stabilizer.model import RobotModel

@@ -8,8 +8,8 @@ import msgspec
 import pytest
 
 from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.settings import WalkSettings
 from surefoot.schemas.walk_plan import Step, WalkPlan
-from surefoot.schemas.walk_settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold
 from surefoot.stabilizer.walking.step_queue import CLOSING_ID, StepQueue
 

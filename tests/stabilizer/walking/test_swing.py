@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.walking.swing import LATE_RAMP_S, SwingPath, from_rest, glide
 
 SETTINGS = WalkSettings()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold
 from surefoot.stabilizer.walking.ground import ExpectedGround
 from surefoot.stabilizer.walking.step_queue import Move

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from surefoot.schemas.walk_settings import WalkSettings
+from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.control.tasks import standing_tasks
 from surefoot.stabilizer.control.tsid import Tsid
 from surefoot.stabilizer.dynamics import SOLE_ROWS

@@ -7,8 +7,7 @@ import pinocchio as pin
 import pytest
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.settings import DikSettings
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import DikSettings, ZmpSettings
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
 from surefoot.stabilizer.zmp.commanded_robot import CommandedRobot, ComTarget
 from tests.stabilizer.rig import BOTH

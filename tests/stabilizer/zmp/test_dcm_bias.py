@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.model import GRAVITY
 from surefoot.stabilizer.zmp.dcm_feedback import (
     FIRST_STD_M,

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from surefoot.schemas.arrays import Array, Mat
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.zmp.foot_admittance import FootAdmittance
 
 SETTINGS = ZmpSettings(

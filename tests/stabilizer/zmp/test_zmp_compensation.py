@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from surefoot.schemas.zmp_settings import ZmpSettings
+from surefoot.schemas.law_settings import ZmpSettings
 from surefoot.stabilizer.zmp.foot_admittance import ZmpCompensation
 
 PERIOD_S = 0.001

@@ -1,11 +1,12 @@
-"""A number of every message of a channel of an MCAP file, as recorded ground."""
+"""Numbers of recorded ground: in texts, and in the messages of an MCAP channel."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from io import BytesIO
 from typing import Any
 
@@ -19,6 +20,8 @@ from surefoot.sim_robot.errors import ScenarioError
 
 _NANOSECOND = 1e-9
 _LATEST_NS = 2**63
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[EDed][-+]?\d+)?", re.ASCII)
+_RUN_TOGETHER = re.compile(r"(?<=[\d.])(?=[-+])")
 _Decoder = Callable[[bytes], Any]
 
 
@@ -177,3 +180,94 @@ def short(text: str) -> str:
 def bad_key(key: str, what: str) -> ScenarioError:
     """Return the error for a key of a recorded motion."""
     return ScenarioError(f"{key}: {what}", field=key)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Reads the numbers of a text file, those of Fortran included.
+
+    Attributes:
+        file: for errors.
+        decimal_comma: 0,5 is a half, and no number has a point.
+    """
+
+    file: str
+    decimal_comma: bool = False
+
+    def __call__(
+        self, word: str, what: str, *, line: int = 0, above: float = -math.inf
+    ) -> float:
+        """Return a finite number.
+
+        Raises:
+            ScenarioError: the word is none, or not above the bound.
+        """
+        plain = word.strip()
+        if self.decimal_comma:
+            plain = plain.replace(".", "?").replace(",", ".")
+        value = math.nan
+        if _NUMBER.fullmatch(plain):
+            value = float(plain.upper().replace("D", "E"))
+        if math.isfinite(value) and value > above:
+            return value
+        bound = "" if above == -math.inf else f" above {above:g}"
+        mark = " with a decimal comma" if self.decimal_comma else ""
+        raise self.bad(what, word, f"a number{bound}{mark}", line=line)
+
+    def bad(
+        self, what: str, got: str, expected: str, *, line: int = 0
+    ) -> ScenarioError:
+        """Return the error for what is no number."""
+        place = f", line {line}" if line else ""
+        got = repr(short(got)) if got.strip() else "nothing"
+        return bad_key(
+            "file",
+            f"{self.file}{place}: {what} is {got}, expected {expected}; mend or remove "
+            "it",
+        )
+
+    def rows(self, lines: Iterable[str], *, first_line: int) -> Array:
+        """Return all numbers of some lines, (n,); fixed widths may touch."""
+        return np.array(
+            [
+                self(part, "a value", line=at)
+                for at, line in enumerate(lines, start=first_line)
+                for word in line.split()
+                for part in _parts(word)
+            ],
+            dtype=np.float64,
+        )
+
+    def enough(self, found: int, told: float) -> None:
+        """Check that there are as many values as the heading tells."""
+        if found < math.floor(told + 1e-6):
+            raise bad_key(
+                "file",
+                f"{self.file}: holds {found} values and its heading says {told:g}; "
+                "it was cut off, fetch it again",
+            )
+
+    def no_more(self, found: int, told: float, lines: Iterable[str]) -> None:
+        """Check that what the heading does not tell of only fills the last row."""
+        words = ([_parts(word) for word in line.split()] for line in lines)
+        row = max((sum(map(len, line)) for line in words), default=0)
+        if found >= told + row:
+            raise bad_key(
+                "file",
+                f"{self.file}: holds {found} values and its heading says {told:g}; one "
+                "of the two is wrong, fetch it again or mend the heading",
+            )
+
+
+def _parts(word: str) -> list[str]:
+    """Return numbers that touch one by one; 1.5-101, an exponent, is left whole."""
+    parts = _RUN_TOGETHER.split(word)
+    return parts if all("." in part for part in parts) else [word]
+
+
+def is_number(cell: str, delimiter: str) -> bool:
+    """Whether a cell is a number; between tabs or semicolons, of a comma too."""
+    plain = cell.strip().strip('"')
+    if delimiter in ";\t":
+        plain = plain.replace(",", ".")
+    return _NUMBER.fullmatch(plain) is not None
