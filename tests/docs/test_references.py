@@ -25,7 +25,7 @@ from surefoot.schemas.robot_file import RobotFile
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.schemas.signals import SIGNALS
-from surefoot.schemas.topics import TOPICS
+from surefoot.schemas.topics import PUBLISHED, TOPICS
 
 ROOT = Path(__file__).parents[2]
 
@@ -76,6 +76,8 @@ def test_pages_hold_all_there_is() -> None:
     for topic in TOPICS:
         assert f"| {topic.name} | `{topic.key}` | [{topic.message.__name__}]" in bus
         assert f"### {topic.message.__name__}\n" in bus
+    shown = (ROOT / "docs/recording.md").read_text(encoding="utf-8")
+    assert all(shown.count(f"│ {topic.name} ") == 2 for topic in PUBLISHED)
     for words in ("## `surefoot run`", "`--lockstep / --realtime`", "| 130 |"):
         assert words in commands
     assert "--result-file" not in commands
