@@ -132,8 +132,18 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     return result
 
 
+def settle_run(place: Path) -> None:
+    """Before a run is read, bring back what a killed command set aside of it.
+
+    Args:
+        place: its folder, or a file in it, which may be what is missing.
+    """
+    run_folder(place if place.is_dir() else place.parent).settle()
+
+
 def folder_of_run(place: Path) -> Path:
     """The folder of a run, which any file in it tells as well."""
+    settle_run(place)
     is_inside = place.is_file() and (place.parent / MARKER).is_file()
     return place.parent if is_inside else place
 
@@ -147,6 +157,7 @@ def read_ends(folder: Path) -> tuple[RunResult, About]:
     Raises:
         UsageError: it is no finished run, or damaged.
     """
+    settle_run(folder)
     if folder.is_file():
         raise UsageError(
             f"{folder}: a file, and not in the folder of a run; name the folder that "
