@@ -286,6 +286,8 @@ class OutFolder:
         if self.out is None:
             shutil.rmtree(self.path, ignore_errors=True)
             return
+        if isinstance(error, OSError) and error.errno:
+            error.filename = error.filename or str(self.path)
         if error is not None and not self._keeps:
             for file in self._files(self.path):
                 file.unlink()

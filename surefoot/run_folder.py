@@ -31,6 +31,10 @@ _PACKAGES = ("surefoot", "eclipse-zenoh", "mujoco", "pin", "piqp", "numpy", "msg
 _T = TypeVar("_T", bound=msgspec.Struct)
 MARKER = "run.json"
 """Every folder of a run holds this file; a folder without it is no run."""
+NO_RUN = (
+    f"not the folder of a run, {MARKER} is missing; name what `surefoot run --out` was "
+    "given"
+)
 _ENDS = ("", ".partial")
 
 
@@ -169,10 +173,7 @@ def read_ends(folder: Path) -> tuple[RunResult, About]:
             "one"
         )
     if not (folder / MARKER).is_file():
-        raise UsageError(
-            f"{folder}: not the folder of a run, {MARKER} is missing; name what "
-            "`surefoot run --out` was given"
-        )
+        raise UsageError(f"{folder}: {NO_RUN}")
     if not (folder / RESULT).is_file():
         raise UsageError(
             f"{folder}: the run was cut off, {RESULT} is missing. Its logs (*.log) say "

@@ -30,7 +30,7 @@ from surefoot.robot_io.ticks.recorder import (
     missing_rows,
 )
 from surefoot.robot_io.ticks.write import TickFile
-from surefoot.run_folder import CONTROLLER_TICKS, TICKS, settle_run
+from surefoot.run_folder import CONTROLLER_TICKS, MARKER, NO_RUN, TICKS, settle_run
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.signals import BY_NAME, SignalLayout
 
@@ -292,6 +292,8 @@ def read_signals(place: str | Path) -> Signals:
                     raise
                 _LOG.warning("%s", error)
     if not tables:
+        if not (place / MARKER).is_file():
+            raise UsageError(f"{place}: {NO_RUN}")
         raise UsageError(
             f"{place / TICKS}: missing; the run kept no ticks. Make it again with --out"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -244,6 +245,25 @@ def test_a_run_is_not_replaced_by_one_that_reads_its_files(tmp_path: Path) -> No
         with pytest.raises(sf.UsageError, match="is what this command reads"):
             attempt()
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_failed_write_that_names_no_file_names_the_folder(tmp_path: Path) -> None:
+    with (
+        pytest.raises(OSError, match="too large") as caught,
+        run_folder(tmp_path / "a"),
+    ):
+        raise OSError(errno.EFBIG, "File too large")
+    assert caught.value.filename == str(tmp_path / "a")
+
+
+def test_a_folder_without_a_run_is_told_from_a_run_without_ticks(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(sf.UsageError, match="not the folder of a run"):
+        sf.read_signals(tmp_path)
+    (tmp_path / MARKER).touch()
+    with pytest.raises(sf.UsageError, match="the run kept no ticks"):
+        sf.read_signals(tmp_path)
 
 
 def test_without_a_name_nothing_stays() -> None:
