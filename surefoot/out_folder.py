@@ -9,6 +9,7 @@ import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -214,6 +215,15 @@ class FolderLock:
             self._lock = None
 
 
+@cache  # several readers look at one folder
+def _tell_set_aside(former: Path, folder: Path, why: str) -> None:
+    _LOG.warning(
+        "%s: files that stood in %s until a command set them aside; "
+        "not brought back: %s",
+        *(former, folder, why),
+    )
+
+
 class OutFolder:
     """Claims a folder for the files of one command. A context manager.
 
@@ -320,11 +330,7 @@ class OutFolder:
         except OSError as error:
             why = error.strerror or str(error)
         for former in self._formers():
-            _LOG.warning(
-                "%s: files that stood in %s until a command set them aside; "
-                "not brought back: %s",
-                *(former, self.path, why),
-            )
+            _tell_set_aside(former, self.path, why)
 
     def keep(self) -> None:
         """Have the files stay from now on whatever happens, and those of before go."""

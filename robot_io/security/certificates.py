@@ -52,6 +52,7 @@ def make_certificates(
 
     Raises:
         CertificateError: some of the files are there already.
+        OSError: they cannot be written; then none is.
     """
     there = [path for path in _files(folder, (AUTHORITY, *IDENTITIES)) if path.exists()]
     if there:
@@ -63,9 +64,15 @@ def make_certificates(
         _place(host)
     now = now or datetime.now(UTC)
     authority = _make_authority(now)
+    is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    written = _write(folder, AUTHORITY, authority)
-    return written + _issue_all(folder, authority, hosts=hosts, days=days, now=now)
+    pairs = _issue_all(authority, hosts=hosts, days=days, now=now)
+    try:
+        return _write(folder, {AUTHORITY: authority, **pairs})
+    except OSError:
+        if is_new:
+            folder.rmdir()
+        raise
 
 
 def renew_certificates(
@@ -84,6 +91,7 @@ def renew_certificates(
 
     Raises:
         CertificateError: the authority is missing, unreadable, or will be over by then.
+        OSError: they cannot be written; then all are as before.
     """
     now = now or datetime.now(UTC)
     authority = _read(folder, AUTHORITY)
@@ -93,7 +101,7 @@ def renew_certificates(
             f"{folder}: the authority itself is valid until {over} only; make a new "
             "one in another folder, and give its certificates to every process"
         )
-    return _issue_all(folder, authority, hosts=hosts, days=days, now=now)
+    return _write(folder, _issue_all(authority, hosts=hosts, days=days, now=now))
 
 
 def _make_authority(now: datetime) -> Issued:
@@ -190,13 +198,12 @@ def _place(host: str) -> x509.GeneralName:
 
 
 def _issue_all(
-    folder: Path, authority: Issued, *, hosts: list[str], days: int, now: datetime
-) -> list[Path]:
-    made = {
+    authority: Issued, *, hosts: list[str], days: int, now: datetime
+) -> dict[str, Issued]:
+    return {
         name: issue(name, authority, hosts=hosts, days=days, now=now)
         for name in IDENTITIES
     }
-    return [path for name in made for path in _write(folder, name, made[name])]
 
 
 def _files(folder: Path, names: tuple[str, ...]) -> list[Path]:
@@ -220,27 +227,42 @@ def _read(folder: Path, name: str) -> Issued:
     return Issued(certificate, key)
 
 
-def _write(folder: Path, name: str, issued: Issued) -> list[Path]:
-    certificate_file, key_file = _files(folder, (name,))
-    key = issued.key.private_bytes(
+def _write(folder: Path, pairs: dict[str, Issued]) -> list[Path]:
+    """Write all pairs or none: a new key beside an old certificate is no pair.
+
+    A key is never readable by others, not even at first.
+    """
+    paths = _files(folder, tuple(pairs))
+    contents = [part for pair in pairs.values() for part in _contents(pair)]
+    asides = [path.with_name(f".{path.name}.{os.getpid()}") for path in paths]
+    try:
+        for path, aside, (data, mode) in zip(paths, asides, contents, strict=True):
+            _write_new(aside, data, mode=mode, name=path)
+        for path, aside in zip(paths, asides, strict=True):
+            aside.replace(path)
+    finally:
+        for aside in asides:
+            aside.unlink(missing_ok=True)
+    return paths
+
+
+def _contents(pair: Issued) -> list[tuple[bytes, int]]:
+    """Certificate and key as files, and who may read them."""
+    key = pair.key.private_bytes(
         serialization.Encoding.PEM,
         serialization.PrivateFormat.PKCS8,
         serialization.NoEncryption(),
     )
-    _replace(key_file, key, mode=_PRIVATE)
-    certificate = issued.certificate.public_bytes(serialization.Encoding.PEM)
-    _replace(certificate_file, certificate, mode=_PUBLIC)
-    return [certificate_file, key_file]
+    certificate = pair.certificate.public_bytes(serialization.Encoding.PEM)
+    return [(certificate, _PUBLIC), (key, _PRIVATE)]
 
 
-def _replace(path: Path, data: bytes, *, mode: int) -> None:
-    """Write a file whole; a key is never readable by others, not even at first."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
+def _write_new(aside: Path, data: bytes, *, mode: int, name: Path) -> None:
+    """Write a file that is not there; an error tells the name it is to get."""
     try:
-        with os.fdopen(
-            os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb"
-        ) as file:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+        with os.fdopen(os.open(aside, flags, mode), "wb") as file:
             file.write(data)
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    except OSError as error:
+        error.filename = str(name)
+        raise
