@@ -126,7 +126,11 @@ def save_tare(robot_path: Path, tare: Tare) -> Path:
         OSError: it cannot be written there.
     """
     path = tare_path(robot_path)
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".toml")
+    try:
+        handle, name = tempfile.mkstemp(dir=path.parent, suffix=".toml")
+    except OSError as error:
+        error.filename = str(path)
+        raise
     try:
         with os.fdopen(handle, "wb") as file:
             tomli_w.dump(msgspec.to_builtins(tare), file)
