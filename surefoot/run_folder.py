@@ -6,7 +6,8 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +18,7 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.installation import installed_version
 from surefoot.out_folder import OutFolder, write_json
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.run_plan import Mode, RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
 
@@ -199,15 +201,32 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
         UsageError: it is no finished run, or damaged.
     """
     result, about = read_ends(folder)
-    plan = make_plan(
-        folder / SCENARIO,
-        robot=about.robot,
-        servo_profile=about.servo_profile,
-        controller=about.controller,
-        settings=folder / SETTINGS,
-        seed=about.seed,
-    )
+    with naming_run(folder):
+        plan = make_plan(
+            folder / SCENARIO,
+            robot=about.robot,
+            servo_profile=about.servo_profile,
+            controller=about.controller,
+            settings=folder / SETTINGS,
+            seed=about.seed,
+        )
     return result, replace(plan, mode=about.mode, scenario_name=about.scenario)
+
+
+@contextmanager
+def naming_run(folder: Path) -> Iterator[None]:
+    """Say what to do about the robot of a kept run, where that cannot be loaded.
+
+    Raises:
+        UsageError: its file was moved, removed or changed since.
+    """
+    try:
+        yield
+    except RobotFileError as error:
+        raise UsageError(
+            f"{folder}: its robot cannot be loaded ({error}); put the file back, or "
+            f"write where it is now into {folder / MARKER}, as `robot`"
+        ) from error
 
 
 def read_struct(path: Path, kind: type[_T]) -> _T:

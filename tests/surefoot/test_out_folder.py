@@ -371,6 +371,13 @@ def test_a_run_finds_its_robot_from_any_folder(
     (tmp_path / "other").mkdir()
     monkeypatch.chdir(tmp_path / "other")
     assert sf.load_run(tmp_path / "run").robot.path == run.robot.path == file.resolve()
+    moved = file.rename(file.with_name("moved.toml"))
+    for reader in (sf.load_run, READERS["report"]):
+        with pytest.raises(sf.UsageError, match=r"put the file back, or write where"):
+            reader(tmp_path / "run")
+    about = tmp_path / "run" / MARKER
+    about.write_text(about.read_text().replace(str(file), str(moved)))
+    assert sf.load_run(tmp_path / "run").robot.path == moved
 
 
 def test_only_a_file_that_says_who_wrote_it_is_replaced(tmp_path: Path) -> None:
