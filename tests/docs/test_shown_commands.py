@@ -23,7 +23,7 @@ PAGES = {
     for pattern in ("README.md", "CONTRIBUTING.md", "docs/*.md", "*/README.md")
     for path in ROOT.glob(pattern)
 }
-BLOCK = re.compile(r"^ *```(sh|console)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
+BLOCK = re.compile(r"^ *```(\w*)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 PROGRAM: Any = get_command(app)
 LEAST = 80
 """Of commands, so that a page in another form does not leave the test empty."""
@@ -33,7 +33,7 @@ def shown(text: str) -> Iterator[list[str]]:
     """The words of each command in the blocks of a page, behind ``surefoot``."""
     for kind, block in BLOCK.findall(text):
         for line in block.replace("\\\n", " ").splitlines():
-            if kind == "console" and not line.startswith("$ "):
+            if not line.startswith("$ ") and kind != "sh":
                 continue
             words = shlex.shlex(
                 line.removeprefix("$ "), posix=True, punctuation_chars=True
