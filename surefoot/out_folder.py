@@ -323,6 +323,8 @@ class OutFolder:
             try:
                 if lock.is_held:
                     self._end_what_was_killed()
+                else:
+                    why = "without locks nobody knows whether that command still runs"
             finally:
                 lock.release()
         except UsageError:
