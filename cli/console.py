@@ -201,8 +201,11 @@ def import_advice(error: ImportError) -> str:
 
 
 _UNWRITABLE = "; name a folder that can be written to"
+_FULL = "; make room, or name a folder on another disk"
 _HINTS = {
-    errno.ENOSPC: "; make room, or name a folder on another disk",
+    errno.ENOSPC: _FULL,
+    errno.EDQUOT: _FULL,
+    errno.EFBIG: "; allow larger files (ulimit -f), or name a folder on another disk",
     errno.EACCES: _UNWRITABLE,
     errno.EROFS: _UNWRITABLE,
 }

@@ -6,6 +6,7 @@ import inspect
 import math
 import re
 import shutil
+from os.path import expanduser
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, overload
 
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 _SUFFIX = ".toml"
 NARROW = 72
 """Columns below which names of options would be cut in a table."""
+_HOME = re.compile(r"^(--[a-z-]+=|)(~[^/]*)")
+"""A word, or what is given to an option in it, that begins at a home folder."""
 _WORDS = {"str": "TEXT", "path": "PATH", "int": "N", "int range": "N", "float": "X"}
 _BUS = "Bus"
 CONTROLLER = "Controller"
@@ -127,6 +130,12 @@ class Command(_TerminalWords, TyperCommand):
         if help is not None:
             help = re.sub(r"(?<!\n)\n(?!\n)", " ", inspect.cleandoc(help))
         super().__init__(*args, help=help, **more)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words; the shell leaves the ~ in ``--out=~/x`` to the command."""
+        args = [_HOME.sub(lambda at: at[1] + expanduser(at[2]), arg) for arg in args]
+        parsed: list[str] = super().parse_args(ctx, args)
+        return parsed
 
 
 class Group(_TerminalWords, TyperGroup):

@@ -219,7 +219,12 @@ def _play(
     period_s = robot.period_s
     entries = between(timeline, period_s=period_s, from_s=span[0], until_s=span[1])
     if not entries:
-        raise UsageError(f"{file}: nothing between --from and --until")
+        until = "its end" if span[1] is None else f"--until {span[1]:g}"
+        raise UsageError(
+            f"{file}: nothing between --from {span[0]:g} and {until}; expected seconds "
+            f"from its first tick, {timeline.first_tick}, the last is "
+            f"{timeline.last_tick}, at {1.0 / period_s:g} Hz"
+        )
     first = entries[0].tick
     where = ", ".join(meeting.router or meeting.listen)
     stop = StopRequest()

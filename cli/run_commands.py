@@ -196,7 +196,10 @@ def scenarios(as_json: options.JsonOption = False) -> None:
         print_table(scenario_table(shipped))
 
 
-_IN_ORDER = (EndReason.SENSOR_LOST, EndReason.LEASE_LOST, EndReason.ROBOT_FAULT)
+_IN_ORDER = (
+    *(EndReason.SENSOR_LOST, EndReason.CONTROLLER_FAILED),
+    *(EndReason.LEASE_LOST, EndReason.ROBOT_FAULT),
+)
 """Ends before the robot's own, which then holds its posture and tells how it went."""
 _CODES = {
     EndReason.RUN_OVER: ExitCode.OK,

@@ -236,7 +236,7 @@ class RecordedMotion(
     """Text files with a heading: which column, with or without its unit in brackets;
     absent: the second."""
     channel: str = ""
-    """MCAP: topic of the channel."""
+    """MCAP: topic of the channel, with or without the slash it begins with."""
     field: str = ""
     """MCAP: which number of its messages, such as ``linear_acceleration.0``."""
 

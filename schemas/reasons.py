@@ -138,6 +138,8 @@ class EndReason(StrEnum):
     """Its process was asked to end."""
     SENSOR_LOST = "sensor_lost"
     """A sensor is lost that it cannot do without."""
+    CONTROLLER_FAILED = "controller_failed"
+    """Its controller answers with what is no posture."""
     ROBOT_FAULT = "robot_fault"
     """The robot is in FAULT."""
     LEASE_LOST = "lease_lost"

@@ -223,7 +223,8 @@ def atomic_file(
         else:
             os.link(partial, path)  # unlike a renaming, it replaces nothing
     except OSError as error:
-        error.filename = error.filename or str(path)  # a failed write names no file
+        if error.filename in (None, str(partial)):  # a failed write names no file
+            error.filename = str(path)
         raise
     finally:
         partial.unlink(missing_ok=True)

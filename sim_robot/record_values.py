@@ -37,7 +37,7 @@ def read_mcap(
     Args:
         content: of the file.
         file: its name, for errors.
-        channel: topic.
+        channel: topic, also without the slash it begins with.
         field: path of a number in the messages, such as ``linear_acceleration.0``.
 
     Raises:
@@ -47,13 +47,15 @@ def read_mcap(
     decoders: dict[int, _Decoder] = {}
     try:
         reader = make_reader(BytesIO(content), validate_crcs=True)
-        for schema, about, message in reader.iter_messages(topics=[channel]):
+        topics = sorted({about.topic for about in _channels(content)})
+        slashed = f"/{channel}"  # as our records call what everything else calls imu
+        wanted = slashed if channel not in topics and slashed in topics else channel
+        for schema, about, message in reader.iter_messages(topics=[wanted]):
             if about.id not in decoders:
                 decoders[about.id] = _decoder(schema, about, file)
             decoded = decoders[about.id](message.data)
             values.append(_value(decoded, field, channel))
             times.append(_stamp_ns(decoded, message.log_time, channel))
-        topics = [] if values else sorted({c.topic for c in _channels(content)})
     except ScenarioError:
         raise
     except Exception as error:  # each library has errors of its own for damage

@@ -43,6 +43,8 @@ TRIED = 2
 """So many delays are looked at closely."""
 DRIVE_STEP_S = 1e-3
 """At least so often a drive steps its set-point [s]."""
+SEEN_SHARE = 0.9
+"""Of the ticks of its motion must be answered to tell a joint's drive by [1]."""
 SEEN_S = 0.0025
 """A speed limit that stretches the large step by less is not seen [s]."""
 LEAST_MOTION_RAD = 1e-3
@@ -155,12 +157,21 @@ class IdentifyController:
             self.on_end()
         return ControllerOutput(self._command)
 
+    @property
+    def unseen(self) -> list[str]:
+        """Joints of whose motion too few ticks were answered to tell the drive by."""
+        enough = SEEN_SHARE * self._length
+        return [
+            self._robot.joint_names[joint]
+            for joint, rows in zip(self._joints, self._rows, strict=True)
+            if len(rows) <= enough
+        ]
+
     def found(self) -> list[Drive]:
-        """Return what the drives moved so far do, in the order of the joints."""
+        """Return what the drives do, in the order of the joints; none is unseen."""
         return [
             identify(self._robot, joint, Samples(*np.array(rows).T))
             for joint, rows in zip(self._joints, self._rows, strict=True)
-            if len(rows) > 0.9 * self._length
         ]
 
     def _motion(self, joint: int) -> Array:

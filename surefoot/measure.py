@@ -31,7 +31,7 @@ from surefoot.schemas.toml_file import read_toml
 from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.estimation.wrenches import foot_offsets
-from surefoot.stabilizer.identification import Drive, IdentifyController
+from surefoot.stabilizer.identification import SEEN_SHARE, Drive, IdentifyController
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.node import run_stabilizer
 
@@ -108,11 +108,14 @@ def measure_tare(
             for sample in observer.take(timeout_s=0.1):
                 heard.add(sample.channel, sample.data)
         instance = observer.robot_instance
-    fewest = min(len(heard.read(channel).messages) for channel in CHANNELS)
+    counts = {channel: len(heard.read(channel).messages) for channel in CHANNELS}
+    fewest = min(counts.values())
     if fewest < FEWEST_READINGS:
+        got = ", ".join(f"{count} of {channel}" for channel, count in counts.items())
         raise UsageError(
-            f"tare: got {fewest} readings of every sensor in {duration_s:g} s, "
-            f"expected {FEWEST_READINGS} or more; measure for longer"
+            f"tare: got {got} in {duration_s:g} s, expected {FEWEST_READINGS} or more "
+            "readings of each; measure for longer, or look with surefoot hz what comes "
+            "(a simulated robot is silent until somebody commands it)"
         )
     wrenches = {side: _wrenches(heard, side) for side in SIDES}
     found = foot_offsets(model, _mean(robot, heard, wrenches))
@@ -200,7 +203,8 @@ def identify_drives(
     Raises:
         UsageError: no such joint, or an amplitude that is too large.
         RobotIoError: there is no robot on the bus.
-        ChildFailedError: the robot fell, or gave up, before all was done.
+        ChildFailedError: the robot fell, or gave up, before all was done; or a joint
+            was seen too seldom, or did not follow.
     """
     if scenario is not None and (scenario.platform or scenario.push or scenario.walk):
         raise UsageError(
@@ -228,6 +232,26 @@ def identify_drives(
             f"{why}; nothing was written. Have the robot stand on both feet on firm, "
             "level ground, or try a smaller --amplitude",
             exit_code=code,
+        )
+    return judged(controller, amplitude_rad=amplitude_rad)
+
+
+def judged(controller: IdentifyController, *, amplitude_rad: float) -> list[Drive]:
+    """Return what the drives do; all of them, or none.
+
+    Args:
+        controller: has moved its joints.
+        amplitude_rad: of the motion [rad].
+
+    Raises:
+        ChildFailedError: a joint was seen too seldom, or did not follow.
+    """
+    if controller.unseen:
+        raise ChildFailedError(
+            f"identify: of the motion of {', '.join(controller.unseen)} less than "
+            f"{SEEN_SHARE:.0%} of the ticks were answered: this machine, or the link, "
+            "is too slow; nothing was written. Stop what else runs here",
+            exit_code=ExitCode.FAILED,
         )
     drives = controller.found()
     for drive in drives:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 import tempfile
 from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Self
+from typing import IO, Any, Self
 
 import msgspec
 
@@ -21,10 +23,9 @@ except ImportError:  # no POSIX: two runs into one folder are then not told apar
     fcntl = None  # type: ignore[assignment]
 
 
+_LOG = logging.getLogger(__name__)
 _LONGEST_LINE = 4096
 """Of a file whose first line is looked at [bytes]."""
-
-
 _FORMER, _GOING = ".former-", ".going"
 """Beginnings of the names of folders with what was there before: until what takes its
 place is worth keeping, and while it is removed."""
@@ -150,43 +151,6 @@ def new_file(path: Path, *, overwrite: bool) -> Iterator[IO[bytes]]:
         ) from error
 
 
-def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
-    """Open ``NAME.partial`` for a file that will be called ``NAME`` once complete.
-
-    Args:
-        path: its final name.
-        overwrite: replace a file of this name, or what a command that was cut off left.
-
-    Returns:
-        The open file, empty; it is ours until it is closed.
-
-    Raises:
-        UsageError: the name is taken, or in use.
-        OSError: it cannot be written there.
-    """
-    is_to_replace(path, overwrite=overwrite)
-    partial = path.with_name(path.name + ".partial")
-    file = partial.open("ab")
-    try:
-        if fcntl is not None:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if file.tell() and not overwrite:
-            raise UsageError(
-                f"--out {path}: {partial} is what a command that was cut off left; "
-                "take it elsewhere, name another file, or overwrite it (--overwrite)"
-            )
-    except BlockingIOError as error:
-        file.close()
-        raise UsageError(
-            f"--out {path}: another command is writing it now; name another file"
-        ) from error
-    except UsageError:
-        file.close()
-        raise
-    file.truncate(0)
-    return file
-
-
 class FolderLock:
     """Keeps other commands out of a folder until it is released, or this one ends."""
 
@@ -221,6 +185,15 @@ class FolderLock:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+
+
+@cache  # several readers look at one folder
+def _tell_set_aside(former: Path, folder: Path, why: str) -> None:
+    _LOG.warning(
+        "%s: files that stood in %s until a command set them aside; "
+        "not brought back: %s",
+        *(former, folder, why),
+    )
 
 
 class OutFolder:
@@ -295,6 +268,8 @@ class OutFolder:
         if self.out is None:
             shutil.rmtree(self.path, ignore_errors=True)
             return
+        if isinstance(error, OSError) and error.errno:
+            error.filename = error.filename or str(self.path)
         if error is not None and not self._keeps:
             for file in self._files(self.path):
                 file.unlink()
@@ -306,6 +281,30 @@ class OutFolder:
                     self.path.rmdir()
         self._forget_former()
         self._release()
+
+    def settle(self) -> None:
+        """Bring back what a killed command set aside here, for who is about to read.
+
+        It is said; where it cannot be done, it is said where the files are.
+        """
+        if not self._formers():
+            return
+        why = "there are several such folders"
+        try:
+            lock = FolderLock(self.path)
+            try:
+                if lock.is_held:
+                    self._end_what_was_killed()
+                else:
+                    why = "without locks nobody knows whether that command still runs"
+            finally:
+                lock.release()
+        except UsageError:
+            why = "another command is writing there now"
+        except OSError as error:
+            why = error.strerror or str(error)
+        for former in self._formers():
+            _tell_set_aside(former, self.path, why)
 
     def keep(self) -> None:
         """Have the files stay from now on whatever happens, and those of before go."""
@@ -324,9 +323,17 @@ class OutFolder:
         """Do what a command that was killed had no time for; nobody else is here."""
         for going in self.path.glob(f"{_GOING}{_FORMER}*"):
             shutil.rmtree(going, ignore_errors=True)
-        formers = list(self.path.glob(f"{_FORMER}*"))
+        formers = self._formers()
         if len(formers) == 1:  # of several, nobody knows which is to stand there
             self._bring_back(formers[0])
+            _LOG.warning(
+                "%s: brought back the files that a killed command had set aside",
+                self.path,
+            )
+
+    def _formers(self) -> list[Path]:
+        """Folders with what commands set aside: they still run, or were killed."""
+        return sorted(self.path.glob(f"{_FORMER}*"))
 
     def _bring_back(self, former: Path) -> None:
         """Move what was there before to its place; what stands there was not kept."""

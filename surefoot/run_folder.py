@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.installation import this_machine
 from surefoot.out_folder import OutFolder, write_json
+from surefoot.robot_io.errors import RobotFileError
 from surefoot.run_plan import Mode, RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
 
@@ -29,6 +31,10 @@ QP_FAILURE = "qp-failure.npz"
 _T = TypeVar("_T", bound=msgspec.Struct)
 MARKER = "run.json"
 """Every folder of a run holds this file; a folder without it is no run."""
+NO_RUN = (
+    f"not the folder of a run, {MARKER} is missing; name what `surefoot run --out` was "
+    "given"
+)
 _ENDS = ("", ".partial")
 
 
@@ -128,8 +134,18 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     return result
 
 
+def settle_run(place: Path) -> None:
+    """Before a run is read, bring back what a killed command set aside of it.
+
+    Args:
+        place: its folder, or a file in it, which may be what is missing.
+    """
+    run_folder(place if place.is_dir() else place.parent).settle()
+
+
 def folder_of_run(place: Path) -> Path:
     """The folder of a run, which any file in it tells as well."""
+    settle_run(place)
     is_inside = place.is_file() and (place.parent / MARKER).is_file()
     return place.parent if is_inside else place
 
@@ -143,6 +159,7 @@ def read_ends(folder: Path) -> tuple[RunResult, About]:
     Raises:
         UsageError: it is no finished run, or damaged.
     """
+    settle_run(folder)
     if folder.is_file():
         raise UsageError(
             f"{folder}: a file, and not in the folder of a run; name the folder that "
@@ -154,10 +171,7 @@ def read_ends(folder: Path) -> tuple[RunResult, About]:
             "one"
         )
     if not (folder / MARKER).is_file():
-        raise UsageError(
-            f"{folder}: not the folder of a run, {MARKER} is missing; name what "
-            "`surefoot run --out` was given"
-        )
+        raise UsageError(f"{folder}: {NO_RUN}")
     if not (folder / RESULT).is_file():
         raise UsageError(
             f"{folder}: the run was cut off, {RESULT} is missing. Its logs (*.log) say "
@@ -183,15 +197,32 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
         UsageError: it is no finished run, or damaged.
     """
     result, about = read_ends(folder)
-    plan = make_plan(
-        folder / SCENARIO,
-        robot=about.robot,
-        servo_profile=about.servo_profile,
-        controller=about.controller,
-        settings=folder / SETTINGS,
-        seed=about.seed,
-    )
+    with naming_run(folder):
+        plan = make_plan(
+            folder / SCENARIO,
+            robot=about.robot,
+            servo_profile=about.servo_profile,
+            controller=about.controller,
+            settings=folder / SETTINGS,
+            seed=about.seed,
+        )
     return result, replace(plan, mode=about.mode, scenario_name=about.scenario)
+
+
+@contextmanager
+def naming_run(folder: Path) -> Iterator[None]:
+    """Say what to do about the robot of a kept run, where that cannot be loaded.
+
+    Raises:
+        UsageError: its file was moved, removed or changed since.
+    """
+    try:
+        yield
+    except RobotFileError as error:
+        raise UsageError(
+            f"{folder}: its robot cannot be loaded ({error}); put the file back, or "
+            f"write where it is now into {folder / MARKER}, as `robot`"
+        ) from error
 
 
 def read_struct(path: Path, kind: type[_T]) -> _T:

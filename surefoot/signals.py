@@ -30,7 +30,7 @@ from surefoot.robot_io.ticks.recorder import (
     missing_rows,
 )
 from surefoot.robot_io.ticks.write import TickFile
-from surefoot.run_folder import CONTROLLER_TICKS, TICKS
+from surefoot.run_folder import CONTROLLER_TICKS, MARKER, NO_RUN, TICKS, settle_run
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.signals import BY_NAME, SignalLayout
 
@@ -279,6 +279,7 @@ def read_signals(place: str | Path) -> Signals:
         UsageError: there is none, or nothing of it can be read.
     """
     place = Path(place)
+    settle_run(place)
     if not place.is_dir():
         return Signals([_read_table(place)])
     tables = []
@@ -291,6 +292,8 @@ def read_signals(place: str | Path) -> Signals:
                     raise
                 _LOG.warning("%s", error)
     if not tables:
+        if not (place / MARKER).is_file():
+            raise UsageError(f"{place}: {NO_RUN}")
         raise UsageError(
             f"{place / TICKS}: missing; the run kept no ticks. Make it again with --out"
         )
@@ -325,6 +328,7 @@ def signals_info(signals: Signals) -> SignalsInfo:
 
 def holds_signals(place: Path) -> bool:
     """Whether a place is for :func:`read_signals`: a folder, or a ticks file."""
+    settle_run(place)
     return place.is_dir() or is_tick_file(place)
 
 

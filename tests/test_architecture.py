@@ -13,9 +13,11 @@ import tomllib
 from collections.abc import Iterator
 from fnmatch import fnmatch
 from graphlib import CycleError, TopologicalSorter
+from importlib.metadata import distributions, metadata
 from pathlib import Path
 
 import pytest
+from packaging.specifiers import SpecifierSet
 
 ROOT = Path(__file__).parents[1]
 LIBRARY = "surefoot"
@@ -157,6 +159,21 @@ def test_only_surefoot_lands_in_site_packages() -> None:
     }
     assert homes <= installed
     assert (ROOT / LIBRARY / "py.typed").is_file()
+
+
+def test_every_pin_can_be_installed_by_the_oldest_python() -> None:
+    """Pip calls a pin that asks for a newer one a conflict, and installs nothing."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    oldest = project["project"]["requires-python"].removeprefix(">=") + ".0"
+    text = (ROOT / "constraints.txt").read_text(encoding="utf-8")
+    pins = dict(re.findall(r"^(\S+)==(\S+)$", text, re.MULTILINE))
+    asks = {
+        name: metadata(name).get_all("Requires-Python", [""])[0]
+        for name, pinned in pins.items()
+        if {d.version for d in distributions(name=name)} == {pinned}
+    }
+    assert len(asks) > len(pins) // 2  # those of ROS 2 are in an environment of theirs
+    assert not [n for n, asked in asks.items() if oldest not in SpecifierSet(asked)]
 
 
 def test_rooms_stay_within_bounds() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -52,6 +53,7 @@ def make_certificates(
 
     Raises:
         CertificateError: some of the files are there already.
+        OSError: they cannot be written; then none is.
     """
     there = [path for path in _files(folder, (AUTHORITY, *IDENTITIES)) if path.exists()]
     if there:
@@ -63,9 +65,15 @@ def make_certificates(
         _place(host)
     now = now or datetime.now(UTC)
     authority = _make_authority(now)
+    is_new = not folder.exists()
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-    written = _write(folder, AUTHORITY, authority)
-    return written + _issue_all(folder, authority, hosts=hosts, days=days, now=now)
+    pairs = _issue_all(authority, hosts=hosts, days=days, now=now)
+    try:
+        return _write(folder, {AUTHORITY: authority, **pairs})
+    except OSError:
+        if is_new:
+            folder.rmdir()
+        raise
 
 
 def renew_certificates(
@@ -84,6 +92,7 @@ def renew_certificates(
 
     Raises:
         CertificateError: the authority is missing, unreadable, or will be over by then.
+        OSError: they cannot be written; then all are as before.
     """
     now = now or datetime.now(UTC)
     authority = _read(folder, AUTHORITY)
@@ -93,7 +102,7 @@ def renew_certificates(
             f"{folder}: the authority itself is valid until {over} only; make a new "
             "one in another folder, and give its certificates to every process"
         )
-    return _issue_all(folder, authority, hosts=hosts, days=days, now=now)
+    return _write(folder, _issue_all(authority, hosts=hosts, days=days, now=now))
 
 
 def _make_authority(now: datetime) -> Issued:
@@ -190,13 +199,12 @@ def _place(host: str) -> x509.GeneralName:
 
 
 def _issue_all(
-    folder: Path, authority: Issued, *, hosts: list[str], days: int, now: datetime
-) -> list[Path]:
-    made = {
+    authority: Issued, *, hosts: list[str], days: int, now: datetime
+) -> dict[str, Issued]:
+    return {
         name: issue(name, authority, hosts=hosts, days=days, now=now)
         for name in IDENTITIES
     }
-    return [path for name in made for path in _write(folder, name, made[name])]
 
 
 def _files(folder: Path, names: tuple[str, ...]) -> list[Path]:
@@ -220,16 +228,27 @@ def _read(folder: Path, name: str) -> Issued:
     return Issued(certificate, key)
 
 
-def _write(folder: Path, name: str, issued: Issued) -> list[Path]:
-    certificate_file, key_file = _files(folder, (name,))
-    key = issued.key.private_bytes(
+def _write(folder: Path, pairs: dict[str, Issued]) -> list[Path]:
+    """Write all pairs or none: a new key beside an old certificate is no pair.
+
+    A key is never readable by others, not even at first.
+    """
+    paths = _files(folder, tuple(pairs))
+    contents = [part for pair in pairs.values() for part in _contents(pair)]
+    with ExitStack() as files:
+        for path, (data, mode) in zip(paths, contents, strict=True):
+            file = files.enter_context(atomic_file(path, mode=mode))
+            file.write(data)
+            file.flush()  # a full disk shows before any of them has its name
+    return paths
+
+
+def _contents(pair: Issued) -> list[tuple[bytes, int]]:
+    """Certificate and key as files, and who may read them."""
+    key = pair.key.private_bytes(
         serialization.Encoding.PEM,
         serialization.PrivateFormat.PKCS8,
         serialization.NoEncryption(),
     )
-    certificate = issued.certificate.public_bytes(serialization.Encoding.PEM)
-    with atomic_file(key_file, mode=_PRIVATE) as file:
-        file.write(key)
-    with atomic_file(certificate_file, mode=_PUBLIC) as file:
-        file.write(certificate)
-    return [certificate_file, key_file]
+    certificate = pair.certificate.public_bytes(serialization.Encoding.PEM)
+    return [(certificate, _PUBLIC), (key, _PRIVATE)]

@@ -92,6 +92,9 @@ class Safety:
         self._unloaded_limit = round(settings.unloaded_after_s / robot.period_s)
         self._fade_ticks = max(1, round(settings.ramp_out_s / robot.period_s))
         self._leave_ticks = round(settings.leave_s / robot.period_s)
+        self._bridge_ticks = round(settings.bridge_s / robot.period_s)
+        self._unanswered = 0
+        self._is_number = np.empty(robot.n_a, dtype=bool)
         self._fade = 0
         self._left = 0
         self._asked: Array | None = None
@@ -101,7 +104,7 @@ class Safety:
         self._degraded = (False, False)
         self._output: ControllerOutput | None = None
         self._command: Array = np.zeros(robot.n_a)
-        self._before: Array = self._command
+        self._before: Array = np.zeros(robot.n_a)
         self._motion: Array = np.zeros(robot.n_a)
         self._before_overload: list[Array] = [self._command, self._command]
         self._return_to: Array | None = None
@@ -122,7 +125,7 @@ class Safety:
             snapshot = self._virtual.infer(snapshot)
         self.controller.start(snapshot, q_command)
         self._up = _up_in_unit(snapshot)
-        self._command = self._before = q_command.copy()
+        self._command, self._before = q_command.copy(), q_command.copy()
 
     def step(
         self, snapshot: Snapshot, ages: Ages, reference: Reference | None = None
@@ -155,9 +158,13 @@ class Safety:
         if self._gives_up():
             return self._fade_out()
         output = self.controller.step(believed, reference)
+        if not np.isfinite(output.q_command, out=self._is_number).all():
+            return self._unheard(output)
+        self._unanswered = 0
         if self.state is StabilizerState.SOFT_STOP:
             output = self._soft_stopped(output)
-        self._before, self._command = self._command, output.q_command
+        self._before, self._command = self._command, self._before
+        self._command[:] = output.q_command  # whose array the controller may reuse
         self._output = output
         return output
 
@@ -177,6 +184,24 @@ class Safety:
         if not self._gives_up():
             self.state = StabilizerState.FADE_OUT
             self.end, self.detail = end, detail
+
+    def _unheard(self, output: ControllerOutput) -> ControllerOutput:
+        """What becomes of an answer that is no posture.
+
+        The robot refuses it, counts it and keeps the last good one: for as long as a
+        sensor may be away, which is before it takes us for silent.
+        """
+        self._before[:] = self._command
+        self._unanswered += 1
+        if self._unanswered <= self._bridge_ticks:
+            return output
+        wrong = int(np.count_nonzero(~self._is_number))
+        self.abort(
+            EndReason.CONTROLLER_FAILED,
+            f"{self.controller.name} answered {wrong} of {self._is_number.size} joint "
+            "positions that are no number",
+        )
+        return self._fade_out()
 
     def _gives_up(self) -> bool:
         return self.state in (StabilizerState.FADE_OUT, StabilizerState.HELD)

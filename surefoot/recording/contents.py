@@ -245,7 +245,7 @@ def _code_notes(then: Versions, present: Versions) -> list[str]:
     for when, about in (("when recorded", then), ("now", present)):
         changed = about.git_changed_files
         if changed:
-            notes.append(f"code: {len(changed)} files not committed {when}")
+            notes.append(f"code: files not committed {when}: {len(changed)}")
     return notes
 
 

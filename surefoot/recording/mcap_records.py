@@ -39,6 +39,7 @@ from mcap.records import (
 from surefoot.errors import UsageError
 
 MAGIC = b"\x89MCAP0\r\n"
+_NAME_A_RECORD = "name what surefoot record or surefoot run --out wrote"
 _HEAD = struct.Struct("<BQ")
 _CRC = struct.Struct("<I")
 _FOOTER_BYTES = 20
@@ -138,7 +139,9 @@ class McapRecords:
         except IsADirectoryError as error:
             raise RecordError(_folder_advice(self.path)) from error
         except OSError as error:
-            raise RecordError(f"{self.path}: {error.strerror or error}") from error
+            raise RecordError(
+                f"{self.path}: {error.strerror or error}; {_NAME_A_RECORD}"
+            ) from error
         told = self._told.message_count if self._told is not None else 0
         if told > self._messages:
             lost = told - self._messages
@@ -155,10 +158,7 @@ class McapRecords:
             what = "the file is empty"
         else:
             what = f"begins with {begin!r}, a file of MCAP with {MAGIC!r}"
-        raise RecordError(
-            f"{self.path}: not an MCAP file: {what}; name what surefoot record or "
-            "surefoot run --out wrote"
-        )
+        raise RecordError(f"{self.path}: not an MCAP file: {what}; {_NAME_A_RECORD}")
 
     def _summary(self, file: IO[bytes]) -> Iterator[Channel]:
         """Channels from the end of the file; keeps where chunks begin, and counts.

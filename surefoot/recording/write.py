@@ -8,7 +8,7 @@ import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Self
+from typing import BinaryIO, Self
 
 import msgspec
 from mcap.data_stream import RecordBuilder
@@ -18,7 +18,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from surefoot.errors import UsageError
-from surefoot.out_folder import claim_file
+from surefoot.out_folder import is_to_replace
 from surefoot.recording.contents import Attachment
 from surefoot.recording.mcap_records import BAD_CONTENT
 from surefoot.recording.read import LARGEST_GAP, count_message, new_count
@@ -28,6 +28,11 @@ from surefoot.schemas.codec import Head, decode_map
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.topics import topic
+
+try:
+    import fcntl
+except ImportError:  # no POSIX: two that write one name are then not told apart
+    fcntl = None  # type: ignore[assignment]
 
 _NEW_RUN_TICKS = 1000
 """A tick so far behind is another run of the robot, not a late message."""
@@ -45,6 +50,43 @@ UNREADABLE, BYTES = "unreadable", "application/octet-stream"
 COUNTS = "surefoot/counts"
 """Name of the metadata with what was counted, one entry a channel."""
 _UNITS = "SI units and radians; wrenches and orientations as the schema says"
+
+
+def claim_file(path: Path, *, overwrite: bool = False) -> BinaryIO:
+    """Open ``NAME.partial`` for a file that will be called ``NAME`` once complete.
+
+    Args:
+        path: its final name.
+        overwrite: replace a file of this name, or what a command that was cut off left.
+
+    Returns:
+        The open file, empty; it is ours until it is closed.
+
+    Raises:
+        UsageError: the name is taken, or in use.
+        OSError: it cannot be written there.
+    """
+    is_to_replace(path, overwrite=overwrite)
+    partial = path.with_name(path.name + ".partial")
+    file = partial.open("ab")
+    try:
+        if fcntl is not None:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if file.tell() and not overwrite:
+            raise UsageError(
+                f"--out {path}: {partial} is what a command that was cut off left; "
+                "take it elsewhere, name another file, or overwrite it (--overwrite)"
+            )
+    except BlockingIOError as error:
+        file.close()
+        raise UsageError(
+            f"--out {path}: another command is writing it now; name another file"
+        ) from error
+    except UsageError:
+        file.close()
+        raise
+    file.truncate(0)
+    return file
 
 
 class LogTimes:

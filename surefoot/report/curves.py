@@ -280,10 +280,16 @@ def _platforms(run: RunData) -> Iterator[Curve]:
 
 
 def _controller(run: RunData) -> Iterator[Curve]:
-    """What the controller tells, as far as it does."""
+    """What the controller tells, as far as it does.
+
+    Its estimate of the state counts from the end of its calibration on. Nothing acts on
+    it before, and single readings are off by more than all that follows.
+    """
     signals = run.signals
+    calibrated = signals.time_s >= run.settings.get("estimator.calibration_s", 0.0)
     if "com" in signals and "com_reference" in signals:
         error = MM_PER_M * (signals["com"] - signals["com_reference"])
+        error[~calibrated] = np.nan
         for axis, values in zip(AXES, error.T, strict=True):
             yield _thinned(f"com_{axis}", ESTIMATED, run, values)
     for name, kind in (("dcm", ESTIMATED), ("dcm_reference", DESIRED)):
@@ -294,9 +300,8 @@ def _controller(run: RunData) -> Iterator[Curve]:
                 yield _thinned(f"dcm_{axis}", kind, run, known)
     if "base_pose" in signals:
         # Its yaw is against the feet, not against the world.
-        yield from list(_attitude("base", ESTIMATED, run, signals["base_pose"][:, 3:]))[
-            :2
-        ]
+        told = np.where(calibrated[:, np.newaxis], signals["base_pose"][:, 3:], np.nan)
+        yield from [*_attitude("base", ESTIMATED, run, told)][:2]
     for foot, (side, index) in enumerate(NORMALS.items()):
         for kind, name in ((MEASURED, "F_meas"), (DESIRED, "F_id")):
             if name in signals:

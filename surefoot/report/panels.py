@@ -46,7 +46,7 @@ MODE, TIME = "Mode and contact", "Time"
 GROUPS = {
     COM: "Against the reference. True: x and y from the midpoint of the true soles, z "
     "in the world, from the simulator. Estimated: the stabilizer's own, from the "
-    "robot's sensors, in its frame between the feet.",
+    "robot's sensors, in its frame between the feet, once it has calibrated.",
     WALK: "Divergent component of motion, in the odometry frame, from the first shift "
     "of the weight to the last.",
     BASE: "True: the simulator's. Estimated: the controller's, whose yaw is free. "

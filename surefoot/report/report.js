@@ -34,6 +34,7 @@
       font: { family: "system-ui, sans-serif", size: 12, color: ink("--ink") },
       legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", font: { size: 10 } },
       showlegend: true,
+      modebar: { bgcolor: ink("--page"), color: ink("--soft"), activecolor: ink("--ink") },
       hovermode: "x unified",
       hoverlabel: { bgcolor: ink("--page"), font: { color: ink("--ink") } },
       dragmode: "zoom",

@@ -23,6 +23,7 @@ from surefoot.run_folder import (
     SETTINGS,
     TICKS,
     About,
+    naming_run,
     read_ends,
 )
 from surefoot.schemas.arrays import NS_PER_MS, Array, Vec3
@@ -233,7 +234,8 @@ def load_run(folder: Path, *, label: str) -> RunData:
             f"{folder / TICKS}: missing; the run kept no ticks of the robot, so there "
             "is nothing to draw. Make it again with --out"
         )
-    robot = load_robot(about.robot, servo_profile=about.servo_profile)
+    with naming_run(folder):
+        robot = load_robot(about.robot, servo_profile=about.servo_profile)
     recorded = len(signals.layout("q").labels)
     if recorded != robot.n_a:
         raise UsageError(

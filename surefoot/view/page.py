@@ -345,5 +345,5 @@ def free_port(port: int) -> int:
     except OSError as error:
         raise EnvironmentFailedError(
             f"cannot serve the page at 127.0.0.1:{port}: {error.strerror or error}; "
-            "stop who serves there, or choose another with --port"
+            "stop who serves there, or choose another with --port, of run --view-port"
         ) from error

@@ -89,6 +89,16 @@ def commands() -> list[tuple[str, ...]]:
     return found
 
 
+def test_a_home_folder_that_no_shell_expands_is_the_home_folder(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HOME", "/home/ann")
+    report = typer.main.get_command(app).commands["report"]
+    given = report.make_context("report", ["~/a", "./~", "x~", "--out=~/b"]).params
+    assert [*map(str, given["runs"])] == ["/home/ann/a", "~", "x~"]
+    assert str(given["out"]) == "/home/ann/b"
+
+
 @pytest.mark.parametrize("words", commands(), ids=" ".join)
 def test_every_command_explains_itself_as_a_terminal_does(
     surefoot: Surefoot, words: tuple[str, ...]

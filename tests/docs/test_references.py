@@ -25,7 +25,7 @@ from surefoot.schemas.robot_file import RobotFile
 from surefoot.schemas.scenario import Scenario
 from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.schemas.signals import SIGNALS
-from surefoot.schemas.topics import TOPICS
+from surefoot.schemas.topics import PUBLISHED, TOPICS, Topic
 
 ROOT = Path(__file__).parents[2]
 
@@ -79,6 +79,25 @@ def test_pages_hold_all_there_is() -> None:
     for words in ("## `surefoot run`", "`--lockstep / --realtime`", "| 130 |"):
         assert words in commands
     assert "--result-file" not in commands
+
+
+@pytest.mark.parametrize(
+    ("page", "command", "topics"),
+    [
+        ("recording", "record", PUBLISHED),
+        ("recording", "log info", PUBLISHED),
+        ("bus-tools", "topics", TOPICS),
+        ("bus-tools", "hz", PUBLISHED),
+    ],
+)
+def test_tables_that_pages_show_have_a_row_for_every_channel(
+    page: str, command: str, topics: tuple[Topic, ...]
+) -> None:
+    text = (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
+    table = text.split(f"\n$ surefoot {command}")[1].split("```")[0]
+    rows = re.findall(r"^(?:│ )?(\w+) ", table, re.MULTILINE)
+    known = {topic.name for topic in TOPICS}
+    assert known & {*rows} == {topic.name for topic in topics}
 
 
 def test_rows_tell_unit_range_and_default() -> None:

@@ -20,7 +20,9 @@ from tests.command import Surefoot, run_surefoot
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/tutorial.md").read_text(encoding="utf-8")
-BLOCK = re.compile(r"^```(sh|toml)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+ROW = re.compile(r"^│ (.+?)  ", re.MULTILINE)
+"""What a row of a table that the page shows is about."""
+BLOCK = re.compile(r"^```(sh|toml|text)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 SCENARIO_FILE = "my-seesaw.toml"
 PUSH = "force_n = [0.0, 150.0, 0.0]"
 SHIPPED = "moving-platform-slow"
@@ -66,7 +68,8 @@ def known() -> set[str]:
     return names | {group.name or "" for group in app.registered_groups}
 
 
-def check_command(folder: Path, words: list[str], surefoot_here: Surefoot) -> None:
+def check_command(folder: Path, words: list[str], surefoot_here: Surefoot) -> str:
+    """Run it as the reader would; returns what it says."""
     assert words[1] in known()
     if "--view" in words:
         pytest.importorskip("viser")
@@ -86,6 +89,7 @@ def check_command(folder: Path, words: list[str], surefoot_here: Surefoot) -> No
         assert (folder / words[words.index("--out") + 1]).is_dir()
     if "--view" in words:
         assert "live page: http://127.0.0.1:" in done.stderr
+    return done.stdout
 
 
 def test_the_demo_is_what_make_demo_runs() -> None:
@@ -104,8 +108,10 @@ def test_each_command_does_what_it_should(
     folder: Path, surefoot_here: Surefoot
 ) -> None:
     """One test, since each command needs what those before it have left."""
-    for words in commands():
-        check_command(folder, words, surefoot_here)
+    told = "".join(check_command(folder, words, surefoot_here) for words in commands())
+    rows = ROW.findall("".join(blocks("text")))
+    assert len(rows) > 5
+    assert {row for row in rows if f"│ {row} " not in told} == set()
     there = {path.name for path in (folder / "out/mine").iterdir()}
     named = {"result.json", "ticks.mcap", "run.mcap", "settings.toml", "scenario.toml"}
     assert named <= there

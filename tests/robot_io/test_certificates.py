@@ -1,7 +1,10 @@
 from __future__ import annotations
 
 import ipaddress
+import resource
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -88,6 +91,34 @@ def test_renewing_keeps_the_authority_and_changes_all_else(folder: Path) -> None
     assert {path.name for path in folder.iterdir()} == {path.name for path in before}
     assert read(folder, "robot").not_valid_after_utc == later + timedelta(days=90)
     read(folder, "robot").verify_directly_issued_by(read(folder, AUTHORITY))
+
+
+@contextmanager
+def files_no_longer_than(size: int) -> Iterator[None]:
+    """A disk that is full after so many bytes of each file."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+KEY_FITS = 400
+"""Of a pair on a full disk, the certificate does not [bytes]."""
+
+
+def test_on_a_full_disk_each_key_keeps_its_certificate(folder: Path) -> None:
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    assert len(before[folder / "robot.key.pem"]) < KEY_FITS
+    assert len(before[folder / "robot.pem"]) > KEY_FITS
+    with files_no_longer_than(KEY_FITS), pytest.raises(OSError, match=r"'.*\.pem'"):
+        renew_certificates(folder, hosts=[], days=90, now=NOW)
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+    new = folder.parent / "new"
+    with files_no_longer_than(KEY_FITS), pytest.raises(OSError, match=r"new/ca\.pem"):
+        make_certificates(new, hosts=[], days=90, now=NOW)
+    assert not new.exists()
 
 
 def test_renewing_needs_an_authority_that_lasts(folder: Path, tmp_path: Path) -> None:

@@ -259,6 +259,14 @@ def test_messages_count_from_when_they_were_measured(
 GOOD = [b'{"a": 1}'] * 50
 
 
+def test_a_channel_needs_no_slash(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    slashed, plain = (
+        _read(path, _mcap(GOOD), channel=name, field="a") for name in ("/imu", "imu")
+    )
+    np.testing.assert_array_equal(slashed.values, plain.values)
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

@@ -7,16 +7,19 @@ from dataclasses import replace
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
 from surefoot.errors import ChildFailedError, UsageError
-from surefoot.measure import identify_drives, profile_of
+from surefoot.measure import identify_drives, judged, profile_of
 from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.snapshot import SnapshotLayout
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.sim_robot.catalogue import load_scenario
+from surefoot.stabilizer.identification import IdentifyController
 from tests.stabilizer.closed_loop import NOISE
 
 pytestmark = pytest.mark.closed_loop
@@ -78,6 +81,22 @@ def test_a_robot_that_does_not_follow_is_not_described(walker: Robot) -> None:
     file = msgspec.structs.replace(walker.file, rate_hz=200.0, gate=gate)
     with pytest.raises(ChildFailedError, match="nothing was written"):
         identify_drives(replace(walker, file=file), joints=[JOINT])
+
+
+def test_a_joint_that_was_seen_too_seldom_is_named(walker: Robot) -> None:
+    """As where the machine is too slow for the robot's own pace."""
+    joints = [walker.joint_names.index(JOINT), 0]
+    controller = IdentifyController(walker, joints, amplitude_rad=0.02)
+    layout = SnapshotLayout(walker.n_a)
+    reading = np.zeros(layout.size)
+    controller.start(layout.view(0, 0, reading), walker.nominal)
+    tick = 0
+    while not controller.is_done:
+        controller.step(layout.view(tick, 0, reading))
+        tick += 3 if controller.progress < 1.0 else 1
+    assert controller.unseen == [JOINT]
+    with pytest.raises(ChildFailedError, match=f"the motion of {JOINT} less than 90%"):
+        judged(controller, amplitude_rad=0.02)
 
 
 def test_a_limit_that_does_not_show_leaves_the_robots_own(walker: Robot) -> None:

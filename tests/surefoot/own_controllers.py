@@ -44,6 +44,17 @@ class TooShort(Stay):
         return self.q[:-1]
 
 
+class Fails(Stay):
+    """After 0.1 s of motion it answers no numbers, in the array it always uses."""
+
+    ticks = 100
+
+    def step(self, snapshot: Any, reference: Any = None) -> np.ndarray:
+        self.ticks -= 1
+        self.q += 1e-5 if self.ticks > 0 else np.nan
+        return self.q
+
+
 class NoStep:
     """Not a controller."""
 

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -13,11 +16,20 @@ import numpy as np
 import pytest
 
 import surefoot as sf
-from surefoot.out_folder import OutFolder, check_replaceable, claim_file, new_file
-from surefoot.run_folder import MARKER, RUN_FILES, TICKS, run_folder
+from surefoot.out_folder import (
+    FolderLock,
+    OutFolder,
+    check_replaceable,
+    new_file,
+)
+from surefoot.playback.timeline import read_timeline
+from surefoot.recording.write import claim_file
+from surefoot.report.run_data import load_runs
+from surefoot.run_folder import MARKER, RUN_FILES, TICKS, run_folder, settle_run
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.reasons import Outcome
+from surefoot.signals import holds_signals
 from tests.command import command, environment, scenario_file
 from tests.patient_robot import patient_robot_file
 from tests.support import ticks_on_disk, wait_until
@@ -157,6 +169,55 @@ def test_what_a_killed_command_set_aside_is_brought_back(
     assert {path.read_text() for path in out.iterdir()} == {"former"}
 
 
+def set_aside(out: Path) -> None:
+    """A former run of which a killed command has moved all but the marker."""
+    former_run(out)
+    aside = out / ".former-x"
+    aside.mkdir()
+    for name in names(out) - {MARKER, aside.name}:
+        (out / name).rename(aside / name)
+
+
+READERS = {
+    "load_run": sf.load_run,
+    "read_signals": sf.read_signals,
+    "signals of a file": lambda out: sf.read_signals(out / TICKS),
+    "replay": read_timeline,
+    "report": lambda out: load_runs([out]),
+    "log": holds_signals,
+}
+
+
+@pytest.mark.parametrize("reader", READERS.values(), ids=READERS)
+def test_who_reads_a_run_brings_back_what_was_set_aside_and_says_so(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, reader: Callable[[Path], object]
+) -> None:
+    out = tmp_path / "run"
+    set_aside(out)
+    with suppress(sf.SurefootError):  # what the files say is nonsense
+        reader(out)
+    assert names(out) == {MARKER, "result.json", "robot.log", "ticks.mcap"}
+    assert {path.read_text() for path in out.iterdir()} == {"former"}
+    assert "brought back the files that a killed command had set aside" in caplog.text
+
+
+def test_who_reads_is_told_where_files_are_that_cannot_be_brought_back(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    out = tmp_path / "run"
+    set_aside(out)
+    lock = FolderLock(out)
+    there = names(out)
+    settle_run(out)
+    assert "not brought back: another command is writing there now" in caplog.text
+    lock.release()
+    (out / ".former-another").mkdir()
+    settle_run(out)
+    assert f"{out / '.former-another'}: files that stood in {out}" in caplog.text
+    assert "not brought back: there are several such folders" in caplog.text
+    assert names(out) == there | {".former-another"}
+
+
 def test_a_run_is_not_replaced_by_one_that_reads_its_files(tmp_path: Path) -> None:
     ground = tmp_path / "mine.csv"
     ground.write_text("\n".join(f"{0.01 * i},0.0{i % 7}" for i in range(30)))
@@ -184,6 +245,25 @@ def test_a_run_is_not_replaced_by_one_that_reads_its_files(tmp_path: Path) -> No
         with pytest.raises(sf.UsageError, match="is what this command reads"):
             attempt()
         assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
+def test_a_failed_write_that_names_no_file_names_the_folder(tmp_path: Path) -> None:
+    with (
+        pytest.raises(OSError, match="too large") as caught,
+        run_folder(tmp_path / "a"),
+    ):
+        raise OSError(errno.EFBIG, "File too large")
+    assert caught.value.filename == str(tmp_path / "a")
+
+
+def test_a_folder_without_a_run_is_told_from_a_run_without_ticks(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(sf.UsageError, match="not the folder of a run"):
+        sf.read_signals(tmp_path)
+    (tmp_path / MARKER).touch()
+    with pytest.raises(sf.UsageError, match="the run kept no ticks"):
+        sf.read_signals(tmp_path)
 
 
 def test_without_a_name_nothing_stays() -> None:
@@ -291,6 +371,13 @@ def test_a_run_finds_its_robot_from_any_folder(
     (tmp_path / "other").mkdir()
     monkeypatch.chdir(tmp_path / "other")
     assert sf.load_run(tmp_path / "run").robot.path == run.robot.path == file.resolve()
+    moved = file.rename(file.with_name("moved.toml"))
+    for reader in (sf.load_run, READERS["report"]):
+        with pytest.raises(sf.UsageError, match=r"put the file back, or write where"):
+            reader(tmp_path / "run")
+    about = tmp_path / "run" / MARKER
+    about.write_text(about.read_text().replace(str(file), str(moved)))
+    assert sf.load_run(tmp_path / "run").robot.path == moved
 
 
 def test_only_a_file_that_says_who_wrote_it_is_replaced(tmp_path: Path) -> None:

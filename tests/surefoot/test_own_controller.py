@@ -80,6 +80,22 @@ def test_a_wrong_answer_is_refused_in_words() -> None:
         sf.simulate("walker", SCENARIO, controller=own.TooShort())
 
 
+def test_one_that_answers_no_numbers_is_given_up_the_same_way_on_the_bus(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
+    scenario = scenario_file(tmp_path, 0.6, name="own")
+    words = (scenario, "--json", "--controller", STAY.replace("Stay", "Fails"))
+    told = []
+    for done in (surefoot_here("run", *words, "--inline"), run_surefoot("run", *words)):
+        assert done.returncode == 1, done.stderr
+        result = json.loads(done.stdout)
+        assert (result["outcome"], result["end"]) == ("held", "controller_failed")
+        assert "answered 28 of 28 joint positions" in result["end_detail"]
+        assert result["refused"] == {"not_finite": 10}
+        told.append((result["outcome_detail"], result["log_sha256"]))
+    assert told[0] == told[1]
+
+
 def test_the_command_line_takes_it_everywhere(
     tmp_path: Path, held: str, surefoot_here: Surefoot
 ) -> None:

@@ -86,10 +86,17 @@ def test_the_estimated_base_agrees_with_the_true_one(bus: RunData) -> None:
     for turn in ("roll", "pitch"):
         true = found[f"base_{turn}", "true"]
         estimated = found[f"base_{turn}", "estimated"]
-        calibrated = estimated.times > CALIBRATED_S
-        times, values = estimated.times[calibrated], estimated.values[calibrated]
-        expected = np.interp(times, true.times, true.values)
-        np.testing.assert_allclose(values, expected, atol=0.2)
+        expected = np.interp(estimated.times, true.times, true.values)
+        np.testing.assert_allclose(estimated.values, expected, atol=0.2)
+
+
+def test_no_estimate_from_before_the_calibration_spoils_the_scale(
+    bus: RunData,
+) -> None:
+    estimates = [curve for curve in curves(bus) if curve.kind == "estimated"]
+    told = [curve for curve in estimates if curve.panel.startswith(("com_", "base_"))]
+    assert len(told) == 5
+    assert min(curve.times[0] for curve in told) == pytest.approx(CALIBRATED_S)
 
 
 def test_a_run_without_record_lacks_what_only_the_bus_tells(
