@@ -31,8 +31,8 @@ from surefoot.playback.timeline import (
 from surefoot.recording.contents import VERSIONS, Versions, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
-from surefoot.run_folder import MARKER, RECORD, SCENARIO, SETTINGS
-from surefoot.run_plan import Settings, resolve_settings, steps_in
+from surefoot.run_folder import MARKER, RECORD, SETTINGS
+from surefoot.run_plan import Settings, resolve_settings
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import FileFormatError, MessageError
 from surefoot.schemas.messages import (
@@ -165,24 +165,6 @@ def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSet
     return build_settings(table, overrides=overrides, source=f"attached {SETTINGS}")
 
 
-def recorded_walk(
-    timeline: Timeline, robot: Robot, settings: ControllerSettings
-) -> WalkPlan | None:
-    """Return the steps of the scenario attached to a record; None without any.
-
-    Raises:
-        FileFormatError: the attached scenario cannot be used.
-    """
-    data = timeline.record.attachments.get(SCENARIO)
-    if data is None:
-        return None
-    try:
-        table = tomllib.loads(data.decode())
-    except ValueError as error:
-        raise FileFormatError(f"the attached {SCENARIO}: {error}") from error
-    return steps_in(table, robot, settings, source=f"attached {SCENARIO}")
-
-
 def check(
     timeline: Timeline,
     robot: Robot,
@@ -219,7 +201,6 @@ def check(
         settings,
         said.of(SettingsChange),
         said.of(Reference),
-        recorded_walk(timeline, robot, settings),
         said.of(WalkPlan),
     )
     for session in find_sessions(said.of(JointCommand), said.of(RobotStatus)):
@@ -231,9 +212,7 @@ def check(
         outcome_of_one = recompute(
             whole,
             sensors,
-            _of_session(
-                inputs, whole, said.of(StabilizerStatus), is_first=not outcomes
-            ),
+            _of_session(inputs, whole, said.of(StabilizerStatus)),
             controller=name,
             on_tick=on_tick,
         )
@@ -293,13 +272,9 @@ def _gap(session: Session) -> tuple[int, int]:
 
 
 def _of_session(
-    inputs: Inputs,
-    session: Session,
-    told: Sequence[StabilizerStatus],
-    *,
-    is_first: bool,
+    inputs: Inputs, session: Session, told: Sequence[StabilizerStatus]
 ) -> Inputs:
-    """Keep the session's own changes and stop, and all references of planners."""
+    """Keep the session's own changes, steps and stop, and all references."""
     first, last = session.commands[0].tick, session.commands[-1].tick
     stops = [
         status.tick
@@ -309,7 +284,7 @@ def _of_session(
     return replace(
         inputs,
         changes=[change for change in inputs.changes if first <= change.tick <= last],
-        walk=inputs.walk if is_first else None,
+        plans=[plan for plan in inputs.plans if first <= plan.tick <= last],
         stop_tick=min(stops, default=None),
     )
 
@@ -322,10 +297,10 @@ def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
             f"{stale} ticks lack a sensor's message: the sensor was silent, or the "
             "message was lost on its way to the recorder alone"
         )
-    if inputs.references or inputs.plans:
+    if inputs.references:
         doubts.append(
-            "a planner spoke: from which tick on its word counted is not recorded, and "
-            "taken from the stamps"
+            "a planner gave references: from which tick on each counted is not "
+            "recorded, and taken from the stamps"
         )
     if mode == "realtime":
         doubts.append(
@@ -438,5 +413,5 @@ _CHANNELS: dict[type[Message], str] = {
     StabilizerStatus: "stabilizer",
     SettingsChange: "settings_change",
     Reference: "reference",
-    WalkPlan: "walk",
+    WalkPlan: "walk_taken",
 }
