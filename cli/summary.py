@@ -63,8 +63,7 @@ def run_table(result: RunResult) -> Table:
 
 def _add_figures(table: Table, result: RunResult) -> None:
     """What was measured, of a run that came as far as its first tick."""
-    _add_standing(table, result)
-    _add_walk(table, result)
+    _add_motion(table, result)
     _add_forces(table, result)
     _add_force_error(table, result)
     table.add_section()
@@ -89,7 +88,7 @@ def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Tab
     table = _figures(title)
     _add_outcome(table, judgement)
     if result.ticks:
-        _add_standing(table, result)
+        _add_motion(table, result)
         _add_forces(table, result)
         table.add_section()
         _add_timing(table, result)
@@ -165,24 +164,16 @@ def _add_outcome(table: Table, judgement: Judgement) -> None:
     table.add_row("outcome", said)
 
 
-def _add_standing(table: Table, result: RunResult | PlantResult) -> None:
-    table.add_row("CoM error rms (x, y, z)", _row(result.com_error_rms_mm, "mm"))
-    table.add_row("CoM error max (x, y, z)", _row(result.com_error_max_mm, "mm"))
+def _add_motion(table: Table, result: RunResult | PlantResult) -> None:
+    """What counts of one who stood, or of one who walked: there it is the DCM."""
+    if not result.has_walked:
+        table.add_row("CoM error rms (x, y, z)", _row(result.com_error_rms_mm, "mm"))
+        table.add_row("CoM error max (x, y, z)", _row(result.com_error_max_mm, "mm"))
+    elif isinstance(result, RunResult) and result.placement_error_max_mm is not None:
+        table.add_row("DCM error rms (x, y)", _row(result.dcm_error_rms_mm, "mm"))
+        table.add_row("DCM error max (x, y)", _row(result.dcm_error_max_mm, "mm"))
+        table.add_row("placement error max", f"{result.placement_error_max_mm:.1f} mm")
     table.add_row("base tilt max", f"{result.base_tilt_max_deg:.1f} deg")
-    table.add_section()
-
-
-def _add_walk(table: Table, result: RunResult) -> None:
-    """What counts of a walk, in which the CoM is not midway between the feet."""
-    if not result.steps_done or result.placement_error_max_mm is None:
-        return
-    table.add_row("DCM error rms (x, y)", _row(result.dcm_error_rms_mm, "mm"))
-    table.add_row("DCM error max (x, y)", _row(result.dcm_error_max_mm, "mm"))
-    table.add_row("placement error max", f"{result.placement_error_max_mm:.1f} mm")
-    if result.touchdown_peak_n is not None:
-        table.add_row(
-            "touchdown peak (left, right)", _row(result.touchdown_peak_n, "N")
-        )
     table.add_section()
 
 
@@ -191,7 +182,12 @@ def _add_forces(table: Table, result: RunResult | PlantResult) -> None:
     for ground in result.recorded_ground:
         table.add_row(f"ground, {ground.file}", _recorded(ground))
     table.add_row("force peak (left, right)", peak)
-    table.add_row("contact lost (left, right)", _row(result.contact_lost_s, "s"))
+    if not result.has_walked:
+        table.add_row("contact lost (left, right)", _row(result.contact_lost_s, "s"))
+    elif result.touchdown_peak_n is not None:
+        table.add_row(
+            "touchdown peak (left, right)", _row(result.touchdown_peak_n, "N")
+        )
 
 
 def _add_force_error(table: Table, result: RunResult | ControllerResult) -> None:

@@ -146,6 +146,11 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     touchdown_peak_n: Pair | None = None
     """Largest true normal force within 0.1 s of a touchdown, in a walk; else None."""
 
+    @property
+    def has_walked(self) -> bool:
+        """Whether its scenario is a walk; it does not know of steps."""
+        return self.distance_m is not None
+
 
 class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the stabilizer measured of itself; the rest is as in :class:`RunResult`."""
@@ -291,3 +296,12 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Farthest that a foot was set from where it was meant, as estimated."""
     touchdown_peak_n: Pair | None = None
     """Largest true normal force within 0.1 s of a touchdown, left and right."""
+
+    @property
+    def has_walked(self) -> bool:
+        """Whether a step was set down.
+
+        CoM errors, against the middle of the feet, and what tells whether both feet
+        stood mean little then.
+        """
+        return bool(self.steps_done)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
+from msgspec.structs import replace
 
 from surefoot.robot_io.client_side.assembler import SnapshotReading
 from surefoot.robot_io.client_side.client import RobotClient
@@ -65,6 +65,7 @@ class Loop:
         period_s: float,
         leave_s: float,
         failure_file: Path | None,
+        walk: WalkPlan | None,
     ) -> None:
         """Join controller and bus.
 
@@ -78,7 +79,9 @@ class Loop:
             period_s: from tick to tick [s].
             leave_s: over which commands fade out when asked to stop [s].
             failure_file: where the first QP that cannot be solved is kept.
+            walk: steps for the controller that starts first.
         """
+        self._given = walk
         self._requests = requests
         self._output: ControllerOutput | None = None
         self._plan: WalkPlan | None = None
@@ -187,11 +190,14 @@ class Loop:
             self._began_ns = reading.snapshot.stamp_ns
             self._hold_since_ns = None
             self._last_tick = tick - 1
-        self._take_plan()
+        taken = self._take_plan()
         output = self._safety.step(
             reading.snapshot, reading.ages, self._client.reference()
         )
         self._client.send(output.q_command, tick=tick)
+        if taken is not None:
+            now_ns = time.monotonic_ns()
+            self._client.publish_taken(replace(taken, tick=tick, stamp_ns=now_ns))
         self._telemetry.add(
             output,
             tick=tick,
@@ -209,15 +215,17 @@ class Loop:
             self._keep_failure(self._failure_file)
         return output
 
-    def _take_plan(self) -> None:
-        """Give the controller a planner's newest steps, once."""
+    def _take_plan(self) -> WalkPlan | None:
+        """Give the controller new steps, once; a planner's go before those given."""
+        new, self._given = self._given, None
         plan = self._client.plan()
-        if plan is None or plan is self._plan:
-            return
-        self._plan = plan
+        if plan is not self._plan:
+            new = self._plan = plan
         controller = self._safety.controller
-        if isinstance(controller, Walks):
-            controller.follow_plan(plan)
+        if new is None or not isinstance(controller, Walks):
+            return None
+        controller.follow_plan(new)
+        return new
 
     def _keep_failure(self, path: Path) -> None:
         """Write the failed QP, once; the command has left already."""
@@ -241,7 +249,7 @@ class Loop:
             lost=self._safety.lost_sensors,
         )
         if self._requests.holding:
-            status = msgspec.structs.replace(
+            status = replace(
                 status, state=StabilizerState.PAUSED, detail=self._requests.holding
             )
         self._client.publish_status(status)

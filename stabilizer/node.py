@@ -25,11 +25,7 @@ from surefoot.schemas.reasons import EndReason, RequestRefusal, in_words
 from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
-from surefoot.stabilizer.control.controller import (
-    Controller,
-    ControllerFactory,
-    Walks,
-)
+from surefoot.stabilizer.control.controller import Controller, ControllerFactory
 from surefoot.stabilizer.loop import End, Loop
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
@@ -242,11 +238,9 @@ class _Node:
             settings = requests.settings
             controller = self._first or self._make(settings)
             self._first = None
-            walk, self._walk = self._walk, None
-            if walk is not None and isinstance(controller, Walks):
-                controller.follow_plan(walk)
             return Safety(controller, self._robot, settings.safety)
 
+        walk, self._walk = self._walk, None
         return Loop(
             make_safety,
             client,
@@ -255,4 +249,5 @@ class _Node:
             period_s=self._robot.period_s,
             leave_s=self._settings.safety.leave_s,
             failure_file=self._failure_file,
+            walk=walk,
         )

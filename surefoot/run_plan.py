@@ -202,19 +202,6 @@ def steps_of(name: str, robot: Robot, settings: ControllerSettings) -> WalkPlan:
     return _steps(scenario, robot, settings)
 
 
-def steps_in(
-    table: dict[str, Any], robot: Robot, settings: ControllerSettings, *, source: str
-) -> WalkPlan | None:
-    """Return the steps of a scenario given as a table; None where nobody walks.
-
-    Raises:
-        FileFormatError: it is malformed.
-    """
-    if "walk" not in table:
-        return None
-    return _steps(scenario_from_table(table, source=source), robot, settings)
-
-
 def _steps(scenario: Scenario, robot: Robot, settings: ControllerSettings) -> WalkPlan:
     # Slow import; report bad files first.
     from surefoot.stabilizer.walking.footsteps import plan_of

@@ -289,11 +289,11 @@ class Simulation:
         ours = adapt(controller, self.robot)
         self._given = controller
         self._safety = Safety(ours, self.robot, self.plan.settings.safety)
+        first = self.simulated.sense() if snapshot is None else snapshot
+        self._safety.start(first, self.gate.posture.copy())
         walk, self._walk = self._walk, None
         if walk is not None and isinstance(ours, Walks):
             ours.follow_plan(walk)
-        first = self.simulated.sense() if snapshot is None else snapshot
-        self._safety.start(first, self.gate.posture.copy())
         return self._safety
 
     def _answer(

@@ -270,6 +270,10 @@ class RobotClient:
         """Publish how the walk goes."""
         self._own_walk.put(encode(status))
 
+    def publish_taken(self, plan: WalkPlan) -> None:
+        """Publish steps that the controller has taken over."""
+        self._own_taken.put(encode(plan))
+
     def publish_status(self, status: StabilizerStatus) -> None:
         """Publish the controller's status."""
         self._own_status.put(encode(status))
@@ -309,6 +313,7 @@ class RobotClient:
         self._plan = Latest(bus.channel(keys["walk"], depth=1), WalkPlan)
         self._command = bus.publisher(keys["joint_command"], urgent=True)
         self._own_walk = bus.publisher(keys["walk_status"], urgent=False)
+        self._own_taken = bus.publisher(keys["walk_taken"], urgent=False)
         self._own_status = bus.publisher(keys["stabilizer"], urgent=False)
         self._own_changes = bus.publisher(keys["settings_change"], urgent=False)
         self._requests = StabilizerServices(bus, self._robot)

@@ -116,6 +116,7 @@ class Observer(ReadOnlyClient):
         self._rings: dict[str, Channel] = {}
         self._unread: list[Sample] = []
         self._seen: dict[str, msgspec.Struct] = {}
+        self._has_another = False
 
     def take(self, *, timeout_s: float = 0.0) -> list[Sample]:
         """Return all messages that have come, channel by channel, each in its order.
@@ -152,14 +153,23 @@ class Observer(ReadOnlyClient):
     def latest_messages(self) -> LatestMessages:
         """Return the newest message of each channel that a viewer shows.
 
-        Without waiting; a message that cannot be read is passed over.
+        Without waiting; a message that cannot be read is passed over. What a stabilizer
+        said of its walk is old once another one has come.
         """
         newest = {sample.channel: sample for sample in self._drain()}
+        if self._has_another:
+            self._has_another = False
+            self._seen.pop("walk_status", None)
+            newest.pop("walk_status", None)
         for name, sample in newest.items():
             with contextlib.suppress(MessageError):
                 self._seen[name] = self.decode(sample)
         seen = {name: self._seen.get(name) for name in VIEWER_CHANNELS}
         return LatestMessages(**seen)  # type: ignore[arg-type]  # by the topic table
+
+    def _on_stabilizer(self, key: str, is_there: bool) -> None:
+        self._has_another |= is_there  # first: who is told of it may look at once
+        super()._on_stabilizer(key, is_there)
 
     def _keep_unread(self) -> None:
         self._unread += list(self._drain())

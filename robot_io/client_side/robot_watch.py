@@ -390,6 +390,13 @@ class ReadOnlyClient(ABC):
             )
         return self._is_over
 
+    def _on_stabilizer(self, key: str, is_there: bool) -> None:
+        identity = key.rsplit("/", 1)[-1]
+        if is_there:
+            self._stabilizers.add(identity)
+        else:
+            self._stabilizers.discard(identity)
+
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
         """Open the bus and declare everything, the liveliness token of our own last.
 
@@ -411,12 +418,7 @@ class ReadOnlyClient(ABC):
         status = bus.channel(f"{prefix}{self._robot.keys['status']}", depth=1)
         self._farewell = Latest(status, RobotStatus, joint_count=self._robot.n_a)
         self._watch.follow(bus, prefix=prefix)
-        bus.watch_presence(
-            f"{prefix}{ALIVE_STABILIZER}/*",
-            lambda key, is_there: (
-                self._stabilizers.add if is_there else self._stabilizers.discard
-            )(key.rsplit("/", 1)[-1]),
-        )
+        bus.watch_presence(f"{prefix}{ALIVE_STABILIZER}/*", self._on_stabilizer)
 
     @abstractmethod
     def _declare(self, bus: Bus) -> None:

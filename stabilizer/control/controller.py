@@ -126,7 +126,7 @@ class Walks(Protocol):
     """A controller that takes footsteps; one without this only stands."""
 
     def follow_plan(self, plan: WalkPlan) -> None:
-        """Walk by a plan from the next step on.
+        """Walk by a plan from the next step on; only called once started.
 
         Args:
             plan: the newest; its steps replace those that have not begun.

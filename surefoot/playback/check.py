@@ -29,8 +29,8 @@ from surefoot.playback.timeline import (
 from surefoot.recording.contents import VERSIONS, version_notes, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
-from surefoot.run_folder import MARKER, RECORD, SCENARIO, SETTINGS
-from surefoot.run_plan import Settings, resolve_settings, steps_in
+from surefoot.run_folder import MARKER, RECORD, SETTINGS
+from surefoot.run_plan import Settings, resolve_settings
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import FileFormatError, MessageError
 from surefoot.schemas.messages import (
@@ -113,31 +113,14 @@ def recorded_settings(timeline: Timeline, overrides: list[str]) -> ControllerSet
     Raises:
         FileFormatError: they cannot be used.
     """
-    table = _attached(timeline, SETTINGS) or {}
+    table: dict[str, Any] = {}
+    data = timeline.record.attachments.get(SETTINGS)
+    if data is not None:
+        try:
+            table = tomllib.loads(data.decode())
+        except ValueError as error:
+            raise FileFormatError(f"the attached {SETTINGS}: {error}") from error
     return build_settings(table, overrides=overrides, source=f"attached {SETTINGS}")
-
-
-def recorded_walk(
-    timeline: Timeline, robot: Robot, settings: ControllerSettings
-) -> WalkPlan | None:
-    """Return the steps of the scenario attached to a record; None without any.
-
-    Raises:
-        FileFormatError: the attached scenario cannot be used.
-    """
-    table = _attached(timeline, SCENARIO)
-    if table is None:
-        return None
-    return steps_in(table, robot, settings, source=f"attached {SCENARIO}")
-
-
-def _attached(timeline: Timeline, name: str) -> dict[str, Any] | None:
-    """The table of an attached file; None without one."""
-    data = timeline.record.attachments.get(name)
-    try:
-        return None if data is None else tomllib.loads(data.decode())
-    except ValueError as error:
-        raise FileFormatError(f"the attached {name}: {error}") from error
 
 
 def check(
@@ -176,7 +159,6 @@ def check(
         settings,
         said.of(SettingsChange),
         said.of(Reference),
-        recorded_walk(timeline, robot, settings),
         said.of(WalkPlan),
     )
     for session in find_sessions(said.of(JointCommand), said.of(RobotStatus)):
@@ -188,9 +170,7 @@ def check(
         outcome_of_one = recompute(
             whole,
             sensors,
-            _of_session(
-                inputs, whole, said.of(StabilizerStatus), is_first=not outcomes
-            ),
+            _of_session(inputs, whole, said.of(StabilizerStatus)),
             controller=name,
             on_tick=on_tick,
         )
@@ -246,13 +226,9 @@ def _followable(session: Session, notes: list[str]) -> Session | None:
 
 
 def _of_session(
-    inputs: Inputs,
-    session: Session,
-    told: Sequence[StabilizerStatus],
-    *,
-    is_first: bool,
+    inputs: Inputs, session: Session, told: Sequence[StabilizerStatus]
 ) -> Inputs:
-    """Keep the session's own changes and stop, and all references of planners."""
+    """Keep the session's own changes, steps and stop, and all references."""
     first, last = session.commands[0].tick, session.commands[-1].tick
     stops = [
         status.tick
@@ -262,7 +238,7 @@ def _of_session(
     return replace(
         inputs,
         changes=[change for change in inputs.changes if first <= change.tick <= last],
-        walk=inputs.walk if is_first else None,
+        plans=[plan for plan in inputs.plans if first <= plan.tick <= last],
         stop_tick=min(stops, default=None),
     )
 
@@ -275,10 +251,10 @@ def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
             f"{stale} ticks lack a sensor's message: the sensor was silent, or the "
             "message was lost on its way to the recorder alone"
         )
-    if inputs.references or inputs.plans:
+    if inputs.references:
         doubts.append(
-            "a planner spoke: from which tick on its word counted is not recorded, and "
-            "taken from the stamps"
+            "a planner gave references: from which tick on each counted is not "
+            "recorded, and taken from the stamps"
         )
     if mode == "realtime":
         doubts.append(
@@ -391,5 +367,5 @@ _CHANNELS: dict[type[Message], str] = {
     StabilizerStatus: "stabilizer",
     SettingsChange: "settings_change",
     Reference: "reference",
-    WalkPlan: "walk",
+    WalkPlan: "walk_taken",
 }

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -15,7 +16,6 @@ from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.messages import (
     JointCommand,
-    Message,
     Reference,
     RobotMode,
     RobotStatus,
@@ -136,9 +136,6 @@ def _place(session: Session, starts: Sequence[Start]) -> None:
             session.starts[index] = start
 
 
-M = TypeVar("M", bound=Message)
-
-
 class Difference(msgspec.Struct, kw_only=True, frozen=True):
     """A joint whose command was another one."""
 
@@ -199,8 +196,7 @@ class Inputs:
         settings: it was made with.
         changes: of settings while it ran, in order.
         references: of a planner, in order.
-        walk: steps that the first controller was given at its start, if any.
-        plans: of a planner while it ran, in order.
+        plans: steps that it took over while it ran, in order; each from its tick on.
         stop_tick: from which on it came to rest, since it was asked to stop; None for
             one that was not.
     """
@@ -209,7 +205,6 @@ class Inputs:
     settings: ControllerSettings
     changes: Sequence[SettingsChange]
     references: Sequence[Reference]
-    walk: WalkPlan | None = None
     plans: Sequence[WalkPlan] = ()
     stop_tick: int | None = None
 
@@ -244,8 +239,7 @@ def recompute(
     gains = _Gains(inputs)
     safety: Safety | None = None
     law: Controller | None = None
-    references, plans = _Newest(inputs.references), _Newest(inputs.plans)
-    plan: WalkPlan | None = None
+    references, plans = _Newest(inputs.references), deque(inputs.plans)
     for index, command in enumerate(commands):
         reading, start = sensors.at(command.tick), session.starts.get(index)
         if reading is None:
@@ -258,17 +252,15 @@ def recompute(
         if start is not None:
             law = make_controller(controller, inputs.robot, gains.settings)
             gains.serve_controller(law)
-            if index == 0 and inputs.walk is not None and isinstance(law, Walks):
-                law.follow_plan(inputs.walk)
             safety = Safety(law, inputs.robot, inputs.settings.safety)
             safety.start(reading.snapshot, np.array(start.q_held))
+        while plans and plans[0].tick <= command.tick:
+            plan = plans.popleft()
+            if isinstance(law, Walks):
+                law.follow_plan(plan)
         if safety is None:
             continue
         stamp_ns = reading.snapshot.stamp_ns
-        newest = plans.at(stamp_ns)
-        if newest is not None and newest is not plan and isinstance(law, Walks):
-            law.follow_plan(newest)
-        plan = newest
         if command.tick == inputs.stop_tick:
             safety.request_soft_stop("")
         output = safety.step(reading.snapshot, reading.ages, references.at(stamp_ns))
@@ -344,14 +336,14 @@ class _Gains:
             self._tunable.retune(settings)
 
 
-class _Newest(Generic[M]):
-    """A planner's newest message when the sensors of a tick were taken."""
+class _Newest:
+    """A planner's newest reference when the sensors of a tick were taken."""
 
-    def __init__(self, messages: Sequence[M]) -> None:
+    def __init__(self, messages: Sequence[Reference]) -> None:
         self._coming = list(messages)
-        self._newest: M | None = None
+        self._newest: Reference | None = None
 
-    def at(self, stamp_ns: int) -> M | None:
+    def at(self, stamp_ns: int) -> Reference | None:
         while self._coming and self._coming[0].stamp_ns <= stamp_ns:
             self._newest = self._coming.pop(0)
         return self._newest

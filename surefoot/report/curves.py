@@ -246,8 +246,9 @@ def _attitude(
 
 def _truth(run: RunData) -> Iterator[Curve]:
     signals = run.signals
-    for axis, error in zip(AXES, com_error(run).T, strict=True):
-        yield _thinned(f"com_{axis}", TRUE, run, MM_PER_M * error)
+    if not run.is_walk:  # on the way it is not midway between the feet
+        for axis, error in zip(AXES, com_error(run).T, strict=True):
+            yield _thinned(f"com_{axis}", TRUE, run, MM_PER_M * error)
     pose = signals["true_base_pose"]
     turned = Rotation.from_matrix(run.robot.R_upright_base).as_quat()
     yield from _attitude("base", TRUE, run, pose[:, 3:], axes=turned)

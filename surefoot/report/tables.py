@@ -62,12 +62,31 @@ class _Figure(NamedTuple):
 
 
 def _parts(
-    name: str, unit: str, field: str, parts: tuple[str, ...], *, decimals: int = 1
+    name: str,
+    unit: str,
+    field: str,
+    parts: tuple[str, ...],
+    *,
+    decimals: int = 1,
+    of_walks: bool = True,
 ) -> list[_Figure]:
+    """Return a figure for each part of a field.
+
+    Args:
+        name: what they are, but for the part.
+        unit: of all.
+        field: of the result.
+        parts: what its entries are of.
+        decimals: shown.
+        of_walks: whether it tells anything of one who walked.
+    """
+
     def value_of(index: int) -> Callable[[RunResult], float | None]:
         def value(result: RunResult) -> float | None:
             values = getattr(result, field)
-            return None if values is None else float(values[index])
+            if values is None or (result.has_walked and not of_walks):
+                return None
+            return float(values[index])
 
         return value
 
@@ -94,14 +113,33 @@ def _times(name: str, field: str) -> list[_Figure]:
 _XYZ, _SIDES = ("x", "y", "z"), ("left", "right")
 _FIGURES = [
     _Figure("duration", "s", 2, lambda result: result.duration_s),
-    *_parts("CoM error rms", "mm", "com_error_rms_mm", _XYZ),
-    *_parts("CoM error max", "mm", "com_error_max_mm", _XYZ),
+    _Figure("steps taken", "", 0, lambda result: result.steps_done),
+    _Figure("distance walked", "m", 2, lambda result: result.distance_m),
+    *_parts("DCM error rms", "mm", "dcm_error_rms_mm", _XYZ[:2]),
+    *_parts("DCM error max", "mm", "dcm_error_max_mm", _XYZ[:2]),
+    _Figure("placement error max", "mm", 1, lambda r: r.placement_error_max_mm),
+    *_parts("touchdown peak", "N", "touchdown_peak_n", _SIDES, decimals=0),
+    *_parts("CoM error rms", "mm", "com_error_rms_mm", _XYZ, of_walks=False),
+    *_parts("CoM error max", "mm", "com_error_max_mm", _XYZ, of_walks=False),
     _Figure("base tilt max", "deg", 2, lambda result: result.base_tilt_max_deg),
     *_parts("force peak", "N", "force_peak_n", _SIDES),
     *_parts("F_z against desired rms", "N", "force_error_rms_n", _SIDES),
-    *_parts("F_z against half weight rms", "N", "force_deviation_rms_n", _SIDES),
-    *_parts("contact lost", "s", "contact_lost_s", _SIDES, decimals=3),
-    *_parts("longest without contact", "s", "contact_gap_s", _SIDES, decimals=3),
+    *_parts(
+        "F_z against half weight rms",
+        "N",
+        "force_deviation_rms_n",
+        _SIDES,
+        of_walks=False,
+    ),
+    *_parts("contact lost", "s", "contact_lost_s", _SIDES, decimals=3, of_walks=False),
+    *_parts(
+        "longest without contact",
+        "s",
+        "contact_gap_s",
+        _SIDES,
+        decimals=3,
+        of_walks=False,
+    ),
     *_times("controller tick", "tick_ms"),
     *_times("round trip", "round_trip_ms"),
     *_times("period jitter", "period_jitter_ms"),
@@ -109,12 +147,6 @@ _FIGURES = [
     _Figure("ticks", "", 0, lambda result: result.ticks),
     _Figure("missed deadlines", "", 0, lambda result: result.deadline_misses),
     _Figure("QP failures", "", 0, lambda result: result.qp_failures),
-    _Figure("steps taken", "", 0, lambda result: result.steps_done),
-    _Figure("distance walked", "m", 2, lambda result: result.distance_m),
-    *_parts("DCM error rms", "mm", "dcm_error_rms_mm", _XYZ[:2]),
-    *_parts("DCM error max", "mm", "dcm_error_max_mm", _XYZ[:2]),
-    _Figure("placement error max", "mm", 1, lambda r: r.placement_error_max_mm),
-    *_parts("touchdown peak", "N", "touchdown_peak_n", _SIDES, decimals=0),
     _Figure("ticks without a sensor", "", 0, lambda result: result.degraded_ticks),
 ]
 _WORDS: list[tuple[str, Callable[[RunResult], str]]] = [

@@ -20,6 +20,7 @@ from surefoot.robot_io.ticks.write import TickFile
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.result import PlantResult
 from surefoot.schemas.scenario import scenario_from_table
+from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.sim_robot.robot_loop import run_robot
 from surefoot.stabilizer.control.controller import HoldController
 from surefoot.stabilizer.control.whole_body import WholeBodyController
@@ -188,7 +189,11 @@ def balancing(endpoints: Endpoints, identity: str = "ann") -> Any:
 
 
 def balance(
-    endpoints: Endpoints, pace: Pace, identity: str = "ann", path: str = "walker"
+    endpoints: Endpoints,
+    pace: Pace,
+    identity: str = "ann",
+    path: str = "walker",
+    walk: WalkPlan | None = None,
 ) -> Any:
     """The whole-body controller, gentle, its settings open to change."""
     walker = load_robot(path)
@@ -200,6 +205,7 @@ def balance(
         identity=identity,
         connect_timeout_s=PATIENCE_S,
         settings=gentle_settings(),
+        walk=walk,
     )
 
 

@@ -12,6 +12,7 @@ import pytest
 from surefoot.robot_io.bus.bus import Bus
 from surefoot.robot_io.bus.session import Role
 from surefoot.robot_io.client_side.client import RobotClient
+from surefoot.robot_io.client_side.observer import VIEWER_CHANNELS, Observer
 from surefoot.robot_io.client_side.requests import ServiceCaller
 from surefoot.robot_io.errors import RequestRefusedError
 from surefoot.robot_io.realtime import StopRequest
@@ -28,6 +29,7 @@ from surefoot.schemas.messages import (
 )
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_STABILIZER
+from surefoot.stabilizer.walking.feet import WalkState
 from tests.robot_io.client_at_work import (
     WALKER,
     MakeClient,
@@ -169,6 +171,28 @@ def test_a_commander_that_leaves_without_a_word_loses_the_lease(
     wait_until(lambda: mode_of(served) is RobotMode.HOLD, what="HOLD")
     assert served.do(lambda _, gate: gate.modes.detail) == "ann is gone"
     make_client("bob").take_lease()
+
+
+def test_a_walk_is_forgotten_with_the_stabilizer_that_told_of_it(
+    served: ServedRobot, endpoints: Endpoints, make_client: MakeClient
+) -> None:
+    with Observer(
+        WALKER, endpoints=endpoints, channels=VIEWER_CHANNELS, identity="eve"
+    ) as eve:
+        eve.connect(timeout_s=PATIENCE_S)
+        with new_client(endpoints, "ann") as first:
+            first.connect(timeout_s=PATIENCE_S)
+            wait_until(lambda: eve.stabilizers == ("ann",), what="Ann")
+            eve.latest_messages()
+            first.publish_walk(WalkState().message(tick=1, stamp_ns=1))
+            wait_until(lambda: eve.latest_messages().walk_status, what="her walk")
+        wait_until(lambda: eve.stabilizers == (), what="Ann to be gone")
+        assert eve.latest_messages().walk_status is not None
+        second = make_client("bob")
+        wait_until(lambda: eve.stabilizers == ("bob",), what="Bob")
+        assert eve.latest_messages().walk_status is None
+        second.publish_walk(WalkState().message(tick=2, stamp_ns=2))
+        wait_until(lambda: eve.latest_messages().walk_status, what="his walk")
 
 
 # Modes ----------------------------------------------------------------------------

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import signal
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
+from surefoot.planner import VelocityPlanner
+from surefoot.robot_io.client_side.observer import LatestMessages
+from surefoot.robot_io.client_side.requests import PlannerClient
 from surefoot.robot_io.realtime import Pace
 from surefoot.robot_io.robot import load_robot
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.robot_loop import run_robot
+from surefoot.stabilizer.walking.footsteps import Pace as WalkPace
+from surefoot.stabilizer.walking.footsteps import half_width_of
 from tests.command import command, environment
 from tests.nodes.processes import Onlooker, balance, looking, running
 from tests.patient_robot import GENTLE, patient_robot_file
@@ -148,6 +154,49 @@ def test_a_stabilizer_that_was_asked_to_stop_is_equal_to_its_rest(
         if m.channel == "stabilizer" and m.content["state"] == "soft_stop"
     ]
     assert found["sessions"][0]["last_tick"] > stops[0]
+
+
+def test_walks_are_equal_whoever_planned_their_steps(
+    endpoints: Endpoints, tmp_path: Path, check: Check
+) -> None:
+    """Ann has steps of her own; Bob, after her, only those a planner gives him."""
+    path, out = str(patient_robot_file(tmp_path, **WAITS)), tmp_path / "walks.mcap"
+    planner = VelocityPlanner(
+        WalkPace(0.1, 0.0, 0.0, 0.4, 0.1, 0.05),
+        half_width=half_width_of(load_robot(path)),
+    )
+    own = replace(planner.plan(None), begin_tick=2 * LATER_TICKS)
+    with (
+        running(plant, path, endpoints, Pace.LOCKSTEP) as robot,
+        recorded(path, endpoints, out) as onlooker,
+        PlannerClient(load_robot(path), endpoints=endpoints) as client,
+    ):
+        client.connect(timeout_s=PATIENCE_S)
+        with running(balance, endpoints, Pace.LOCKSTEP, "ann", path, own) as first:
+            onlooker.until(is_in("single"), what="Ann's first step")
+            first.kill()
+        onlooker.mode(RobotMode.HOLD, "")
+        with running(balance, endpoints, Pace.LOCKSTEP, "bob", path):
+            onlooker.mode(RobotMode.ACTIVE, "bob")
+            onlooker.let_go_on(3 * LATER_TICKS)
+            client.send(planner.plan(None))
+            onlooker.until(is_in("shift"), what="Bob's shift")
+            onlooker.let_go_on(LATER_TICKS)
+            robot.signal(signal.SIGINT)
+            robot.result()
+    code, found = check(out, *AS_RECORDED)
+    assert code == 0, found
+    assert [session["commander"] for session in found["sessions"]] == ["ann", "bob"]
+    taken = [m.content["tick"] for m in messages(out) if m.channel == "walk_taken"]
+    assert [
+        session["first_tick"] <= tick <= session["last_tick"]
+        for session, tick in zip(found["sessions"], taken, strict=True)
+    ] == [True, True]
+
+
+def is_in(phase: str) -> Callable[[LatestMessages], object]:
+    """Whether a robot's walk is in a phase."""
+    return lambda sight: sight.walk_status and sight.walk_status.phase == phase
 
 
 def test_a_second_stabilizer_is_a_session_of_its_own(

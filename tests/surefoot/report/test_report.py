@@ -19,7 +19,7 @@ pytest.importorskip("plotly", reason="reports need plotly: pip install -e .[view
 
 from surefoot.errors import UsageError
 from surefoot.recording.read import read_record
-from surefoot.report.curves import com_error, curves, steps_of
+from surefoot.report.curves import ESTIMATED, TRUE, com_error, curves, steps_of
 from surefoot.report.page import REPORT_FILES, Media, write_page, write_report
 from surefoot.report.panels import frame_rows, panel_groups, state_at
 from surefoot.report.run_data import RunData, load_run, load_runs
@@ -195,6 +195,13 @@ def test_where_a_walks_com_should_be_is_shown_where_the_robot_is(
     run = load_run(tmp_path / "run", label="run")
     true_com, footholds = run.signals["true_com"], run.signals["footholds"]
     assert np.ptp(true_com[:, 1]) > 10.0 * NEAR_M
+    named = [row.name for row in figure_rows([run.result])]
+    for name in ("CoM error", "half weight", "contact"):
+        assert not any(name in told for told in named)
+    assert "DCM error rms x" in named
+    drawn = {(curve.panel, curve.kind) for curve in curves(run)}
+    assert ("com_x", TRUE) not in drawn
+    assert {("com_x", ESTIMATED), ("dcm_x", ESTIMATED)} < drawn
     steps = steps_of(run)
     for row in range(0, run.signals.count, 50):
         state = state_at(run, row, steps)
