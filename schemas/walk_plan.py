@@ -5,15 +5,15 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 
 from surefoot.schemas.arrays import Floats3
 from surefoot.schemas.messages import Count, Message
+from surefoot.schemas.robot_file import Side
 from surefoot.schemas.toml_file import FileStruct
 
-Side = Literal["left", "right"]
 LEAST_SINGLE_S, LEAST_DOUBLE_S, LONGEST_S = 0.2, 0.05, 10.0
 """Least single and double support of a step, and the longest of either [s]."""
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.01, 0.5

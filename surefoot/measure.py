@@ -34,9 +34,9 @@ from surefoot.stabilizer.estimation.wrenches import foot_offsets
 from surefoot.stabilizer.identification import SEEN_SHARE, Drive, IdentifyController
 from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.node import run_stabilizer
+from surefoot.stabilizer.walking.footsteps import SIDES
 
 FootChoice = Literal["left", "right", "both"]
-SIDES: tuple[Side, Side] = ("left", "right")
 CHANNELS = ("joints", "imu", "left_ankle_ft", "right_ankle_ft")
 LARGEST_OFFSET_N, LARGEST_OFFSET_WEIGHTS = 100.0, 0.25
 """A foot that feels more stands on something, or its sensor is broken [N, weights]."""

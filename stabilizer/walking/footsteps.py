@@ -12,8 +12,9 @@ import numpy as np
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Mat
 from surefoot.schemas.messages import SCHEMA_VERSION
+from surefoot.schemas.robot_file import Side
 from surefoot.schemas.settings import WalkSettings
-from surefoot.schemas.walk_plan import Side, Step, Walk, WalkPlan
+from surefoot.schemas.walk_plan import Step, Walk, WalkPlan
 from surefoot.stabilizer.control.reference import standing
 from surefoot.stabilizer.model import RobotModel
 
