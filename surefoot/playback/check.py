@@ -256,7 +256,7 @@ def _doubts(inputs: Inputs, mode: str, *, stale: int) -> list[str]:
             "a planner gave references: from which tick on each counted is not "
             "recorded, and taken from the stamps"
         )
-    if mode == "realtime":
+    if mode != "lockstep":  # a record made by hand does not say
         doubts.append(
             "in real time a sensor's message may have reached the recorder and been "
             "late for the stabilizer, which the record does not tell"

@@ -45,4 +45,4 @@ class Authority:
             days=days,
             now=now or datetime.now(UTC),
         )
-        _write(self.folder, identity, issued)
+        _write(self.folder, {identity: issued})

@@ -221,4 +221,8 @@ def test_a_second_stabilizer_is_a_session_of_its_own(
     code, found = check(out, *AS_RECORDED)
     assert code == 0, found
     assert [session["commander"] for session in found["sessions"]] == ["ann", "bob"]
+    assert not any("in real time" in note for note in found["notes"])
+    code, other = check(out, *AS_RECORDED, "--set", "tsid.com_kp=31")
+    assert code == 1
+    assert any("in real time" in note for note in other["notes"])
     assert all(session["compared"] > LATER_TICKS for session in found["sessions"])
