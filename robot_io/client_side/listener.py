@@ -226,8 +226,7 @@ class Listener(ReadOnlyClient):
         """
         end = time.monotonic() + timeout_s
         while not self._heard and (left := end - time.monotonic()) > 0.0:
-            # An event per message would cost Zenoh's thread a wake-up each.
-            time.sleep(min(POLL_S, left))
+            time.sleep(min(POLL_S, left))  # an event would cost a wake-up per message
         return [self._heard.popleft() for _ in range(len(self._heard))]
 
     def bus_graph(self) -> BusGraph:
