@@ -43,11 +43,10 @@ DOUBT = 4.0
 RETURNED_M, RETURNED_M_S = 0.01, 0.01
 """The ground is back from the stroke's end, and stands [m], [m/s]."""
 SMALL_MEAN_M_S2 = 0.012
-"""A mean at the start within this may be that of ground that begins to move
-gently [m/s^2]."""
+"""Within this a mean at the start may be noise [m/s^2]."""
 DOUBTED_S, STILL_IN_DOUBT = 0.5, 0.95
-"""For so long it is doubted; below this stillness only what the feet do not feel is
-believed [s], [1]."""
+"""A mean that feet and accelerometer share is that of ground which began to move under
+it if it is seen to move, by less than this stillness, within so long [s], [1]."""
 AGREE_M_S2 = 0.05
 """Feet and accelerometer that differ by less agree [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
@@ -177,14 +176,15 @@ class HeightFilter:
         if not moves and abs(self._feet.usual) > AGREE_M_S2:
             margin = math.inf
         self.bias = bias = self._near_feet(mean, margin)
-        self._doubted_s = DOUBTED_S if abs(bias) <= SMALL_MEAN_M_S2 else 0.0
+        is_shared = mean == bias and margin < math.inf
+        is_doubted = not moves and (is_shared or abs(mean) <= SMALL_MEAN_M_S2)
+        self._doubted_s = DOUBTED_S if is_doubted else 0.0
         self.height, self.rate, self.ground = height, rate, 0.0
         self._height, self._rate = height, rate
         self._leg_mean = rate
         self._ground_speed = 0.1 if moves else 0.0
         # What both feel beyond gravity is the ground or chance: that has to be seen.
-        doubt = LIKELY_BIAS_M_S2 if moves else abs(mean - bias)
-        self._learnt = Learnt(doubt) if doubt > SMALL_MEAN_M_S2 else None
+        self._doubt(LIKELY_BIAS_M_S2 if moves else abs(mean - bias))
 
     def update(
         self,
@@ -211,7 +211,9 @@ class HeightFilter:
         if self._doubted_s > 0.0:
             self._doubted_s -= dt
             if stillness < STILL_IN_DOUBT:
-                self.bias, self._doubted_s = self._near_feet(self.bias, 0.0), 0.0
+                before, self._doubted_s = self.bias, 0.0
+                self.bias = self._near_feet(before, 0.0)
+                self._doubt(abs(before - self.bias))
         k_1, k_2, k_3 = self._gains(stillness)
         error = over - self._height
         swing = self._swing
@@ -249,6 +251,10 @@ class HeightFilter:
         self.ground = share * within
         self.height = over + self.ground
         self.rate = rate + share * (self._rate - self._level_rate - rate)
+
+    def _doubt(self, size: float) -> None:
+        """Have a bias that may be so large learnt anew, where that matters [m/s^2]."""
+        self._learnt = Learnt(size) if size > SMALL_MEAN_M_S2 else None
 
     def _near_feet(self, mean: float, margin: float) -> float:
         """Return what of a mean acceleration the feet do not share [m/s^2]."""
