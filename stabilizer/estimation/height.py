@@ -45,8 +45,8 @@ RETURNED_M, RETURNED_M_S = 0.01, 0.01
 SMALL_MEAN_M_S2 = 0.012
 """Within this a mean at the start may be noise [m/s^2]."""
 DOUBTED_S, STILL_IN_DOUBT = 0.5, 0.95
-"""A mean that feet and accelerometer share is that of ground which began to move under
-it if it is seen to move, by less than this stillness, within so long [s], [1]."""
+"""A mean that feet and accelerometer share is the ground's if stillness falls below the
+second within the first after the start [s], [1]."""
 AGREE_M_S2 = 0.05
 """Feet and accelerometer that differ by less agree [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
@@ -257,7 +257,7 @@ class HeightFilter:
         self._learnt = Learnt(size) if size > SMALL_MEAN_M_S2 else None
 
     def _near_feet(self, mean: float, margin: float) -> float:
-        """Return what of a mean acceleration the feet do not share [m/s^2]."""
+        """Return what of a mean the feet do not share, and a margin of it [m/s^2]."""
         usual = self._feet.usual
         return min(max(mean, min(0.0, usual) - margin), max(0.0, usual) + margin)
 
