@@ -251,8 +251,12 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     """Fastest shift of a step."""
     adjust_limit_m: tuple[Positive, Positive] = (0.25, 0.20)
     """Largest shift of a step, ahead and sideways [m]."""
-    adjust_until_s: NonNegative = 0.15
-    """No shift any more so long before the planned touchdown."""
+    adjust_until_s: NonNegative = 0.05
+    """No other shift so long before the planned touchdown."""
+    cross_ahead_m: NonNegative = 0.42
+    """How far ahead of the standing foot, or behind it, the other one passes on a step
+    that crosses, lest the legs meet; 0, or more than `longest_m`: feet do not cross
+    [m]."""
     between_soles_m: NonNegative = 0.015
     """Least gap between the soles, sideways [m]."""
     farthest_m: Positive = 0.45

@@ -51,6 +51,7 @@ class PhaseChanges:
     def begin(self) -> None:
         """Begin a walk, with the shift onto the first foot."""
         self._waited_s = 0.0
+        self._pause.begin()
 
     def pause_at(
         self, dcm: Point, footholds: Callable[[], list[Foothold]]
@@ -129,14 +130,14 @@ class PhaseChanges:
             left = gait.left_share(footholds())
             if (left if leaving == 0 else 1.0 - left) < LEAVING_FROM:
                 feet.leave(leaving)
-        if gait.left_s > 0.0:
+        loaded = normal > self._settings.unloaded_share * self._weight
+        if gait.left_s > 0.0 and (loaded or not moves or not self._pause.is_lost):
             return None
         if not moves:
             self._stay(leaving)
             gait.begin_settle()
             return None
         self._waited_s += self._dt
-        loaded = normal > self._settings.unloaded_share * self._weight
         waits = loaded and self._waited_s <= self._settings.unload_wait_s
         support = gait.support
         stands = self._contacts.in_contact[support] and not feet.is_airborne(support)
@@ -148,7 +149,11 @@ class PhaseChanges:
 
 
 class Pause:
-    """Keeps both feet down while the DCM is off, and over the soles that hold it."""
+    """Keeps both feet down while the DCM is off, and over the soles that hold it.
+
+    Attributes:
+        is_lost: whether it is off and beyond the soles: only a step can help.
+    """
 
     def __init__(
         self,
@@ -167,10 +172,11 @@ class Pause:
         self._settings, self._dt = settings, period_s
         self._half_sizes = half_sizes
         self._paused_s = 0.0
+        self.is_lost = False
 
     def begin(self) -> None:
         """Begin with another double support."""
-        self._paused_s = 0.0
+        self._paused_s, self.is_lost = 0.0, False
 
     def at(self, dcm: Point, gait: Gait, feet: Sequence[Foothold]) -> Point | None:
         """Advance by one tick of double support.
@@ -186,17 +192,12 @@ class Pause:
         settings = self._settings
         x, y = dcm
         off = math.hypot(x - gait.dcm[0], y - gait.dcm[1])
-        if (
-            settings.adjust != "both"
-            or off < settings.adjust_pause_m
-            or self._paused_s >= settings.adjust_pause_s
-            or not is_over(
-                dcm,
-                feet[gait.support],
-                feet[1 - gait.support],
-                half_sizes=self._half_sizes,
-            )
-        ):
+        self.is_lost = False
+        if settings.adjust != "both" or off < settings.adjust_pause_m:
+            return None
+        here, there = feet[gait.support], feet[1 - gait.support]
+        self.is_lost = not is_over(dcm, here, there, half_sizes=self._half_sizes)
+        if self.is_lost or self._paused_s >= settings.adjust_pause_s:
             return None
         self._paused_s += self._dt
         return x, y
@@ -219,10 +220,16 @@ def is_over(
         there: of the other one; the same for one that stands alone.
         half_sizes: half length and half width of a sole [m].
     """
-    half_length, half_width = half_sizes
     x, y, _ = there.seen_from(here)
     ahead, left, _ = Foothold(*point, 0.0, 0.0).seen_from(here)
-    return (
-        min(0.0, x) - half_length < ahead < max(0.0, x) + half_length
-        and min(0.0, y) - half_width < left < max(0.0, y) + half_width
-    )
+    # Of the sole's places on that way, as parts of it, the point is over some from
+    # the first on and up to the last, in either direction.
+    first, last = 0.0, 1.0
+    for off, way, half in zip((ahead, left), (x, y), half_sizes, strict=True):
+        if abs(way) < 1e-6:
+            if abs(off) >= half:
+                return False
+            continue
+        ends = ((off - half) / way, (off + half) / way)
+        first, last = max(first, min(ends)), min(last, max(ends))
+    return first < last

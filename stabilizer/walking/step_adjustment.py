@@ -11,6 +11,10 @@ together say what place, time and offset fit each other:
 
 which is linear in u, s and b. The QP leaves the plan for all three as little as it can,
 by weight, within what the legs reach and how fast they swing.
+
+A DCM that leaves the outer edge of the standing foot is beyond any step to the moving
+foot's own side. Then that foot crosses: ahead of the standing one, so far that the legs
+do not meet, to its other side. The step after it goes around behind.
 """
 
 from __future__ import annotations
@@ -24,12 +28,23 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 from surefoot.stabilizer.walking.dcm import Point
-from surefoot.stabilizer.walking.footsteps import Foothold
+from surefoot.stabilizer.walking.footsteps import FOOT_SHARE, Foothold
 from surefoot.stabilizer.walking.gait import Gait
 from surefoot.stabilizer.walking.step_queue import Move
 
 EVERY_TICKS = 4
 """The QP is solved so often."""
+SETTLED_S = 0.1
+"""A foot is where its shifted goal was so long ago [s]."""
+ACROSS_M = 0.02
+"""A foot that crosses is set no farther to the other side than it has to be and this:
+thighs meet [m]."""
+NEARLY_M = 0.02
+"""A foot this near to where it may pass the other one may pass [m]."""
+ARRIVED_M = 0.001
+"""A shift this near to its goal is there [m]."""
+CROSSING_M_S = 5.0
+"""Fastest shift of a step that crosses, where the drives let a leg swing so fast."""
 _AHEAD, _ASIDE, _GROWTH = range(3)
 """Unknowns: shift ahead and to the left [m], and s over its plan [1]."""
 
@@ -47,6 +62,7 @@ class StepAdjustment:
         *,
         nearest: float,
         half_sizes: tuple[float, float],
+        leg_speed: float,
         period_s: float,
     ) -> None:
         """Begin without a shift.
@@ -55,23 +71,40 @@ class StepAdjustment:
             settings: dead band, weights, speed and limits.
             nearest: least sideways distance of parallel feet [m].
             half_sizes: half length and half width of a sole [m].
+            leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
             period_s: time between two updates [s].
         """
         self._settings, self._dt = settings, period_s
         self._nearest, self._half_sizes = nearest, half_sizes
         self.shift: Point = (0.0, 0.0)
+        self._own = 1.0
         self._goal: Point = (0.0, 0.0)
         self._error: Point = (0.0, 0.0)
         self._planned_s = 0.0
         self._is_over = True
         self._ticks = 0
-        self._is_outward = False
+        self._is_outward = self._crosses = self._is_across = False
+        self._may_cross = (
+            settings.adjust == "both"
+            and 0.0 < settings.cross_ahead_m <= settings.longest_m
+        )
+        crossing = min(CROSSING_M_S, FOOT_SHARE * leg_speed)
+        self._rates = (settings.adjust_rate_m_s, crossing)
         self._qp = DenseQp("step adjustment", n=3, m=0)
         self._weights: Array = np.array([1.0, 1.0, settings.adjust_growth_m**2])
         self._row: Array = np.zeros(3)
 
-    def begin(self, move: Move) -> None:
-        """Begin with another step."""
+    def begin(self, move: Move, *, start: Point, support: Foothold) -> None:
+        """Begin with another step.
+
+        Args:
+            move: the step.
+            start: where the foot is, odometry frame [m].
+            support: foothold of the other foot.
+        """
+        self._own = 1.0 if move.side == 0 else -1.0
+        self._crosses = False
+        self._is_across = self._own * _seen(start, support)[1] < 0.0
         self.shift = self._goal = self._error = (0.0, 0.0)
         self._planned_s = move.single_s
         self._is_over = self._settings.adjust == "off"
@@ -89,6 +122,7 @@ class StepAdjustment:
         gait: Gait,
         support: Foothold,
         least_left_s: Callable[[Move, Point], float],
+        foot: tuple[Point, Point],
     ) -> tuple[float, float]:
         """Advance by one tick; may change how long the gait's single support lasts.
 
@@ -98,12 +132,13 @@ class StepAdjustment:
             gait: tells time, ZMP and reference of the DCM.
             support: foothold of the other foot.
             least_left_s: tells what the foot needs from now on, for a shift [s].
+            foot: where its path has it, and where it would without the shift [m].
 
         Returns:
             (x, y) by which the steps after it are to be moved, too [m].
         """
         settings = self._settings
-        if self._is_over or gait.left_s < settings.adjust_until_s:
+        if self._is_over:
             return 0.0, 0.0
         old_x, old_y = self._error
         blend = min(1.0, self._dt / settings.adjust_filter_s)
@@ -112,11 +147,14 @@ class StepAdjustment:
         ahead, left = _turned((x, y), support)
         dead_ahead, dead_left = settings.adjust_dead_m
         beyond = (_dead(ahead, dead_ahead), _dead(left, dead_left))
-        if self._ticks % EVERY_TICKS == 0 and self._fill(beyond, move, gait, support):
+        is_due = (
+            self._ticks % EVERY_TICKS == 0 and gait.left_s >= settings.adjust_until_s
+        )
+        if is_due and self._fill(beyond, move, gait, support):
             self._bound(move, gait, support, least_left_s(move, self.shift))
             self._take(self._qp.solve(), gait, support)
         self._ticks += 1
-        return self._follow_goal(support)
+        return self._follow_goal(move, support, foot)
 
     def _plan_left_s(self, gait: Gait) -> float:
         """What the plan leaves of single support [s]."""
@@ -162,6 +200,8 @@ class StepAdjustment:
             qp.P += weight * np.outer(row, row)
             qp.q_lin += (weight * (zmps[axis] - led)) * row
         self._is_outward = xi * outward > 0.0
+        if self._is_outward and self._may_cross:
+            self._crosses = self._is_across = True
         return True
 
     def _bound(self, move: Move, gait: Gait, support: Foothold, least_s: float) -> None:
@@ -177,16 +217,24 @@ class StepAdjustment:
         qp.x_u[_AHEAD] = min(limit_x, max(0.0, settings.longest_m - p_x))
         low = max(-limit_y, min(0.0, nearest - abs(p_y)))
         high = min(limit_y, max(0.0, settings.farthest_m - abs(p_y)))
+        if self._crosses:
+            qp.x_l[_AHEAD] = settings.cross_ahead_m - p_x
+            qp.x_u[_AHEAD] = settings.longest_m - p_x
+            high = -nearest - abs(p_y)
+            low = high - ACROSS_M
         if move.side == 1:
             low, high = -high, -low
         qp.x_l[_ASIDE], qp.x_u[_ASIDE] = low, high
         left_s = self._plan_left_s(gait)
         soonest = latest = left_s
         if settings.adjust == "both":
-            soonest = max(least_s, settings.adjust_until_s)
-            if self._is_outward:
+            most_s = self._planned_s + settings.adjust_wait_s - gait.t
+            soonest = max(
+                least_s, settings.adjust_until_s, min(self._reach_s(), most_s)
+            )
+            if self._is_outward and not self._is_across:
                 soonest = max(soonest, left_s)
-            latest = max(self._planned_s + settings.adjust_wait_s - gait.t, soonest)
+            latest = max(most_s, soonest)
         qp.x_l[_GROWTH] = math.exp(omega * (soonest - left_s))
         qp.x_u[_GROWTH] = math.exp(omega * (latest - left_s))
 
@@ -198,16 +246,54 @@ class StepAdjustment:
             if left_s != gait.left_s:
                 gait.duration_s = gait.t + left_s
 
-    def _follow_goal(self, support: Foothold) -> Point:
-        """Move the shift towards its goal, no faster than a leg follows."""
-        most = self._dt * self._settings.adjust_rate_m_s
+    def _reach_s(self) -> float:
+        """Return how long the foot needs to get where it is to be shifted to [s]."""
         x, y = self._goal[0] - self.shift[0], self._goal[1] - self.shift[1]
+        way = math.hypot(x, y)
+        return way / min(self._rates) + SETTLED_S if way > ARRIVED_M else 0.0
+
+    def _follow_goal(
+        self, move: Move, support: Foothold, foot: tuple[Point, Point]
+    ) -> Point:
+        """Move the shift towards its goal, no faster than a leg follows."""
+        most = self._dt * self._rates[self._crosses]
+        goal = self._goal
+        if self._is_across:
+            goal = self._led_around(goal, move, support, foot)
+        x, y = goal[0] - self.shift[0], goal[1] - self.shift[1]
         share = min(1.0, most / max(math.hypot(x, y), most))
         x, y = share * x, share * y
         self.shift = (self.shift[0] + x, self.shift[1] + y)
-        # What follows keeps the way gained ahead, and half of that to the side.
+        # What follows keeps the way gained ahead, and half of that to the side; all of
+        # it where the feet have crossed.
         ahead, left = _turned((x, y), support)
-        return _turned((ahead, 0.5 * left), support, back=True)
+        kept = 1.0 if self._is_across else 0.5
+        return _turned((ahead, kept * left), support, back=True)
+
+    def _led_around(
+        self, goal: Point, move: Move, support: Foothold, foot: tuple[Point, Point]
+    ) -> Point:
+        """Return a shift that leads the foot around the other one, to its goal.
+
+        It passes the other foot only far enough ahead of it, or behind.
+        """
+        own, nearest = self._own, self._nearest
+        passes = self._settings.cross_ahead_m
+        (ahead, left), (path_ahead, path_left) = (_seen(p, support) for p in foot)
+        apart = own * left
+        to_ahead, to_left = _turned(goal, support)
+        end = own * (move.place.seen_from(support)[1] + to_left)
+        at, beside = path_ahead + to_ahead, own * (path_left + to_left)
+        if apart < nearest - NEARLY_M:
+            # On its way past the other foot, or beyond it.
+            at = max(at, passes) if ahead > 0.0 else min(at, -passes)
+            beside = end
+        elif end < nearest:
+            # Still on its own side: ahead first.
+            at = max(at, passes)
+            beside = end if ahead > passes - NEARLY_M else max(beside, nearest)
+        shift = (at - path_ahead, own * beside - path_left)
+        return _turned(shift, support, back=True)
 
 
 def _turned(v: Point, foot: Foothold, *, back: bool = False) -> Point:
@@ -216,6 +302,11 @@ def _turned(v: Point, foot: Foothold, *, back: bool = False) -> Point:
     if back:
         sin = -sin
     return cos * v[0] + sin * v[1], cos * v[1] - sin * v[0]
+
+
+def _seen(point: Point, foot: Foothold) -> Point:
+    """Return a point in the axes of a foothold, from its middle [m]."""
+    return _turned((point[0] - foot.x, point[1] - foot.y), foot)
 
 
 def _dead(value: float, band: float) -> float:

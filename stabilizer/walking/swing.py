@@ -32,6 +32,7 @@ class SwingPath:
 
     Attributes:
         xy: (x, y) [m].
+        unshifted: the same, without the shift [m].
         xy_rate: its velocity [m/s].
         xy_acceleration: [m/s^2].
         yaw: [rad].
@@ -52,7 +53,7 @@ class SwingPath:
         self.xy = self.xy_rate = self.xy_acceleration = (0.0, 0.0)
         self.yaw = self.yaw_rate = 0.0
         self.height = self.height_rate = self.height_acceleration = 0.0
-        self.start = self._to = (0.0, 0.0)
+        self.start = self._to = self.unshifted = (0.0, 0.0)
         self._yaw_from = self._yaw_to = 0.0
         self._height_from = self._rise = self.apex = 0.0
         self.duration_s = self._travel_s = 1.0
@@ -89,6 +90,7 @@ class SwingPath:
             climb: height of the foothold over the one that is left, by plan [m].
         """
         self.start, self._to = xy, target
+        self.xy = self.unshifted = xy
         self._yaw_from = yaw
         self._yaw_to = yaw + math.remainder(target_yaw - yaw, math.tau)
         self._height_from, self._rise = height, rise
@@ -130,6 +132,7 @@ class SwingPath:
             rate[i] = way * s_rate + self._shift_rate[i]
             acceleration[i] = way * s_acceleration + pull
         self.xy, self.xy_rate = (xy[0], xy[1]), (rate[0], rate[1])
+        self.unshifted = (xy[0] - self._shift[0], xy[1] - self._shift[1])
         self.xy_acceleration = (acceleration[0], acceleration[1])
         turn = self._yaw_to - self._yaw_from
         self.yaw, self.yaw_rate = self._yaw_from + turn * s, turn * s_rate

@@ -72,6 +72,11 @@ class SwingFoot:
         """Heading of the path [rad]."""
         return self._path.yaw
 
+    @property
+    def on_its_way(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Where the path has the foot, and where it would without the shift [m]."""
+        return self._path.xy, self._path.unshifted
+
     def least_left_s(self, move: Move, shift: tuple[float, float]) -> float:
         """Return how long the foot needs at least to be where it should [s].
 

@@ -126,6 +126,7 @@ class Walk:
             settings,
             nearest=nearest_of(model, settings),
             half_sizes=model.half_sizes[0],
+            leg_speed=speed,
             period_s=period_s,
         )
         self._changes = PhaseChanges(
@@ -344,7 +345,8 @@ class Walk:
         assert move.side == side
         self._move = move
         self.feet.lift(side)
-        self._adjustment.begin(move)
+        x, y, _ = soles.p_sole[side].tolist()
+        self._adjustment.begin(move, start=(x, y), support=self._footholds()[1 - side])
         level = self._anchors.level
         z = move.place.z
         self._swing.lift(move, soles, rise=z - level[1 - side], climb=z - level[side])
@@ -384,6 +386,7 @@ class Walk:
                 gait=gait,
                 support=self._footholds()[gait.support],
                 least_left_s=self._swing.least_left_s,
+                foot=self._swing.on_its_way,
             )
             if moved != (0.0, 0.0):
                 self.queue.shift_by(*moved)
@@ -428,7 +431,10 @@ class Walk:
         gait.duration_s = max(gait.duration_s, gait.t + needed_s)
         if move is not planned:
             self._move, self._places = move, None
-            self._adjustment.begin(move)
+            x, y, _ = soles.p_sole[side].tolist()
+            self._adjustment.begin(
+                move, start=(x, y), support=self._footholds()[1 - side]
+            )
             self.queue.drop()
             told, rise_m = self._told, self._settings.rise_limit_m
             told.planned = self.queue.planned

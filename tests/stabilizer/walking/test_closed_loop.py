@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from surefoot.schemas.reasons import Outcome
 from surefoot.schemas.result import RunResult
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.settings import ControllerSettings
+from surefoot.sim_robot.catalogue import load_scenario
 from surefoot.simulation import Simulation
 from surefoot.stabilizer.control.whole_body import WholeBodyController
 from tests.stabilizer.closed_loop import NOISE
@@ -153,3 +155,22 @@ def test_a_foot_that_lands_early_does_not_hop_on_old_forces() -> None:
     relands = run.signals["foot_state"][:, 1] == 4
     assert np.count_nonzero(np.diff(relands.astype(int)) > 0) <= 6
     assert max(run.result.dcm_error_max_mm or [np.inf]) < 70.0
+
+
+@pytest.mark.parametrize(("at_s", "direction"), [(5.05, -1.0), (4.15, 1.0)])
+def test_pushed_over_the_standing_foot_it_crosses_its_feet(
+    walker: Robot, at_s: float, direction: float
+) -> None:
+    """30 N s outward: while a foot swings, and just before it leaves the ground."""
+    push = {
+        "body": "torso",
+        "force_n": [0.0, direction * 300.0, 0.0],
+        "start_s": at_s,
+        "duration_s": 0.1,
+    }
+    scenario = load_scenario("walk-push")
+    table = msgspec.to_builtins(scenario) | {"push": [push], "duration_s": at_s + 3.5}
+    run = simulate(walker, scenario_from_table(table, source="test"), seed=0)
+    assert not run.result.fell, run.result.outcome_detail
+    left, right = (run.signals[f"true_sole_{side}"] for side in ("left", "right"))
+    assert np.min(left[:, 1] - right[:, 1]) < -0.1

@@ -17,6 +17,8 @@ from surefoot.stabilizer.walking.step_queue import Move
 
 # Neither rate limit nor low-pass, so that one solution is seen at once.
 SETTINGS = WalkSettings(adjust_rate_m_s=1e6, adjust_filter_s=1e-6)
+KEPT_APART = msgspec.structs.replace(SETTINGS, cross_ahead_m=0.0)
+SLOW = msgspec.structs.replace(SETTINGS, adjust_rate_m_s=2.0)
 NEAREST_M = 0.17
 HALF_SIZES = (0.135, 0.077)
 DT, OMEGA = 1e-3, 3.8
@@ -35,8 +37,10 @@ class Step:
         turn: float = 0.0,
         settings: WalkSettings = SETTINGS,
         at: float = T,
+        start: float = 0.22,
     ) -> None:
-        across = 0.22 if side == 0 else -0.22
+        self.own = 1.0 if side == 0 else -1.0
+        across = 0.22 * self.own
         self.support = Foothold(1.0, 2.0, 0.0, yaw)
         self.move = Move(
             id=0,
@@ -55,9 +59,15 @@ class Step:
         self.gait.t = at - DT
         self.gait.advance(feet, [after])
         self.adjustment = StepAdjustment(
-            settings, nearest=NEAREST_M, half_sizes=HALF_SIZES, period_s=DT
+            settings,
+            nearest=NEAREST_M,
+            half_sizes=HALF_SIZES,
+            leg_speed=math.inf,
+            period_s=DT,
         )
-        self.adjustment.begin(self.move)
+        behind = self.support.beside(-ahead if start > 0.0 else -0.42, start * self.own)
+        self.start = behind[:2]
+        self.adjustment.begin(self.move, start=self.start, support=self.support)
 
     def push(self, ahead: float, left: float, *, least_s: float = 0.15) -> None:
         """Have the DCM off by so much, in the axes of the support."""
@@ -68,7 +78,28 @@ class Step:
             gait=self.gait,
             support=self.support,
             least_left_s=lambda *_: least_s,
+            foot=(self.foot, self.path),
         )
+
+    @property
+    def path(self) -> tuple[float, float]:
+        """Where the foot would be without a shift, odometry frame."""
+        part = min(self.gait.t / self.gait.duration_s, 1.0)
+        place = self.move.place
+        (x, y), (to_x, to_y) = self.start, (place.x, place.y)
+        return x + part * (to_x - x), y + part * (to_y - y)
+
+    @property
+    def foot(self) -> tuple[float, float]:
+        """Where it is, odometry frame."""
+        (x, y), (by_x, by_y) = self.path, self.adjustment.shift
+        return x + by_x, y + by_y
+
+    @property
+    def beside_support(self) -> tuple[float, float]:
+        """Where it is ahead of the standing foot, and to its own side."""
+        ahead, left, _ = Foothold(*self.foot, 0.0, 0.0).seen_from(self.support)
+        return ahead, left * self.own
 
     @property
     def shift(self) -> tuple[float, float]:
@@ -119,11 +150,58 @@ def test_a_push_to_the_swing_side_is_stepped_after_sooner(side: int) -> None:
 def test_feet_stay_apart_and_a_push_over_the_standing_foot_hurries_none(
     side: int,
 ) -> None:
-    over = -1.0 if side == 0 else 1.0
-    step = Step(side=side)
-    step.push(0.0, 0.15 * over)
+    step = Step(side=side, settings=KEPT_APART)
+    step.push(0.0, -0.15 * step.own)
     assert abs(step.shift[1]) <= 0.22 - NEAREST_M + 1e-6
     assert step.left_s >= SINGLE_S - T - 1e-6
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("yaw", [0.0, -2.5])
+def test_a_dcm_beyond_the_standing_foot_is_stepped_after_across_it(
+    side: int, yaw: float
+) -> None:
+    """Ahead of that foot first, so that the legs do not meet; and wholly across."""
+    step = Step(side=side, yaw=yaw, settings=SLOW)
+    passes = SLOW.cross_ahead_m
+    seen = []
+    while step.left_s > 0.0:
+        step.gait.t += DT
+        step.push(0.0, -0.15 * step.own, least_s=0.0)
+        seen.append(step.beside_support)
+    assert seen[-1][0] == pytest.approx(passes, abs=0.1)
+    assert -NEAREST_M - 0.03 < seen[-1][1] <= -NEAREST_M + 1e-3
+    on_its_way = [ahead for ahead, apart in seen if apart < NEAREST_M - 0.01]
+    assert min(on_its_way) > passes - 0.03
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_feet_that_have_crossed_part_again_behind_the_standing_one(side: int) -> None:
+    step = Step(side=side, settings=SLOW, start=-NEAREST_M, at=DT)
+    seen = []
+    while step.left_s > 0.0:
+        step.gait.t += DT
+        step.push(0.0, 0.0, least_s=0.0)
+        seen.append(step.beside_support)
+    assert seen[-1] == pytest.approx((0.1, 0.22), abs=0.01)
+    passing = [ahead for ahead, apart in seen if apart < NEAREST_M - 0.03]
+    assert max(passing) < -2.0 * HALF_SIZES[0] - 0.05
+
+
+@pytest.mark.parametrize("adjust", ["place", "off"])
+def test_feet_cross_only_where_place_and_time_may_change(adjust: str) -> None:
+    step = Step(settings=msgspec.structs.replace(SETTINGS, adjust=adjust))
+    step.push(0.0, -0.15)
+    assert abs(step.shift[1]) <= 0.22 - NEAREST_M + 1e-6
+
+
+def test_a_shift_that_is_wanted_late_is_given_the_time_it_takes() -> None:
+    """It was cut off 0.15 s before the touchdown, wherever the foot was by then."""
+    step = Step(settings=msgspec.structs.replace(SLOW, adjust_rate_m_s=1.0), at=0.44)
+    while step.left_s > 0.0:
+        step.gait.t += DT
+        step.push(-0.12, 0.0, least_s=0.0)
+    assert step.shift[0] < -0.1
 
 
 @pytest.mark.parametrize("turn", [0.3, -0.3])
@@ -148,7 +226,7 @@ def test_a_single_support_is_made_longer_only_so_far() -> None:
     for _ in range(800):
         step.gait.t += DT
         if step.left_s > 0.0:
-            step.push(-0.12, -0.05)
+            step.push(-0.12, -0.05, least_s=0.0)
     assert step.gait.duration_s <= SINGLE_S + SETTINGS.adjust_wait_s + 1e-6
 
 
