@@ -281,3 +281,10 @@ def test_el_centro_has_the_peaks_that_are_published(tmp_path: Path) -> None:
     )
     assert np.abs(track.velocity).max() == pytest.approx(0.35, rel=0.1)
     assert 0.08 < np.abs(track.position).max() < 0.25
+
+
+def test_a_record_that_moves_nothing_is_refused(tmp_path: Path) -> None:
+    file = _csv(tmp_path / "a.csv", np.full_like(TIMES, 9.81))
+    with pytest.raises(ScenarioError, match="does not move the ground in x") as caught:
+        recorded_track(_motion(file, quantity="acceleration"))
+    assert caught.value.field == "file"
