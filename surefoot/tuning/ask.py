@@ -176,8 +176,12 @@ def make_spec(
         parameter.check_start(start)
     base = _differences(start)
     places = [_whole(name, find_scenario(name)) for name in scenarios]
-    if len(set(places)) < len(places) or not places or not seeds:
-        raise UsageError("expected scenarios, each once, and at least one seed")
+    if not places or not seeds:
+        raise UsageError("expected at least one scenario and one seed")
+    _each_once(places, "scenario")
+    _each_once(seeds, "--seeds")
+    if not objectives:
+        raise UsageError("--objectives: expected at least one, such as com")
     groups = [Group(name, (), variant.controller, profile) for name in places]
     place = _whole(robot, model.path)
     tasks = tasks_of(
@@ -221,9 +225,18 @@ def held_out_cells(
             f"--held-out-seeds {fresh}: the search sees some of them on "
             f"{', '.join(sorted(shared))}; name other seeds or other scenarios"
         )
+    _each_once(names, "--held-out")
+    _each_once(fresh, "--held-out-seeds")
     cells = spec.cells(names or spec.scenarios, fresh)
     tasks_of(cells, robot=spec.robot, overrides=tuple(spec.base))
     return cells
+
+
+def _each_once(values: Sequence[object], what: str) -> None:
+    """Refuse what is named twice: its runs would count as two."""
+    twice = next((value for value in values if values.count(value) > 1), None)
+    if twice is not None:
+        raise UsageError(f"{what}: {twice} is named twice; name it once")
 
 
 def _texts(params: Params) -> list[str]:
