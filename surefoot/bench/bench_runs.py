@@ -66,8 +66,9 @@ def check_positive(values: Sequence[float], *, what: str) -> None:
 
 
 def plain(words: str) -> str:
-    """Return words as the name of a file."""
-    return re.sub(r"[^a-z0-9.]+", "_", words.lower()).strip("_")
+    """Return words as the name of a file; other numbers and letters, other names."""
+    signed = re.sub(r"(?<![^\s,])-(?=[\d.])", "minus ", words.lower())
+    return re.sub(r"[^\w.]+", "_", signed).strip("_")
 
 
 @dataclass(frozen=True)

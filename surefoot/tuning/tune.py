@@ -270,9 +270,9 @@ def _conclude(
     trained = {row["log_sha256"] for row in (*start.rows, *chosen.rows)}
     found_again = [r for r in (*before, *after) if r["log_sha256"] in trained]
     seen = list(dict.fromkeys(str(row["scenario"]) for row in found_again))
-    unseen = [
+    old, new = (
         [r for r in rows if r["scenario"] not in seen] for rows in (before, after)
-    ]
+    )
     return Tuned(
         spec=spec,
         candidates=found,
@@ -280,7 +280,7 @@ def _conclude(
         start=start,
         chosen=chosen,
         training=compare(start.rows, chosen.rows, spec.figures),
-        held_out=compare(*unseen, spec.figures),
+        held_out=compare(old, new, spec.figures),
         seen=seen,
     )
 

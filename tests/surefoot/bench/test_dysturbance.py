@@ -44,6 +44,8 @@ def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
     assert "hold" in (out / "index.html").read_text()
     told = msgspec.json.decode((out / "dysturbance.json").read_bytes())
     assert told["results"][0]["margin"] == result.margin
+    assert (told["body"], told["settings"]) == ("torso", {})
+    assert "torso" in (out / "index.html").read_text()
 
     rows = (out / RUNS).read_bytes()
     assert rows.count(b"\n") == result.runs
