@@ -16,7 +16,7 @@ from surefoot.processes.child import Child, Event, Exit, Progress, failure
 from surefoot.progress import CountBar, no_bar
 from surefoot.run_plan import Settings
 from surefoot.studies.cell import Row
-from surefoot.studies.execute import run_tasks
+from surefoot.studies.execute import check_address, run_tasks
 
 try:
     from surefoot.tuning.ask import Params, Sampler, held_out_cells, make_spec
@@ -107,6 +107,8 @@ def tune(
             f"got {trials} trials and {workers} workers, expected 1 or more trials, "
             "and 0 workers (one per processor) or more"
         )
+    if scheduler is not None:
+        check_address(scheduler)
     several = [scenarios] if isinstance(scenarios, (str, Path)) else scenarios
     spec = make_spec(
         [str(scenario) for scenario in several],
