@@ -66,6 +66,8 @@ def read_record(motion: RecordedMotion) -> GroundRecord:
             of the motion to look at.
     """
     path = Path(motion.file)
+    if path.exists() and not path.is_file():  # a pipe has no end, or none yet
+        raise bad_key("file", f"{path}: is no file, expected a record")
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:

@@ -304,6 +304,7 @@ def work(
     with trials.worker() as name:
         while (claimed := trials.claim(name, count=count)) is not None:
             trial, values = claimed
+            trials.spec.check_unchanged()
             finished = [
                 done.user_attrs[ROWS]
                 for done in trials.finished()
@@ -311,6 +312,7 @@ def work(
             ]
             rows, why, down = evaluate(trials, values, finished, scheduler=scheduler)
             figures = trials.spec.figures
+            trials.spec.check_unchanged()  # each run reads its scenario anew
             trial.set_user_attr(ROWS, rows)
             trial.set_user_attr(STOPPED, why)
             trial.set_constraint(DOWN, down)

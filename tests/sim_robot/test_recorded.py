@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 import tarfile
@@ -288,3 +289,9 @@ def test_a_record_that_moves_nothing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match="does not move the ground in x") as caught:
         recorded_track(_motion(file, quantity="acceleration"))
     assert caught.value.field == "file"
+
+
+def test_a_pipe_is_no_record(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.csv")
+    with pytest.raises(ScenarioError, match="is no file, expected a record"):
+        recorded_track(_motion(str(tmp_path / "a.csv"), quantity="velocity"))
