@@ -103,7 +103,7 @@ def recorded_track(motion: RecordedMotion) -> RecordedTrack:
     """
     try:
         changed_ns = Path(motion.file).stat().st_mtime_ns
-    except OSError:
+    except (OSError, ValueError):
         changed_ns = 0  # reading it says what is wrong
     return _track(motion, changed_ns)
 

@@ -295,3 +295,8 @@ def test_a_pipe_is_no_record(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.csv")
     with pytest.raises(ScenarioError, match="is no file, expected a record"):
         recorded_track(_motion(str(tmp_path / "a.csv"), quantity="velocity"))
+
+
+def test_a_name_that_no_file_can_have_is_refused() -> None:
+    with pytest.raises(ScenarioError, match="cannot be read .*null"):
+        recorded_track(_motion("a\0.csv", quantity="velocity"))
