@@ -31,7 +31,7 @@ MOST_CHOICES = 1000
 DIGITS = 4
 """Significant digits of a value that was found."""
 
-Value = float | str | bool
+Value = int | float | str | bool
 
 
 class Parameter(msgspec.Struct, frozen=True, kw_only=True):

@@ -298,5 +298,5 @@ def test_a_pipe_is_no_record(tmp_path: Path) -> None:
 
 
 def test_a_name_that_no_file_can_have_is_refused() -> None:
-    with pytest.raises(ScenarioError, match="cannot be read .*null"):
+    with pytest.raises(ScenarioError, match=r"cannot be read .*null"):
         recorded_track(_motion("a\0.csv", quantity="velocity"))
