@@ -114,7 +114,7 @@ class Trials:
         self._folder = workers_folder(path)
         if spec is None and not path.is_file():
             raise UsageError(f"--storage {path}: no such file")
-        make_out_folder(self._folder, out=path)
+        make_out_folder(self._folder, out=path, option="--storage")
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         warnings.filterwarnings("ignore", module="optuna")
         with _held(self._folder):
@@ -255,8 +255,10 @@ def _check_journal(path: Path) -> None:
     Raises:
         ValueError: it is not the one that begins a search.
     """
-    if not path.is_file():
+    if not path.exists():
         return
+    if not path.is_file():
+        raise ValueError(path)
     with path.open("rb") as file:
         head = file.readline(_TAIL_BYTES)
     if head and msgspec.json.decode(head, type=_Head).study_name != STUDY:

@@ -294,4 +294,4 @@ def _claim(folder: Path, journal: Path) -> None:
     if folder.is_dir() and any(folder.iterdir()) and not known:
         raise UsageError(f"--out {folder}: holds something else; name another folder")
     make_out_folder(folder, out=folder)
-    make_out_folder(journal.parent, out=journal)
+    make_out_folder(journal.parent, out=journal, option="--storage")

@@ -178,15 +178,21 @@ def test_file_that_is_no_journal_is_left_alone(journal: Path, content: str) -> N
 def test_refused_journal_leaves_nothing_behind(tmp_path: Path, journal: Path) -> None:
     scenario = still(tmp_path)
     journal.write_text("years of work")
+    (tmp_path / "folder").mkdir()
     before = sorted(tmp_path.rglob("*"))
-    with pytest.raises(UsageError, match="no journal"):
-        sf.tune(
-            scenario,
-            PARAMS,
-            storage=journal,
-            out=tmp_path / "new" / "out",
-            controller=HOLDS,
-        )
+    for storage, words in {
+        journal: "no journal",
+        tmp_path / "folder": "no journal",
+        journal / "a.journal": rf"--storage .*{journal.name} is not a folder",
+    }.items():
+        with pytest.raises(UsageError, match=words):
+            sf.tune(
+                scenario,
+                PARAMS,
+                storage=storage,
+                out=tmp_path / "new" / "out",
+                controller=HOLDS,
+            )
     assert sorted(tmp_path.rglob("*")) == before
 
 
