@@ -56,8 +56,8 @@ def make_out_folder(folder: Path, *, out: Path, option: str = "--out") -> None:
         ) from error
     except OSError as error:
         raise EnvironmentFailedError(
-            f"{option} {out}: cannot write in {folder} ({error.strerror or error}); name "
-            "a folder that can be written to, on a disk with room"
+            f"{option} {out}: cannot write in {folder} ({error.strerror or error}); "
+            "name a folder that can be written to, on a disk with room"
         ) from error
 
 

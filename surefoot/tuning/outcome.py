@@ -101,6 +101,12 @@ class Tuned:
     def words(self) -> list[str]:
         """What changed, and what it is worth, in sentences."""
         seen = [_SEEN.format(", ".join(self.seen))] if self.seen else []
+        if not self.front:
+            return [
+                f"None of {len(self.candidates)} trials stood; the start did not: "
+                f"{self.start.stopped}. Search other parameters, or easier scenarios.",
+                *seen,
+            ]
         if self.chosen is self.start:
             return [
                 f"Nothing better than the start was found in {len(self.candidates)} "

@@ -58,6 +58,8 @@ def test_trial_that_fell_is_never_chosen(spec: Spec) -> None:
     start = candidate(0, 0.0, 0.0, stopped="still, seed 0: fell")
     assert choose(spec, [start, candidate(1, 2.0, 2.0)])[1].place == 1
     assert choose(spec, [start]) == ([], start)
+    tuned = Tuned(spec, [start], [], start, start, [], [])
+    assert "None of 1 trials stood; the start did not: " in tuned.words[0]
 
 
 def test_words_say_what_changed_with_units(spec: Spec) -> None:
