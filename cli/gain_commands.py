@@ -187,7 +187,9 @@ def tune(
             objectives=options.names_in(objectives),
             seeds=parse_seeds(seeds),
             held_out=held_out or [],
-            held_out_seeds=parse_seeds(held_out_seeds) if held_out_seeds else None,
+            held_out_seeds=None
+            if held_out_seeds is None
+            else parse_seeds(held_out_seeds, option="--held-out-seeds"),
             controller=controller,
             settings=settings,
             overrides=overrides or [],

@@ -96,7 +96,7 @@ def sweep(
         print_table(study_tables(done.summaries))
 
 
-def parse_seeds(text: str) -> Sequence[int]:
+def parse_seeds(text: str, *, option: str = "--seeds") -> Sequence[int]:
     """Parse seeds such as ``0:50`` (0 to 49) or ``1,4,7``.
 
     Raises:
@@ -109,7 +109,7 @@ def parse_seeds(text: str) -> Sequence[int]:
         seeds = range(int(first), int(end)) if colon else sorted(map(int, numbers))
     if not seeds or seeds[0] < 0 or seeds[-1] > MOST_SEED:
         raise UsageError(
-            f"--seeds {text!r}: expected FROM:TO, such as 0:50 for 50 seeds, or a "
+            f"{option} {text!r}: expected FROM:TO, such as 0:50 for 50 seeds, or a "
             f"list such as 1,4,7; from 0 to {MOST_SEED}"
         )
     return seeds

@@ -23,6 +23,7 @@ _PEER: dict[str, tuple[Quantity, str]] = {
 }
 _PEER_MOST_HEAD_LINES = 10
 _SECONDS = {"": 1.0, "s": 1.0, "sec": 1.0, "second": 1.0, "ms": 1e-3, "msec": 1e-3}
+_SECONDS |= {"us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}  # micro, and Greek mu
 _PEER_COUNT = re.compile(r"NPTS\s*=\s*([^\s,;]*)", re.IGNORECASE)
 _PEER_STEP = re.compile(
     r"\bDT\s*=\s*([^\s,;A-Z]*(?:[ED][-+]?\d+)?)\s*(?!NPTS)([A-Z]*)", re.IGNORECASE
@@ -34,6 +35,8 @@ _KNET_SCALE = re.compile(r"^Scale Factor\s+(\S+?)\s*\(gal\)\s*/\s*(\S+)", re.MUL
 _KNET_LASTS = re.compile(r"^Duration Time\(s\)\s+(\S+)", re.MULTILINE)
 _KNET_HEAD_END = re.compile(r"^Memo\b.*$", re.MULTILINE)
 _IN_BRACKETS = re.compile(r"\s*(\[[^\]]*\]|\([^)]*\))\s*$")
+_STATED_UNIT = re.compile(r"(?:\[([^\]]*)\]|\(([^)]*)\))\s*$")
+_TIME_SUFFIX = re.compile(r"(?:_|,\s*)([a-zµμ]+)\s*$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,8 @@ def read_record(motion: RecordedMotion) -> GroundRecord:
             of the motion to look at.
     """
     path = Path(motion.file)
+    if path.exists() and not path.is_file():  # a pipe has no end, or none yet
+        raise bad_key("file", f"{path}: is no file, expected a record")
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:
@@ -167,7 +172,7 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
 
 def _plain_units(units: str) -> str:
     """Return units as scenarios write them, of the many ways that headings do."""
-    plain = re.sub(r"[\s().]", "", units.lower())
+    plain = re.sub(r"[\s().]", "", units.lower()).replace("°", "deg")
     plain = plain.replace("seconds", "s").replace("second", "s").replace("sec", "s")
     plain = re.sub(r"/s(/s|\*\*2|\^2|2|²)$", "/s2", plain)
     return re.sub(r"^(g|gal)'?s$", r"\1", plain)
@@ -191,7 +196,9 @@ def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
     body = text[end.end() :].splitlines()
     counts = number.rows(body, first_line=head.count("\n") + 1)
     if lasts := _KNET_LASTS.search(head):
-        number.enough(len(counts), number(lasts[1], "Duration Time(s)") * rate_hz)
+        told = number(lasts[1], "Duration Time(s)") * rate_hz
+        number.enough(len(counts), told)
+        number.no_more(len(counts), told, body)
     with np.errstate(over="ignore"):  # told of by whoever called
         values = counts * gal / steps
         times = np.arange(len(counts), dtype=np.float64) / rate_hz
@@ -237,6 +244,8 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
     if delimiter in ";\t" and any("," in time + value for _, time, value in used):
         number = Numbers(motion.file, decimal_comma=True)
     name = heading[column] if column < len(heading) else f"column {column + 1}"
+    time_name = heading[0] if heading else ""
+    per_second = _time_unit(motion.file, time_name)
     table = np.array(
         [
             (number(time, "time [s]", line=at), number(value, name, line=at))
@@ -244,18 +253,48 @@ def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
         ],
         dtype=np.float64,
     ).reshape(-1, 2)
-    return GroundRecord(content, quantity, None, table[:, 0], table[:, 1])
+    units = None if (stated := _in_brackets(name)) is None else _plain_units(stated)
+    times = per_second * table[:, 0]
+    return GroundRecord(content, quantity, units or None, times, table[:, 1])
+
+
+def _in_brackets(name: str) -> str | None:
+    """Return the unit at the end of a column's name; None for a name without."""
+    found = _STATED_UNIT.search(name)
+    return None if found is None else found[1] or found[2] or ""
+
+
+def _time_unit(file: str, name: str) -> float:
+    """Return how many seconds a column of times counts in, as its name says.
+
+    Raises:
+        ScenarioError: a unit that is none of time.
+    """
+    stated, suffix = _in_brackets(name), _TIME_SUFFIX.search(name)
+    per_second = _SECONDS.get((stated or "").strip().lower())
+    if per_second is None:
+        raise bad_key(
+            "file",
+            f"{file}: times are in {stated!r}, as the heading {name!r} says, expected "
+            "s, ms, us or ns; mend the heading, or save the record with seconds",
+        )
+    if stated is None and suffix is not None:
+        return _SECONDS.get(suffix[1].lower(), 1.0)
+    return per_second
 
 
 def _delimiter(lines: list[tuple[int, str]]) -> str:
-    """Return what stands between the cells of a text, as its last line shows."""
-    last = lines[-1][1] if lines else ""
+    """Return what stands between the cells of a text.
+
+    A line in the middle shows it: the first may be a heading, the last be cut off.
+    """
+    line = lines[len(lines) // 2][1] if lines else ""
     for delimiter in ";\t,":
-        if delimiter in last and is_number(last.split(delimiter)[0], delimiter):
+        if delimiter in line and is_number(line.split(delimiter)[0], delimiter):
             return delimiter
-    if is_number(last.partition(" ")[0], " "):
+    if is_number(line.partition(" ")[0], " "):
         return " "
-    return next((delimiter for delimiter in ";\t," if delimiter in last), " ")
+    return next((delimiter for delimiter in ";\t," if delimiter in line), " ")
 
 
 def _with_units(heading: list[str]) -> list[str]:

@@ -12,8 +12,9 @@ from typing import Any
 
 import msgpack
 import numpy as np
-from mcap.reader import make_reader
+from mcap.reader import McapReader, NonSeekingReader, make_reader
 from mcap.records import Channel, Schema
+from mcap.stream_reader import StreamReader
 
 from surefoot.schemas.arrays import Array
 from surefoot.sim_robot.errors import ScenarioError
@@ -46,8 +47,8 @@ def read_mcap(
     times, values = [], []
     decoders: dict[int, _Decoder] = {}
     try:
-        reader = make_reader(BytesIO(content), validate_crcs=True)
-        topics = sorted({about.topic for about in _channels(content)})
+        reader, channels = _opened(content)
+        topics = sorted({about.topic for about in channels})
         slashed = f"/{channel}"  # as our records call what everything else calls imu
         wanted = slashed if channel not in topics and slashed in topics else channel
         for schema, about, message in reader.iter_messages(topics=[wanted]):
@@ -75,9 +76,18 @@ def read_mcap(
     return _NANOSECOND * (stamps - stamps[0]), np.array(values)
 
 
-def _channels(content: bytes) -> list[Channel]:
-    summary = make_reader(BytesIO(content)).get_summary()
-    return [] if summary is None else list(summary.channels.values())
+def _opened(content: bytes) -> tuple[McapReader, list[Channel]]:
+    """Return what reads the messages of a file, and its channels.
+
+    Its summary, which is quicker to read by, may be missing or name no channels.
+    """
+    reader = make_reader(BytesIO(content), validate_crcs=True)
+    summary = reader.get_summary()
+    if summary is not None and summary.channels:
+        return reader, list(summary.channels.values())
+    records = StreamReader(BytesIO(content), validate_crcs=True).records
+    channels = [record for record in records if isinstance(record, Channel)]
+    return NonSeekingReader(BytesIO(content), validate_crcs=True), channels
 
 
 def _decoder(schema: Schema | None, channel: Channel, file: str) -> _Decoder:

@@ -32,6 +32,8 @@ _SLOWEST_HZ = 1e-3
 """No high-pass is lower: its padding would be longer than any scenario."""
 _LEAST_LINE = 0.01
 """Rise of a drift along a record over the largest value there, to be taken off."""
+_LEAST_STROKE = 1e-9
+"""Smaller is what rounding leaves of values that are all alike [m or rad]."""
 LONGEST_S = 3600.0
 """As a scenario's duration."""
 _MOST_MISSING = 5.0
@@ -101,7 +103,7 @@ def recorded_track(motion: RecordedMotion) -> RecordedTrack:
     """
     try:
         changed_ns = Path(motion.file).stat().st_mtime_ns
-    except OSError:
+    except (OSError, ValueError):
         changed_ns = 0  # reading it says what is wrong
     return _track(motion, changed_ns)
 
@@ -132,6 +134,13 @@ def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
     steps += SIM_STEP_S**2 / 12.0 * (a[:-1] - a[1:])
     p = np.concatenate(([0.0], np.cumsum(steps)))
     _check_size(p, motion, "moves the ground by")
+    if np.ptp(p) < _LEAST_STROKE:
+        raise ScenarioError(
+            f"file: {motion.file} does not move the ground in {motion.axis}: its "
+            "values are all alike, or what is in them is taken for drift; is it the "
+            "right column, channel or field?",
+            field="file",
+        )
     return RecordedTrack(hashlib.sha256(record.content).hexdigest(), p, v, a)
 
 

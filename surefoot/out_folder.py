@@ -31,15 +31,20 @@ _FORMER, _GOING = ".former-", ".going"
 place is worth keeping, and while it is removed."""
 
 
-def make_out_folder(folder: Path, *, out: Path) -> None:
+def make_out_folder(folder: Path, *, out: Path, option: str = "--out") -> None:
     """Make a folder, with those above it, and see that files can be written there.
+
+    Args:
+        folder: to be made.
+        out: what was asked for, and
+        option: by which, for errors.
 
     Raises:
         UsageError: something on the way is a file, or a link to nothing.
         EnvironmentFailedError: it cannot be made or written to.
     """
     if folder.is_symlink() and not folder.exists():
-        raise UsageError(f"--out {out}: is a link to nothing; name a folder")
+        raise UsageError(f"{option} {out}: is a link to nothing; name a folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -47,12 +52,12 @@ def make_out_folder(folder: Path, *, out: Path) -> None:
     except (FileExistsError, NotADirectoryError) as error:
         file = next((above for above in folder.parents if above.is_file()), folder)
         raise UsageError(
-            f"--out {out}: {file} is not a folder; name a folder, or a new one"
+            f"{option} {out}: {file} is not a folder; name a folder, or a new one"
         ) from error
     except OSError as error:
         raise EnvironmentFailedError(
-            f"--out {out}: cannot write in {folder} ({error.strerror or error}); name "
-            "a folder that can be written to, on a disk with room"
+            f"{option} {out}: cannot write in {folder} ({error.strerror or error}); "
+            "name a folder that can be written to, on a disk with room"
         ) from error
 
 

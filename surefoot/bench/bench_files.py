@@ -6,8 +6,8 @@ import json
 import logging
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar
@@ -97,6 +97,7 @@ class Findings(ABC, Generic[R]):
         subject: its measures.
         results: in the order in which they were asked for.
         folder: that keeps everything; None when nothing is kept.
+        asked: what else all runs were made with, such as settings, for JSON.
     """
 
     NAME: ClassVar[str]
@@ -105,6 +106,13 @@ class Findings(ABC, Generic[R]):
     subject: Subject
     results: list[R]
     folder: Path | None = None
+    asked: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def who(self) -> str:
+        """The robot in words, with what its runs were made with."""
+        told = [f"{name} {json.dumps(v)}" for name, v in self.asked.items() if v]
+        return ", ".join((self.robot, *told))
 
     @abstractmethod
     def tables(self) -> list[TextTable]:
@@ -128,6 +136,7 @@ class Findings(ABC, Generic[R]):
             "benchmark": self.NAME,
             "robot": self.robot,
             "subject": vars(self.subject),
+            **self.asked,
             "results": [result.as_dict() for result in self.results],
             "out": None if self.folder is None else str(self.folder),
         }

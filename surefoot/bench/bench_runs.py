@@ -10,7 +10,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
@@ -22,7 +21,7 @@ from surefoot.schemas.scenario_robot import Sensors
 from surefoot.schemas.validation import nearest
 from surefoot.simulation import Simulation
 from surefoot.studies.cell import Row, figures_of, find_variant, is_up, plan_in
-from surefoot.studies.execute import execute
+from surefoot.studies.execute import execute, tasks_of
 from surefoot.studies.store import StudyStore, code_fingerprint
 
 Name = TypeVar("Name", bound=str)
@@ -66,8 +65,9 @@ def check_positive(values: Sequence[float], *, what: str) -> None:
 
 
 def plain(words: str) -> str:
-    """Return words as the name of a file."""
-    return re.sub(r"[^a-z0-9.]+", "_", words.lower()).strip("_")
+    """Return words as the name of a file; other numbers and letters, other names."""
+    signed = re.sub(r"(?<![^\s,])-(?=[\d.])", "minus ", words.lower())
+    return re.sub(r"[^\w.]+", "_", signed).strip("_")
 
 
 @dataclass(frozen=True)
@@ -301,7 +301,8 @@ def bench_runs(
         bar: shows how many runs are done.
 
     Raises:
-        UsageError: the folder holds something else.
+        UsageError: the folder holds something else; a robot or controller was changed
+            between two calls.
     """
     overrides = tuple(f"{k}={json.dumps(v)}" for k, v in (settings or {}).items())
     about = {
@@ -313,15 +314,28 @@ def bench_runs(
     with tempfile.TemporaryDirectory(prefix="surefoot-") as spare:
         folder = Path(spare) / "runs" if out is None else Path(out)
         with StudyStore(folder, about=about) as store:
-            yield partial(
-                execute,
-                store=store,
-                robot=robot,
-                overrides=overrides,
-                jobs=jobs,
-                scheduler=scheduler,
-                bar=bar,
-            )
+            firsts: dict[Under, BenchCell] = {}
+
+            def run(cells: Sequence[BenchCell], *, title: str) -> list[Row]:
+                for cell in cells:
+                    firsts.setdefault(cell.under, cell)
+                rows = execute(
+                    cells,
+                    store,
+                    robot=robot,
+                    overrides=overrides,
+                    jobs=jobs,
+                    scheduler=scheduler,
+                    title=title,
+                    bar=bar,
+                )
+                # Robot or controller may have changed since the first of the calls.
+                tasks = tasks_of([*firsts.values()], robot=robot, overrides=overrides)
+                for task in tasks:
+                    store.check(task)
+                return rows
+
+            yield run
 
 
 def everyone(

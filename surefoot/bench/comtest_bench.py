@@ -103,7 +103,7 @@ class Comtest(Findings[SwayResult]):
                     write_scalar(place / f"{name}.yaml", result.seen[name], label=label)
 
     def _write_page(self, folder: Path) -> None:
-        write_sway_page(folder, self.results, robot=self.robot, subject=self.subject)
+        write_sway_page(folder, self.results, robot=self.who, subject=self.subject)
 
 
 def comtest(
@@ -187,7 +187,9 @@ def comtest(
     ) as run:
         rows = run(cells, title="comtest")
     results = [sway_result(cell, row) for cell, row in zip(cells, rows, strict=True)]
-    found = Comtest(robot, subject, results, None if out is None else Path(out))
+    place = None if out is None else Path(out)
+    asked = {"settings": dict(settings or {})}
+    found = Comtest(robot, subject, results, place, asked)
     found.write()
     return found
 

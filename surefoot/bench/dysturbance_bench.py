@@ -67,7 +67,7 @@ class Dysturbance(Findings[PushResult]):
         return {**super().as_dict(), "impedances": found}
 
     def _write_page(self, folder: Path) -> None:
-        write_push_page(folder, self.results, robot=self.robot, subject=self.subject)
+        write_push_page(folder, self.results, robot=self.who, subject=self.subject)
 
     def _write_yaml(self, folder: Path) -> None:
         for result in self.results:
@@ -192,7 +192,9 @@ def dysturbance(
         )
         for key, search in searches.items()
     ]
-    found = Dysturbance(robot, subject, results, None if out is None else Path(out))
+    place = None if out is None else Path(out)
+    made_with = {"settings": dict(settings or {}), "body": pushed}
+    found = Dysturbance(robot, subject, results, place, made_with)
     found.write()
     return found
 

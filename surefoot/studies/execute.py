@@ -6,6 +6,7 @@ compute with, and is refused by name unless that is what is installed here.
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import threading
@@ -172,8 +173,15 @@ def _client(scheduler: str) -> Iterator[Any]:
             "with `dask scheduler`, and give the address that it says, such as "
             "tcp://head:8786"
         ) from error
-    with client:
-        yield client
+    # Its tracebacks tell nothing that the errors above do not.
+    log = logging.getLogger("distributed.client")
+    level = log.level
+    log.setLevel(logging.CRITICAL)
+    try:
+        with client:
+            yield client
+    finally:
+        log.setLevel(level)
 
 
 def end_with(parent: int) -> None:

@@ -100,6 +100,32 @@ class Spec(msgspec.Struct, frozen=True, kw_only=True):
         plan = cell.plan(robot=self.robot, overrides=overrides)
         return Task(cell, self.robot, overrides, inputs_fingerprint(plan))
 
+    def check_unchanged(self) -> None:
+        """See that scenarios, robot, controller and code are those it began with.
+
+        Raises:
+            UsageError: they were changed meanwhile; runs of both would be mixed.
+        """
+        now = inputs_of(
+            self.scenarios,
+            controller=self.controller,
+            servo_profile=self.servo_profile,
+            robot=self.robot,
+            base=self.base,
+        )
+        changed = [
+            name
+            for name, then, here in zip(self.scenarios, self.inputs, now, strict=True)
+            if then != here
+        ]
+        if changed or self.about != about_code():
+            what = ", ".join(changed) or "the code"
+            raise UsageError(
+                f"{what}: scenario, robot, controller or code changed since the search "
+                "began, and trials of both would be mixed; put them back, or begin a "
+                "new search in another folder"
+            )
+
     def make_sampler(self, begun: int) -> optuna.samplers.BaseSampler:
         """Make what proposes values, for one trial.
 
@@ -176,12 +202,19 @@ def make_spec(
         parameter.check_start(start)
     base = _differences(start)
     places = [_whole(name, find_scenario(name)) for name in scenarios]
-    if len(set(places)) < len(places) or not places or not seeds:
-        raise UsageError("expected scenarios, each once, and at least one seed")
-    groups = [Group(name, (), variant.controller, profile) for name in places]
+    if not places or not seeds:
+        raise UsageError("expected at least one scenario and one seed")
+    _each_once(places, "scenario")
+    _each_once(seeds, "--seeds")
+    if not objectives:
+        raise UsageError("--objectives: expected at least one, such as com")
     place = _whole(robot, model.path)
-    tasks = tasks_of(
-        [Cell(group, 0) for group in groups], robot=place, overrides=tuple(base)
+    inputs = inputs_of(
+        places,
+        controller=variant.controller,
+        servo_profile=profile,
+        robot=place,
+        base=base,
     )
     spec = Spec(
         scenarios=places,
@@ -195,11 +228,26 @@ def make_spec(
         servo_profile=profile,
         sampler=sampler,
         seed=sampler_seed,
-        inputs=[str(task.inputs) for task in tasks],
+        inputs=inputs,
         about=about_code(),
     )
     _check_objectives(spec)
     return spec
+
+
+def inputs_of(
+    scenarios: Sequence[str],
+    *,
+    controller: str,
+    servo_profile: str,
+    robot: str,
+    base: Sequence[str],
+) -> list[str]:
+    """Return the fingerprint of each scenario's run with the settings at the start."""
+    groups = [Group(name, (), controller, servo_profile) for name in scenarios]
+    cells = [Cell(group, 0) for group in groups]
+    tasks = tasks_of(cells, robot=robot, overrides=tuple(base))
+    return [str(task.inputs) for task in tasks]
 
 
 def held_out_cells(
@@ -221,9 +269,18 @@ def held_out_cells(
             f"--held-out-seeds {fresh}: the search sees some of them on "
             f"{', '.join(sorted(shared))}; name other seeds or other scenarios"
         )
+    _each_once(names, "--held-out")
+    _each_once(fresh, "--held-out-seeds")
     cells = spec.cells(names or spec.scenarios, fresh)
     tasks_of(cells, robot=spec.robot, overrides=tuple(spec.base))
     return cells
+
+
+def _each_once(values: Sequence[object], what: str) -> None:
+    """Refuse what is named twice: its runs would count as two."""
+    twice = next((value for value in values if values.count(value) > 1), None)
+    if twice is not None:
+        raise UsageError(f"{what}: {twice} is named twice; name it once")
 
 
 def _texts(params: Params) -> list[str]:

@@ -14,8 +14,8 @@ from surefoot.tuning.objectives import Objective, is_up, mean_figures
 from surefoot.tuning.parameters import Value, overrides_of
 
 _SEEN = (
-    "Held out: nothing was. With another seed these scenarios are the same runs, to "
-    "the last bit, since they have no noise; name others with --held-out."
+    "Not held out: {}. With another seed these are the same runs, to the last bit, "
+    "since they have no noise; name other scenarios with --held-out."
 )
 _ON_FRONT = "The start is on the front: nothing is better in every objective."
 NOTICEABLE = 0.005
@@ -73,7 +73,7 @@ class Tuned:
             share of the start's.
         training: before and after on the scenarios of the search.
         held_out: the same on those that it has not seen; empty when it was broken off.
-        has_seen: whether those were the runs of the search, bit for bit.
+        seen: scenarios to be held out whose runs were those of the search, bit for bit.
     """
 
     spec: Spec
@@ -83,7 +83,7 @@ class Tuned:
     chosen: Candidate
     training: list[Comparison]
     held_out: list[Comparison]
-    has_seen: bool = False
+    seen: list[str] = field(default_factory=list)
 
     @property
     def overrides(self) -> list[str]:
@@ -100,11 +100,19 @@ class Tuned:
     @property
     def words(self) -> list[str]:
         """What changed, and what it is worth, in sentences."""
+        seen = [_SEEN.format(", ".join(self.seen))] if self.seen else []
+        if not self.front:
+            return [
+                f"None of {len(self.candidates)} trials stood; the start did not: "
+                f"{self.start.stopped}. Search other parameters, or easier scenarios.",
+                *seen,
+            ]
         if self.chosen is self.start:
             return [
                 f"Nothing better than the start was found in {len(self.candidates)} "
                 "trials: no trial that stood has a lower mean of its objectives.",
                 *([_ON_FRONT] if self.start in self.front else []),
+                *seen,
             ]
         return [
             *(_change(self, parameter.name) for parameter in self.spec.parameters),
@@ -114,7 +122,7 @@ class Tuned:
                 if self.held_out
                 else []
             ),
-            *([_SEEN] if self.has_seen else []),
+            *seen,
         ]
 
 

@@ -26,10 +26,12 @@ FACTOR = 4.0
 """Without a range, a setting that knows no limit varies by this to both sides."""
 LOG_RATIO = 10.0
 """A range of positive numbers that spans this much is searched by its logarithm."""
+MOST_CHOICES = 1000
+"""Of a range of whole numbers, each of which is a choice."""
 DIGITS = 4
 """Significant digits of a value that was found."""
 
-Value = float | str | bool
+Value = int | float | str | bool
 
 
 class Parameter(msgspec.Struct, frozen=True, kw_only=True):
@@ -141,6 +143,11 @@ def parse_parameter(text: str, *, start: ControllerSettings) -> Parameter:
     assert isinstance(number, (inspect.FloatType, inspect.IntType))
     if isinstance(number, inspect.IntType) and ":" in values:
         ends = [_whole(end, text) for end in _range(values, text)]
+        if ends[1] - ends[0] >= MOST_CHOICES:
+            raise UsageError(
+                f"--params {text}: holds {ends[1] - ends[0] + 1:g} whole numbers, "
+                f"expected at most {MOST_CHOICES}; give a smaller range, or a list"
+            )
         values = ",".join(map(str, range(ends[0], ends[1] + 1)))
     if equals and ":" not in values:
         chosen: list[Value] = [_number(part, text) for part in values.split(",")]

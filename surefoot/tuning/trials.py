@@ -87,6 +87,11 @@ class JournalLock:
         os.close(self._file)
 
 
+def workers_folder(journal: Path) -> Path:
+    """Return the folder of its workers' locks, beside a journal."""
+    return journal.with_name(f"{journal.name}.workers")
+
+
 class Trials:
     """A search's trials on disk.
 
@@ -106,10 +111,10 @@ class Trials:
             UsageError: it is no journal, or that of another search.
             EnvironmentFailedError: it cannot be read or written.
         """
-        self._folder = path.with_name(f"{path.name}.workers")
+        self._folder = workers_folder(path)
         if spec is None and not path.is_file():
             raise UsageError(f"--storage {path}: no such file")
-        make_out_folder(self._folder, out=path)
+        make_out_folder(self._folder, out=path, option="--storage")
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         warnings.filterwarnings("ignore", module="optuna")
         with _held(self._folder):
@@ -171,6 +176,25 @@ class Trials:
         done = [t for t in self._all() if t.state is TrialState.COMPLETE]
         return sorted(done, key=lambda t: int(t.user_attrs[PLACE]))
 
+    def missing(self, count: int) -> list[int]:
+        """Return the places that are not finished, of so many."""
+        done = {int(trial.user_attrs[PLACE]) for trial in self.finished()}
+        return [place for place in range(count) if place not in done]
+
+    def wait_for_others(self, count: int) -> None:
+        """Wait until the workers that have one of so many places have ended."""
+        missing = self.missing(count)
+        names = {
+            str(trial.user_attrs.get(WORKER, ""))
+            for trial in self._all()
+            if trial.state is TrialState.RUNNING and trial.user_attrs[PLACE] in missing
+        }
+        for name in names - {""}:
+            file = self._folder / name
+            if file.is_file():  # else it has ended; nobody minds one made anew
+                with _held(file):
+                    pass
+
     def _all(self) -> list[FrozenTrial]:
         return self.study.get_trials(deepcopy=False)
 
@@ -231,8 +255,10 @@ def _check_journal(path: Path) -> None:
     Raises:
         ValueError: it is not the one that begins a search.
     """
-    if not path.is_file():
+    if not path.exists():
         return
+    if not path.is_file():
+        raise ValueError(path)
     with path.open("rb") as file:
         head = file.readline(_TAIL_BYTES)
     if head and msgspec.json.decode(head, type=_Head).study_name != STUDY:
@@ -280,6 +306,7 @@ def work(
     with trials.worker() as name:
         while (claimed := trials.claim(name, count=count)) is not None:
             trial, values = claimed
+            trials.spec.check_unchanged()
             finished = [
                 done.user_attrs[ROWS]
                 for done in trials.finished()
@@ -287,6 +314,7 @@ def work(
             ]
             rows, why, down = evaluate(trials, values, finished, scheduler=scheduler)
             figures = trials.spec.figures
+            trials.spec.check_unchanged()  # each run reads its scenario anew
             trial.set_user_attr(ROWS, rows)
             trial.set_user_attr(STOPPED, why)
             trial.set_constraint(DOWN, down)

@@ -11,12 +11,12 @@ from tempfile import TemporaryDirectory
 
 from surefoot.errors import EnvironmentFailedError, TuneInterrupted, UsageError
 from surefoot.installation import install_command
-from surefoot.out_folder import make_out_folder
+from surefoot.out_folder import make_out_folder, undone_on_error
 from surefoot.processes.child import Child, Event, Exit, Progress, failure
 from surefoot.progress import CountBar, no_bar
 from surefoot.run_plan import Settings
 from surefoot.studies.cell import Row
-from surefoot.studies.execute import run_tasks
+from surefoot.studies.execute import check_address, run_tasks
 
 try:
     from surefoot.tuning.ask import Params, Sampler, held_out_cells, make_spec
@@ -24,7 +24,14 @@ try:
     from surefoot.tuning.outcome import Candidate, Tuned, choose, compare
     from surefoot.tuning.page import OUTCOME, write_outcome
     from surefoot.tuning.parameters import rounded
-    from surefoot.tuning.trials import MOST_LOSSES, PLACE, ROWS, STOPPED, Trials
+    from surefoot.tuning.trials import (
+        MOST_LOSSES,
+        PLACE,
+        ROWS,
+        STOPPED,
+        Trials,
+        workers_folder,
+    )
 except ModuleNotFoundError as missing:
     if missing.name != "optuna":
         raise
@@ -95,6 +102,13 @@ def tune(
     """
     folder = Path(out)
     journal = folder / JOURNAL if storage is None else Path(storage)
+    if trials < 1 or workers < 0:
+        raise UsageError(
+            f"got {trials} trials and {workers} workers, expected 1 or more trials, "
+            "and 0 workers (one per processor) or more"
+        )
+    if scheduler is not None:
+        check_address(scheduler)
     several = [scenarios] if isinstance(scenarios, (str, Path)) else scenarios
     spec = make_spec(
         [str(scenario) for scenario in several],
@@ -110,15 +124,27 @@ def tune(
         sampler_seed=sampler_seed,
     )
     unseen = held_out_cells(spec, [str(name) for name in held_out], held_out_seeds)
-    _claim(folder, journal)
+    with undone_on_error() as making:
+        making(folder)
+        making(workers_folder(journal))
+        _claim(folder, journal)
+        tries = Trials(journal, spec)
     processes = workers or os.cpu_count() or 1
-    tries = Trials(journal, spec)
     runs: tuple[list[Row], list[Row]] = ([], [])
     interrupt: KeyboardInterrupt | None = None
     try:
         run_workers(
             journal, processes, tries, total=trials, scheduler=scheduler, bar=bar
         )
+        while missing := tries.missing(trials):
+            _LOG.warning(
+                "another command has %d of the trials under way; waiting for it",
+                len(missing),
+            )
+            tries.wait_for_others(trials)
+            run_workers(
+                journal, processes, tries, total=trials, scheduler=scheduler, bar=bar
+            )
         best = _conclude(tries)
         if best is not None:
             runs = _held_out_runs(
@@ -151,13 +177,13 @@ def run_workers(
             with the next call.
     """
     events: SimpleQueue[Event] = SimpleQueue()
-    done = len(trials.finished())
+    missing = len(trials.missing(total))
     arguments = [str(journal.resolve()), "--trials", str(total)]
     if scheduler is not None:
         arguments += ["--scheduler", scheduler]
     with (
         TemporaryDirectory(prefix="surefoot-") as logs,
-        bar("search", total=total, done=done, of="trials") as tell,
+        bar("search", total=total, done=total - missing, of="trials") as tell,
     ):
 
         def start(number: int) -> Child:
@@ -169,7 +195,7 @@ def run_workers(
                 module="surefoot.tuning.trials",
             )
 
-        alive = [start(number) for number in range(1, min(count, total - done) + 1)]
+        alive = [start(number) for number in range(1, min(count, missing) + 1)]
         losses = 0
         try:
             while alive:
@@ -243,9 +269,12 @@ def _conclude(
         return None
     front, chosen = choose(spec, found)
     start = found[0]
-    trained = {row["log_sha256"] for row in start.rows}
-    unseen = [row for row in before if row["log_sha256"] not in trained]
-    has_seen = bool(before) and not unseen
+    trained = {row["log_sha256"] for row in (*start.rows, *chosen.rows)}
+    found_again = [r for r in (*before, *after) if r["log_sha256"] in trained]
+    seen = list(dict.fromkeys(str(row["scenario"]) for row in found_again))
+    old, new = (
+        [r for r in rows if r["scenario"] not in seen] for rows in (before, after)
+    )
     return Tuned(
         spec=spec,
         candidates=found,
@@ -253,8 +282,8 @@ def _conclude(
         start=start,
         chosen=chosen,
         training=compare(start.rows, chosen.rows, spec.figures),
-        held_out=[] if has_seen else compare(before, after, spec.figures),
-        has_seen=has_seen,
+        held_out=compare(old, new, spec.figures),
+        seen=seen,
     )
 
 
@@ -265,4 +294,4 @@ def _claim(folder: Path, journal: Path) -> None:
     if folder.is_dir() and any(folder.iterdir()) and not known:
         raise UsageError(f"--out {folder}: holds something else; name another folder")
     make_out_folder(folder, out=folder)
-    make_out_folder(journal.parent, out=journal)
+    make_out_folder(journal.parent, out=journal, option="--storage")

@@ -7,11 +7,12 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import numpy as np
 import pytest
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 from surefoot.schemas.motions import RecordedMotion
 from surefoot.sim_robot.errors import ScenarioError
@@ -71,9 +72,10 @@ def _mcap(
     encoding: str = "json",
     compression: CompressionType = CompressionType.NONE,
     first_ns: int = 10**9,
+    **about: Any,
 ) -> bytes:
     file = io.BytesIO()
-    writer = Writer(file, compression=compression)
+    writer = Writer(file, compression=compression, **about)
     writer.start()
     schema = writer.register_schema("imu", "jsonschema", b"{}")
     channel = writer.register_channel("/imu", encoding, schema)
@@ -112,6 +114,35 @@ def test_columns_are_those_the_heading_names(
 
 
 @pytest.mark.parametrize(
+    ("heading", "per_second", "units"),
+    [
+        ("t [ms],a [g]", 1e-3, "g"),
+        ("time_ms,a (cm/s^2)", 1e-3, "cm/s2"),
+        ('"Time, us","a [m/s²]"', 1e-6, "m/s2"),
+        ("# Time (s) a [mm/s/s]", 1.0, "mm/s2"),
+        ("t_rel,a_g", 1.0, None),
+        ("t,a []", 1.0, None),
+    ],
+)
+def test_units_that_a_heading_states_are_those_of_the_record(
+    tmp_path: Path, heading: str, per_second: float, units: str | None
+) -> None:
+    between = " " if heading.startswith("#") else ","
+    rows = "".join(f"{at}{between}{at * at}\n" for at in range(4))
+    record = _read(tmp_path / "a.csv", f"{heading}\n{rows}")
+    assert record.times.tolist() == [per_second * at for at in range(4)]
+    assert record.units == units
+
+
+def test_units_that_nobody_knows_are_refused(tmp_path: Path) -> None:
+    _refused(tmp_path / "a.csv", "t [days],a\n0,1\n", r"'days', .* expected s, ms")
+    path = tmp_path / "b.csv"
+    path.write_text("t,a [mg]\n0,1\n1,2\n2,4\n3,8\n")
+    with pytest.raises(ScenarioError, match=r"'mg', expected one of .* overrides"):
+        recorded_track(_motion(path, quantity="acceleration"))
+
+
+@pytest.mark.parametrize(
     ("text", "column", "words"),
     [
         (
@@ -124,6 +155,7 @@ def test_columns_are_those_the_heading_names(
         (HEADING + "0,1,2\n,2,3\n", "Ay", r"line 3: time \[s\] is nothing"),
         ("t,a\n0,01,0,5\n", "a", "line 2: has 4 cells, expected 2; decimal commas"),
         ("0,1\n1,1_0\n", "", "line 2: column 2 is '1_0', expected a number"),
+        ("0,1\n1,2\n2,3\n3.0", "", "line 4: column 2 is nothing, expected a number"),
         ("0,1\n1,NaN\n", "", "line 2: column 2 is 'NaN'"),
         (f"0,1\n1,{400 * '1'}\n", "", "line 2: column 2 is '1*[.]{3}'"),
         ("0;0,5\n1;1.5\n", "", "'1.5', expected a number with a decimal comma"),
@@ -221,6 +253,7 @@ def test_knet_is_told_by_its_content(tmp_path: Path, before: str, more: str) -> 
         ({"scale": "1.2.3(gal)/6182761"}, "Scale Factor is '1.2.3'"),
         ({"scale": "3920(gal)/0"}, "Scale Factor is '0', expected a number above 0"),
         ({"lasts": "3"}, "holds 200 values and its heading says 300; it was cut"),
+        ({"lasts": "1"}, "holds 200 values and its heading says 100; one of the two"),
         ({"rows": "1 x 2"}, "line 7: a value is 'x'"),
     ],
 )
@@ -257,6 +290,17 @@ def test_messages_count_from_when_they_were_measured(
 
 
 GOOD = [b'{"a": 1}'] * 50
+
+
+@pytest.mark.parametrize("index_types", [IndexType.ALL, IndexType.NONE])
+def test_mcap_without_channels_in_its_summary(
+    tmp_path: Path, index_types: IndexType
+) -> None:
+    messages = [json.dumps({"a": value}).encode() for value in (0.5, 1.0, 1.5, 2.0)]
+    content = _mcap(messages, repeat_channels=False, index_types=index_types)
+    record = _read(tmp_path / "a.mcap", content, channel="imu", field="a")
+    assert record.values.tolist() == [0.5, 1.0, 1.5, 2.0]
+    _refused(tmp_path / "a.mcap", content, "it has /imu", channel="ft", field="a")
 
 
 def test_a_channel_needs_no_slash(tmp_path: Path) -> None:
@@ -353,7 +397,7 @@ def test_times_no_ground_can_follow(
 
 def test_a_piece_beside_a_gap_is_taken(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("".join(f"{t!r},0.1\n" for t in TENTHS[:50] + TENTHS[60:]))
+    path.write_text("".join(f"{t!r},{t!r}\n" for t in TENTHS[:50] + TENTHS[60:]))
     track = recorded_track(_motion(path, quantity="position", to_s=4.0))
     assert len(track.position) == 4001
 

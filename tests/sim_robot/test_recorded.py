@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import subprocess
 import sys
 import tarfile
@@ -281,3 +282,21 @@ def test_el_centro_has_the_peaks_that_are_published(tmp_path: Path) -> None:
     )
     assert np.abs(track.velocity).max() == pytest.approx(0.35, rel=0.1)
     assert 0.08 < np.abs(track.position).max() < 0.25
+
+
+def test_a_record_that_moves_nothing_is_refused(tmp_path: Path) -> None:
+    file = _csv(tmp_path / "a.csv", np.full_like(TIMES, 9.81))
+    with pytest.raises(ScenarioError, match="does not move the ground in x") as caught:
+        recorded_track(_motion(file, quantity="acceleration"))
+    assert caught.value.field == "file"
+
+
+def test_a_pipe_is_no_record(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.csv")
+    with pytest.raises(ScenarioError, match="is no file, expected a record"):
+        recorded_track(_motion(str(tmp_path / "a.csv"), quantity="velocity"))
+
+
+def test_a_name_that_no_file_can_have_is_refused() -> None:
+    with pytest.raises(ScenarioError, match=r"cannot be read .*null"):
+        recorded_track(_motion("a\0.csv", quantity="velocity"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import msgspec
@@ -9,10 +10,13 @@ import pytest
 import yaml
 
 from surefoot.bench import dysturbance
+from surefoot.bench.bench_runs import PERSON, Under, bench_runs
 from surefoot.bench.dysturbance_bench import Dysturbance
-from surefoot.bench.push_cells import WITHIN
+from surefoot.bench.push_cells import WITHIN, Disturbance, PushCell, push_cell
 from surefoot.errors import UsageError
+from surefoot.progress import no_bar
 from surefoot.studies.store import RUNS
+from tests.surefoot import own_controllers
 
 ROUNDED = 1e-3
 
@@ -44,6 +48,8 @@ def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
     assert "hold" in (out / "index.html").read_text()
     told = msgspec.json.decode((out / "dysturbance.json").read_bytes())
     assert told["results"][0]["margin"] == result.margin
+    assert (told["body"], told["settings"]) == ("torso", {})
+    assert "torso" in (out / "index.html").read_text()
 
     rows = (out / RUNS).read_bytes()
     assert rows.count(b"\n") == result.runs
@@ -64,3 +70,30 @@ def test_a_margin_is_found_kept_and_put_in_proportion(tmp_path: Path) -> None:
 def test_what_cannot_be_measured_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(UsageError):
         dysturbance(**wrong)  # type: ignore[arg-type]
+
+
+def test_a_controller_changed_between_rounds_ends_the_bench(tmp_path: Path) -> None:
+    source = tmp_path / "own.py"
+    source.write_text(Path(own_controllers.__file__).read_text())
+    under = Under(f"{source}:StayWithSettings", "ideal")
+
+    def cell(size: float) -> PushCell:
+        impulse = Disturbance("impulse", 0.0)
+        made = push_cell(impulse, size, under, subject=PERSON, body="torso")
+        brief = msgspec.structs.replace(made.scenario, duration_s=0.02)
+        return dataclasses.replace(made, scenario=brief)
+
+    with bench_runs(
+        "dysturbance",
+        seen_by="surefoot.bench.push_cells",
+        robot="walker",
+        settings=None,
+        jobs=1,
+        scheduler=None,
+        out=tmp_path / "out",
+        bar=no_bar,
+    ) as run:
+        run([cell(0.1)], title="round 1")
+        source.write_text(source.read_text() + "\n# another one\n")
+        with pytest.raises(UsageError, match="were changed; runs of both would be"):
+            run([cell(0.2)], title="round 2")

@@ -39,14 +39,21 @@ def process(log: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
             made.terminate()
 
 
-@pytest.fixture
-def scheduler(tmp_path: Path) -> Iterator[str]:
+@contextmanager
+def begun_scheduler(folder: Path) -> Iterator[tuple[str, subprocess.Popen[bytes]]]:
+    """A scheduler's address and process."""
     port = free_port()
     words = ["--host", "127.0.0.1", "--port", str(port), "--no-dashboard"]
-    log = tmp_path / "scheduler.log"
-    with process(log, "scheduler", *words):
+    log = folder / "scheduler.log"
+    with process(log, "scheduler", *words) as made:
         wait_until(lambda: b"Scheduler at:" in log.read_bytes(), what="the scheduler")
-        yield f"tcp://127.0.0.1:{port}"
+        yield f"tcp://127.0.0.1:{port}", made
+
+
+@pytest.fixture
+def scheduler(tmp_path: Path) -> Iterator[str]:
+    with begun_scheduler(tmp_path) as (address, _):
+        yield address
 
 
 def worker(
@@ -116,3 +123,25 @@ def test_scheduler_without_workers_and_no_scheduler_say_so(
     nobody = f"tcp://127.0.0.1:{free_port()}"
     with pytest.raises(EnvironmentFailedError, match="no Dask scheduler answers"):
         list(run_tasks(tasks, scheduler=nobody))
+
+
+@pytest.mark.slow
+@pytest.mark.process
+def test_a_lost_scheduler_is_one_error_without_tracebacks_of_others(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(execute, "_CONNECT_S", 2.0)
+    tasks = tasks_of(cells(tmp_path, 3), robot="walker", overrides=())
+    with (
+        begun_scheduler(tmp_path) as (address, scheduler),
+        worker(address, tmp_path, "a"),
+    ):
+        rows = run_tasks(tasks, scheduler=address)
+        next(rows)
+        scheduler.kill()
+        with pytest.raises(EnvironmentFailedError, match="the scheduler was lost"):
+            list(rows)
+    assert "Traceback" not in capfd.readouterr().err + caplog.text

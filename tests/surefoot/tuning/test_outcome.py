@@ -11,7 +11,7 @@ import pytest
 import surefoot as sf
 from surefoot.tuning.ask import Spec
 from surefoot.tuning.outcome import Candidate, Tuned, choose
-from tests.surefoot.tuning.searches import HOLDS, spec_of, still
+from tests.surefoot.tuning.searches import HOLDS, STILL, spec_of, still
 
 
 @pytest.fixture
@@ -58,6 +58,8 @@ def test_trial_that_fell_is_never_chosen(spec: Spec) -> None:
     start = candidate(0, 0.0, 0.0, stopped="still, seed 0: fell")
     assert choose(spec, [start, candidate(1, 2.0, 2.0)])[1].place == 1
     assert choose(spec, [start]) == ([], start)
+    tuned = Tuned(spec, [start], [], start, start, [], [])
+    assert "None of 1 trials stood; the start did not: " in tuned.words[0]
 
 
 def test_words_say_what_changed_with_units(spec: Spec) -> None:
@@ -69,18 +71,21 @@ def test_words_say_what_changed_with_units(spec: Spec) -> None:
 
 
 def test_runs_without_noise_are_not_held_out_by_another_seed(tmp_path: Path) -> None:
+    noisy = tmp_path / "noisy.toml"
+    noisy.write_text(f"{STILL}[sensors]\nforce_noise_n = 2.0\n")
     tuned = sf.tune(
-        still(tmp_path),
+        [still(tmp_path), noisy],
         ["dik.com_gain"],
         trials=1,
         workers=1,
         controller=HOLDS,
         out=tmp_path / "out",
     )
-    assert tuned.has_seen
-    assert tuned.held_out == []
+    assert tuned.seen == [str(still(tmp_path))]
+    assert [case.case for case in tuned.held_out] == [str(noisy)]
     better = dataclasses.replace(tuned, chosen=candidate(1, 0.5, 0.5))
-    assert "Held out: nothing was" in better.words[-1]
+    assert f"Not held out: {still(tmp_path)}." in better.words[-1]
+    assert tuned.words[-1] == better.words[-1]
 
 
 def test_words_say_when_nothing_better_was_found(spec: Spec) -> None:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 from surefoot.errors import UsageError
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.settings import ControllerSettings, setting_names
-from surefoot.tuning.parameters import overrides_of, parse_parameter, unit_of
+from surefoot.tuning.parameters import (
+    Parameter,
+    overrides_of,
+    parse_parameter,
+    unit_of,
+)
 
 START = ControllerSettings()
 
@@ -25,7 +31,8 @@ def test_range_choice_and_axis_are_read() -> None:
 def test_whole_numbers_are_tried_one_by_one() -> None:
     steps = parse_parameter("walk.preview_steps=2:4", start=START)
     assert steps.choices == [2, 3, 4]
-    [text] = overrides_of([steps], {"walk.preview_steps": 3}, start=START)
+    kept = msgspec.json.decode(msgspec.json.encode(steps), type=Parameter)
+    [text] = overrides_of([kept], {kept.name: kept.choices[1]}, start=START)
     assert resolve_settings(None, overrides=[text]).walk.preview_steps == 3
 
 

@@ -85,6 +85,15 @@ def test_objectives_that_nothing_has_are_refused(tmp_path: Path) -> None:
         ({"objectives": ["com", "fall"]}, "expected some of com"),
         ({"params": ["tsid.com_kp"], "controller": "zmp"}, "whole-body would"),
         ({"held_out_seeds": [0]}, "the search sees some of them"),
+        ({"held_out_seeds": [1, 1]}, "--held-out-seeds: 1 is named twice"),
+        ({"seeds": [0, 2, 0]}, "--seeds: 0 is named twice"),
+        ({"objectives": []}, "--objectives: expected at least one"),
+        ({"scheduler": "head"}, "expected the address of a Dask scheduler"),
+        ({"trials": 0}, "got 0 trials and 0 workers, expected 1 or more"),
+        (
+            {"params": ["walk.preview_steps=1:1e9"]},
+            "1e[+]09 whole numbers, expected at",
+        ),
         ({"out": "."}, "holds something else"),
     ],
 )

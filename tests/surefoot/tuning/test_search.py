@@ -13,11 +13,12 @@ import msgspec
 import pytest
 
 import surefoot as sf
+from surefoot.errors import UsageError
 from surefoot.run_plan import resolve_settings
 from surefoot.studies.cell import Cell
 from surefoot.tuning.ask import Sampler
 from surefoot.tuning.page import OUTCOME
-from surefoot.tuning.trials import PLACE, Trials, evaluate
+from surefoot.tuning.trials import PLACE, Trials, evaluate, work
 from tests.support import wait_until
 from tests.surefoot.tuning.searches import HOLDS, PARAMS, spec_of, still
 
@@ -112,6 +113,18 @@ def test_trial_worse_in_every_run_is_given_up_after_a_seed(tmp_path: Path) -> No
     assert down == 0.0, "it stood"
     equal, why, _ = evaluate(trials, dict(spec.start), [whole], scheduler=None)
     assert (len(equal), why) == (2, "")
+
+
+def test_scenario_that_is_changed_on_the_way_ends_the_search(tmp_path: Path) -> None:
+    scenario = still(tmp_path)
+    trials = Trials(tmp_path / "trials.journal", spec_of(scenario))
+
+    def change() -> None:
+        scenario.write_text(f"{scenario.read_text()}friction = 0.5\n")
+
+    with pytest.raises(UsageError, match=r"still.toml: .* changed since the search"):
+        work(trials, count=3, scheduler=None, on_trial=change)
+    assert [trial.user_attrs[PLACE] for trial in trials.finished()] == [0]
 
 
 @pytest.mark.closed_loop

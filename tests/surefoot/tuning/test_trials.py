@@ -7,14 +7,16 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
+import surefoot as sf
 from surefoot.errors import UsageError
 from surefoot.tuning.trials import DOWN, PLACE, ROWS, STOPPED, Trials
 from tests.command import environment
-from tests.support import PATIENCE_S
-from tests.surefoot.tuning.searches import spec_of, still
+from tests.support import PATIENCE_S, wait_until
+from tests.surefoot.tuning.searches import HOLDS, PARAMS, spec_of, still
 
 CLAIMS = """
 import sys
@@ -102,6 +104,49 @@ def test_trial_of_a_killed_process_begins_anew_with_the_same_values(
     assert len(trials.finished()) == 3
 
 
+def test_search_that_another_command_works_on_is_waited_for(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    journal = out / "trials.journal"
+    trials = begun(journal)
+    words = [sys.executable, "-c", CLAIMS, str(journal)]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(words, env=environment(), **pipes) as taker:  # type: ignore[call-overload]
+        assert taker.stdout.readline() == b"claimed\n"
+        found: list[sf.Tuned] = []
+        search = Thread(
+            target=lambda: found.append(
+                sf.tune(
+                    out / "still.toml",
+                    PARAMS,
+                    trials=2,
+                    workers=1,
+                    out=out,
+                    controller=HOLDS,
+                )
+            )
+        )
+        search.start()
+        wait_until(lambda: trials.missing(2) == [0], what="the other trial")
+        os.kill(taker.pid, signal.SIGKILL)
+        search.join(PATIENCE_S)
+    assert [candidate.place for candidate in found[0].candidates] == [0, 1]
+    assert found[0].start.values == trials.spec.start
+
+
+def test_places_beyond_those_asked_for_do_not_count(journal: Path) -> None:
+    trials = begun(journal)
+    with trials.worker() as name:
+        lost, *others = (trials.claim(name, count=3) for _ in range(3))
+        for claimed in others:
+            assert claimed is not None
+            claimed[0].set_user_attr(ROWS, [])
+            claimed[0].set_user_attr(STOPPED, "")
+            trials.study.tell(claimed[0], [1.0, 2.0])
+    assert lost is not None
+    assert trials.missing(2) == [0]
+
+
 def test_half_a_line_is_taken_off_and_nothing_else(journal: Path) -> None:
     trials = begun(journal)
     whole = journal.read_bytes()
@@ -128,6 +173,27 @@ def test_file_that_is_no_journal_is_left_alone(journal: Path, content: str) -> N
     with pytest.raises(UsageError, match="no journal"):
         begun(journal)
     assert journal.read_text() == content
+
+
+def test_refused_journal_leaves_nothing_behind(tmp_path: Path, journal: Path) -> None:
+    scenario = still(tmp_path)
+    journal.write_text("years of work")
+    (tmp_path / "folder").mkdir()
+    before = sorted(tmp_path.rglob("*"))
+    for storage, words in {
+        journal: "no journal",
+        tmp_path / "folder": "no journal",
+        journal / "a.journal": rf"--storage .*{journal.name} is not a folder",
+    }.items():
+        with pytest.raises(UsageError, match=words):
+            sf.tune(
+                scenario,
+                PARAMS,
+                storage=storage,
+                out=tmp_path / "new" / "out",
+                controller=HOLDS,
+            )
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 @pytest.mark.process
