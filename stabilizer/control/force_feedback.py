@@ -26,6 +26,13 @@ from surefoot.stabilizer.control.soft_ground import SoftGround
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import yaw_from
 
+FIRM_SHARE = 0.3
+"""Of the weight: a foot that carries so much stands firmly, however light the robot;
+with half of it, it does so on both feet [1]."""
+SEARCH_SHARE = 0.115
+"""Of the weight: what a lifted foot reaches for at least. The legs of a heavy robot
+take more to go down as fast [1]."""
+
 
 class ForceFeedback:
     """Wanted sole twists.
@@ -64,6 +71,7 @@ class ForceFeedback:
         period_s: float,
         lag_s: float = 0.0,
         speed: float = 0.0,
+        weight: float,
         landing_force_n: float = math.inf,
     ) -> None:
         """Precompute gains.
@@ -80,6 +88,7 @@ class ForceFeedback:
                 the loop through the feet must be slower than its delays.
             speed: of the fastest mode with the default K, see
                 :func:`surefoot.stabilizer.control.drives.fastest_mode` [1/s].
+            weight: of the robot [N].
             landing_force_n: largest normal force error that a landing foot yields to
                 [N].
         """
@@ -93,8 +102,9 @@ class ForceFeedback:
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
         self._least_twist = -self._yield_limit
-        self._contact = contact
-        self._firm_force = ground.firm_force_n
+        self._descent_limit = contact.descent_limit_m_s
+        self._search_force = max(contact.search_force_n, SEARCH_SHARE * weight)
+        self._firm_force = min(ground.firm_force_n, FIRM_SHARE * weight)
         self._edge_begins = ground.edge_begins
         self._kept_flat = dik.keep_flat
         self._recovery = period_s / ground.recovery_s
@@ -117,6 +127,7 @@ class ForceFeedback:
     def retune(self, dik: DikSettings, ground: GroundSettings) -> None:
         """Take new gains; limits and filters stay as they were built."""
         self._k_force = np.array(dik.k_force * 2)
+        self._search_K_inv = -1.0 / self._k_force
         self._delay_s = max(dik.loop_delay_s, self._period_s)
         self._lag_stiffness = 1.0 + self._lag_s / dik.k_lag_s
         self._least_inverse = dik.least_inverse
@@ -316,18 +327,19 @@ class ForceFeedback:
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
         """Have a lifted foot go down, along the world's vertical.
 
-        As fast with slow drives as with others: what K grows for is a loop through the
-        ground, and while a foot is in the air the robot tips over the other one.
+        As fast with slow drives and with old readings as with others: what K grows for
+        is a loop through the ground, and while a foot is in the air the robot tips over
+        the other one.
         """
         self.share[side] = 0.0
         rows = SOLE_ROWS[side]
         index = 6 * side + NORMAL
         speed = (
             dynamics.Lambda_c_inv[index, index]
-            * (self._contact.search_force_n - normal)
-            * self._firm_K_inv[index]
+            * (self._search_force - normal)
+            * self._search_K_inv[index]
         )
-        speed = min(max(speed, 0.0), self._contact.descent_limit_m_s)
+        speed = min(max(speed, 0.0), self._descent_limit)
         self.r[rows] = 0.0
         self.r[rows.start : rows.start + 3] = -speed * dynamics.R_world_sole[side][2]
 
