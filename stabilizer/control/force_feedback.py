@@ -8,6 +8,9 @@ disturbance. Along the sole and about its normal a leak pulls it back to the sta
 since a tangential wrench error integrated for ever walks the feet apart. A foot whose
 pressure is wanted at its edge is kept from tipping over that edge. A lifted foot
 descends at a bounded speed, its moment terms frozen, until it finds the ground.
+
+Locked and narrow joints are held in Lambda_c: asked for twists that the legs cannot do,
+the second QP does others, which answer no error, and the robot shakes itself over.
 """
 
 from __future__ import annotations
@@ -183,7 +186,7 @@ class ForceFeedback:
             elif self.landing[side]:
                 self._soften(e_F[rows])
         np.multiply(e_F, self.minus_K_inv, out=self._scaled)
-        dynamics.Lambda_c_inv.dot(self._scaled, out=self.r)
+        dynamics.mobility.dot(self._scaled, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
         np.maximum(self.r, self._least_twist, out=self.r)
         change = self.blend * (dynamics.v_sole - self._low_passed)
@@ -274,7 +277,7 @@ class ForceFeedback:
                 _room(outward, begins=self._sole_scale, ends=1.0),
                 _room(wanted / half, begins=self._edge_begins, ends=self._sole_scale),
             )
-            own = lowers * dynamics.Lambda_c_inv[index, index] * self._scaled[index]
+            own = lowers * dynamics.mobility[index, index] * self._scaled[index]
             free = 1.0 - self._kept_flat * (1.0 - room)
             kept = free * turn + (1.0 - free) * max(own, 0.0)
             self.r[index] = lowers * kept
@@ -335,7 +338,7 @@ class ForceFeedback:
         rows = SOLE_ROWS[side]
         index = 6 * side + NORMAL
         speed = (
-            dynamics.Lambda_c_inv[index, index]
+            dynamics.mobility[index, index]
             * (self._search_force - normal)
             * self._search_K_inv[index]
         )
