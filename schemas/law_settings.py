@@ -140,7 +140,8 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     lead_s: NonNegative = 0.015
     """Lead that makes up for the low-pass and the damping of the servos [s]."""
     firm_force_n: Positive = 100.0
-    """Feed-forward is whole above this normal force, and in proportion below [N]."""
+    """Feed-forward is whole above this normal force, or 0.3 of the robot's weight where
+    that is less, and in proportion below [N]."""
     edge_begins: Annotated[float, msgspec.Meta(ge=0.0, lt=1.0)] = 0.7
     """Rotations are fed forward whole while the centre of pressure keeps within this
     part of the sole, and not at all at its edge, over which the foot may tip [1]."""

@@ -74,7 +74,8 @@ class ContactSettings(FileStruct, frozen=True, kw_only=True):
     regained_after_s: NonNegative = 0.003
     """Time over the threshold until contact is back."""
     search_force_n: Positive = 80.0
-    """Normal force a lifted foot reaches for [N]."""
+    """Normal force a lifted foot reaches for; 0.115 of the robot's weight where that is
+    more [N]."""
     descent_limit_m_s: Positive = 0.4
     """Fastest search for the ground."""
     reload_s: Positive = 0.15
@@ -123,7 +124,8 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     moment_jump_nm: Positive = 1000.0
     """Largest change of an ankle moment in one tick, each axis [N m]."""
     overload_n: Positive = 1500.0
-    """Force above which a foot is overloaded: only an impact reaches it [N]."""
+    """Force above which a foot is overloaded: only an impact reaches it. Never less
+    than two of the robot's weights, which a foot may be asked to carry [N]."""
     overload_after_s: Positive = 0.03
     """Time above it after which the sensor is lost; impacts are over sooner [s]."""
     gyro_range_rad_s: Positive = 35.0

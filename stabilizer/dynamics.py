@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from surefoot.schemas.arrays import Array, Mat, Vec3
-from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 SOLE_ROWS = (slice(0, 6), slice(6, 12))
 """Rows of left and right sole in every stacked contact quantity."""
@@ -71,6 +71,8 @@ class Dynamics:
         p_sole: position of each sole in the world.
         X: (n_v, 12) H^-1 J_contact^T.
         Lambda_c_inv: (12, 12) inverse contact inertia, J_c H^-1 J_c^T.
+        mobility: (12, 12) the same with locked and narrow joints held: how the soles
+            can yield. Of lower rank where legs cannot do without these joints.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -93,6 +95,8 @@ class Dynamics:
         self.v_sole: Array = np.zeros(12)
         self.X: Mat = np.zeros((n_v, 12))
         self.Lambda_c_inv: Mat = np.zeros((12, 12))
+        self._held = N_BASE_V + np.flatnonzero(model.is_narrow & model.is_leg)
+        self.mobility = np.zeros((12, 12)) if self._held.size else self.Lambda_c_inv
         self._below = np.tri(n_v, k=-1, dtype=bool)
         # Views of what Pinocchio computes: asking for one anew costs more than reading.
         data = self._data
@@ -136,6 +140,10 @@ class Dynamics:
         self.J_contact.dot(v, out=self.v_sole)
         self.H_inv.dot(self.J_contact.T, out=self.X)
         self.J_contact.dot(self.X, out=self.Lambda_c_inv)
+        if self._held.size:
+            X, H_inv = self.X[self._held], self.H_inv[np.ix_(self._held, self._held)]
+            held = X.T @ np.linalg.solve(H_inv, X)
+            np.subtract(self.Lambda_c_inv, held, out=self.mobility)
 
     def inertia_matrix(self) -> Mat:
         """Return the (n_v, n_v) inertia matrix of the last update, for tests."""

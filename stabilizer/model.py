@@ -22,6 +22,8 @@ N_BASE_V = 6
 BASE_JOINT = 1
 LOCKED_RAD = 1e-5
 """A joint with a smaller range is locked."""
+NARROW_RAD = 0.05
+"""A joint with a smaller range cannot be counted on: it is at its end at once."""
 MARGIN_SHARE = 0.25
 """Most of a joint's range that a margin may take at either end."""
 
@@ -61,6 +63,7 @@ class RobotModel:
         leg_joints: of left and right leg, (n_a,) whether a joint lies between base
             and sole.
         is_leg: (n_a,) whether it does in either.
+        is_narrow: (n_a,) whether it is locked or can hardly move.
         T_base_imu: placement of the IMU in the base.
 
     The base is the base link's body and origin with the axes of the upright frame: in
@@ -107,6 +110,7 @@ class RobotModel:
         self._read_fixed_frames(robot)
         self.lower = robot.soft_lower[self.to_model]
         self.upper = robot.soft_upper[self.to_model]
+        self.is_narrow = self.upper - self.lower < NARROW_RAD
         self.torque_limit = robot.torque_limit[self.to_model]
         self.velocity_limit = robot.velocity_limit[self.to_model]
         self.nominal = robot.nominal[self.to_model]

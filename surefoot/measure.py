@@ -328,9 +328,14 @@ def _on_bus(
 def profile_of(robot: Robot, drives: Sequence[Drive]) -> ServoProfile:
     """Return one profile for all: the median lag, the slowest limit that showed.
 
+    Of the legs, which balance, where any of their drives was moved: arms have others.
     Where no limit showed, the robot's own, or the smallest of what drives reached if
     that is more.
     """
+    model = RobotModel(robot)
+    at = np.flatnonzero(model.is_leg[model.to_bus])
+    legs = {robot.joint_names[i] for i in at}
+    drives = [drive for drive in drives if drive.joint in legs] or drives
     speeds = [drive.velocity_limit_rad_s for drive in drives if not drive.is_bound]
     if not speeds:
         reached = min(drive.velocity_limit_rad_s for drive in drives)

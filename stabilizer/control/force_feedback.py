@@ -8,6 +8,9 @@ disturbance. Along the sole and about its normal a leak pulls it back to the sta
 since a tangential wrench error integrated for ever walks the feet apart. A foot whose
 pressure is wanted at its edge is kept from tipping over that edge. A lifted foot
 descends at a bounded speed, its moment terms frozen, until it finds the ground.
+
+Locked and narrow joints are held in Lambda_c: asked for twists that the legs cannot do,
+the second QP does others, which answer no error, and the robot shakes itself over.
 """
 
 from __future__ import annotations
@@ -25,6 +28,13 @@ from surefoot.stabilizer.control.reference import Stance
 from surefoot.stabilizer.control.soft_ground import SoftGround
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import yaw_from
+
+FIRM_SHARE = 0.3
+"""Of the weight: a foot that carries so much stands firmly, however light the robot;
+with half of it, it does so on both feet [1]."""
+SEARCH_SHARE = 0.115
+"""Of the weight: what a lifted foot reaches for at least. The legs of a heavy robot
+take more to go down as fast [1]."""
 
 
 class ForceFeedback:
@@ -64,6 +74,7 @@ class ForceFeedback:
         period_s: float,
         lag_s: float = 0.0,
         speed: float = 0.0,
+        weight: float,
         landing_force_n: float = math.inf,
     ) -> None:
         """Precompute gains.
@@ -80,6 +91,7 @@ class ForceFeedback:
                 the loop through the feet must be slower than its delays.
             speed: of the fastest mode with the default K, see
                 :func:`surefoot.stabilizer.control.drives.fastest_mode` [1/s].
+            weight: of the robot [N].
             landing_force_n: largest normal force error that a landing foot yields to
                 [N].
         """
@@ -93,8 +105,9 @@ class ForceFeedback:
         linear, angular = dik.yield_limit_m_s, dik.yield_limit_rad_s
         self._yield_limit = np.array(([linear] * 3 + [angular] * 3) * 2)
         self._least_twist = -self._yield_limit
-        self._contact = contact
-        self._firm_force = ground.firm_force_n
+        self._descent_limit = contact.descent_limit_m_s
+        self._search_force = max(contact.search_force_n, SEARCH_SHARE * weight)
+        self._firm_force = min(ground.firm_force_n, FIRM_SHARE * weight)
         self._edge_begins = ground.edge_begins
         self._kept_flat = dik.keep_flat
         self._recovery = period_s / ground.recovery_s
@@ -117,6 +130,7 @@ class ForceFeedback:
     def retune(self, dik: DikSettings, ground: GroundSettings) -> None:
         """Take new gains; limits and filters stay as they were built."""
         self._k_force = np.array(dik.k_force * 2)
+        self._search_K_inv = -1.0 / self._k_force
         self._delay_s = max(dik.loop_delay_s, self._period_s)
         self._lag_stiffness = 1.0 + self._lag_s / dik.k_lag_s
         self._least_inverse = dik.least_inverse
@@ -172,7 +186,7 @@ class ForceFeedback:
             elif self.landing[side]:
                 self._soften(e_F[rows])
         np.multiply(e_F, self.minus_K_inv, out=self._scaled)
-        dynamics.Lambda_c_inv.dot(self._scaled, out=self.r)
+        dynamics.mobility.dot(self._scaled, out=self.r)
         np.minimum(self.r, self._yield_limit, out=self.r)
         np.maximum(self.r, self._least_twist, out=self.r)
         change = self.blend * (dynamics.v_sole - self._low_passed)
@@ -263,7 +277,7 @@ class ForceFeedback:
                 _room(outward, begins=self._sole_scale, ends=1.0),
                 _room(wanted / half, begins=self._edge_begins, ends=self._sole_scale),
             )
-            own = lowers * dynamics.Lambda_c_inv[index, index] * self._scaled[index]
+            own = lowers * dynamics.mobility[index, index] * self._scaled[index]
             free = 1.0 - self._kept_flat * (1.0 - room)
             kept = free * turn + (1.0 - free) * max(own, 0.0)
             self.r[index] = lowers * kept
@@ -316,18 +330,19 @@ class ForceFeedback:
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
         """Have a lifted foot go down, along the world's vertical.
 
-        As fast with slow drives as with others: what K grows for is a loop through the
-        ground, and while a foot is in the air the robot tips over the other one.
+        As fast with slow drives and with old readings as with others: what K grows for
+        is a loop through the ground, and while a foot is in the air the robot tips over
+        the other one.
         """
         self.share[side] = 0.0
         rows = SOLE_ROWS[side]
         index = 6 * side + NORMAL
         speed = (
-            dynamics.Lambda_c_inv[index, index]
-            * (self._contact.search_force_n - normal)
-            * self._firm_K_inv[index]
+            dynamics.mobility[index, index]
+            * (self._search_force - normal)
+            * self._search_K_inv[index]
         )
-        speed = min(max(speed, 0.0), self._contact.descent_limit_m_s)
+        speed = min(max(speed, 0.0), self._descent_limit)
         self.r[rows] = 0.0
         self.r[rows.start : rows.start + 3] = -speed * dynamics.R_world_sole[side][2]
 

@@ -108,6 +108,7 @@ class WholeBodyController(BalanceController):
             period_s=robot.period_s,
             lag_s=lag_s,
             speed=self._fastest_mode(robot),
+            weight=self.model.weight,
             landing_force_n=settings.walk.landing_force_n,
         )
         self.dik = Dik(

@@ -362,7 +362,7 @@ def _linear_controller(
         v_x=v_x,
         v_q=v_q,
         v_r=v_r,
-        r_e=dynamics.Lambda_c_inv * law.minus_K_inv,
+        r_e=dynamics.mobility * law.minus_K_inv,
         r_x=r_x,
         twist=twist,
         ground=np.array(settings.ground.gain * 2),

@@ -33,6 +33,9 @@ UNLIMITED: Final = 1e200
 SPEED_SHARE: Final = 5.0
 """No joint can turn at so many times its velocity limit, whatever its encoder says."""
 
+OVERLOAD_WEIGHTS: Final = 2.0
+"""A foot may be asked to carry so much, and a heavy robot's does on every step [1]."""
+
 
 class SensorLimits:
     """Holds one tick's numbers against limits, all at once.
@@ -144,14 +147,22 @@ class SensorHealth:
             reporting a force that lasts only if it is false.
     """
 
-    def __init__(self, robot: Robot, settings: SafetySettings) -> None:
-        """Believe everything until told otherwise."""
+    def __init__(
+        self, robot: Robot, settings: SafetySettings, *, weight: float = 0.0
+    ) -> None:
+        """Believe everything until told otherwise.
+
+        Args:
+            robot: whose sensors they are.
+            settings: limits and times.
+            weight: of the robot [N].
+        """
         self.lost: list[SensorTrouble | None] = [None] * len(SENSORS)
         self.overload_ticks = (0, 0)
         self._bridge = round(settings.bridge_s / robot.period_s)
         self._frozen_after = round(settings.frozen_after_s / robot.period_s)
         self._overload_after = round(settings.overload_after_s / robot.period_s)
-        self._overload = settings.overload_n**2
+        self._overload = max(settings.overload_n, OVERLOAD_WEIGHTS * weight) ** 2
         self._recover = round(settings.recover_s / robot.period_s)
         self._limits = SensorLimits(robot, settings)
         is_virtual = robot.file.virtual_ft is not None

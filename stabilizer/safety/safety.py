@@ -78,10 +78,10 @@ class Safety:
         self.detail = ""
         self.losses: dict[str, SensorTrouble] = {}
         self._settings = settings
-        self._health = SensorHealth(robot, settings)
         self._virtual: VirtualWrenches | None = None
         self._offsets: ForceOffsets | None = None
         model = RobotModel(robot)
+        self._health = SensorHealth(robot, settings, weight=model.weight)
         if robot.file.virtual_ft is None:
             self._offsets = ForceOffsets(model)
         else:

@@ -10,6 +10,7 @@ import numpy as np
 from surefoot.schemas.arrays import Array
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.control.force_feedback import ForceFeedback
+from surefoot.stabilizer.model import GRAVITY
 from tests.stabilizer.rig import BOTH, Rig
 
 PERIOD_S = 0.001
@@ -28,7 +29,17 @@ def settings_with(**sections: dict[str, Any]) -> ControllerSettings:
     return settings
 
 
-def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedback:
+WEIGHT = 70.0 * GRAVITY
+"""The Walker's [N]."""
+
+
+def make_law(
+    settings: ControllerSettings,
+    *,
+    lag_s: float = 0.0,
+    speed: float = 0.0,
+    weight: float = WEIGHT,
+) -> ForceFeedback:
     return ForceFeedback(
         settings.dik,
         settings.ground,
@@ -37,6 +48,8 @@ def make_law(settings: ControllerSettings, *, lag_s: float = 0.0) -> ForceFeedba
         sole_scale=settings.tsid.sole_scale,
         period_s=PERIOD_S,
         lag_s=lag_s,
+        speed=speed,
+        weight=weight,
     )
 
 

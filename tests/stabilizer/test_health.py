@@ -192,3 +192,17 @@ def test_what_has_not_the_length_of_an_attitude_is_none(
     odd = replace(second, quat_xyzw=scale * second.quat_xyzw)
     believed = health.check(odd, FRESH, moves=lambda: True)
     assert np.array_equal(believed.quat_xyzw, first.quat_xyzw)
+
+
+@pytest.mark.parametrize(("weight", "is_believed"), [(700.0, False), (1600.0, True)])
+def test_what_a_heavy_robot_weighs_is_no_overload(
+    walker: Robot, weight: float, *, is_believed: bool
+) -> None:
+    """Else one of 160 kg would lose a sensor on its first step."""
+    health, stream = SensorHealth(walker, SETTINGS, weight=weight), trembling(walker)
+    for _ in range(LONG):
+        reading = next(stream)
+        pressed = reading.ft_left.copy()
+        pressed[2] += 2000.0
+        health.check(replace(reading, ft_left=pressed), FRESH, moves=lambda: True)
+    assert health.all_believed is is_believed

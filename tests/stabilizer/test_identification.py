@@ -19,7 +19,7 @@ from surefoot.robot_io.snapshot import SnapshotLayout
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.sim_robot.catalogue import load_scenario
-from surefoot.stabilizer.identification import IdentifyController
+from surefoot.stabilizer.identification import Drive, IdentifyController
 from tests.stabilizer.closed_loop import NOISE
 
 pytestmark = pytest.mark.closed_loop
@@ -106,6 +106,31 @@ def test_a_limit_that_does_not_show_leaves_the_robots_own(walker: Robot) -> None
     slow = with_drives(walker, lag_s=0.005, speed=1.0)
     reached = profile_of(slow, [found]).velocity_limit_rad_s
     assert reached == pytest.approx(found.velocity_limit_rad_s, abs=1e-3)
+
+
+def test_the_profile_is_that_of_the_legs_however_many_arms_were_moved(
+    walker: Robot,
+) -> None:
+    """It is the legs' lag that is made up for while the robot balances."""
+
+    def drive(joint: str, lag_s: float, speed: float) -> Drive:
+        return Drive(
+            joint=joint,
+            lag_s=lag_s,
+            velocity_limit_rad_s=speed,
+            is_bound=False,
+            delay_s=0.001,
+            backlash_rad=0.0,
+            backlash_is_bound=False,
+            stiffness_scale=1.0,
+            misfit_rad=0.0,
+        )
+
+    legs = [drive(name, 0.02, 3.1) for name in ("left_knee", "right_ankle_roll")]
+    arms = [drive(name, 0.005, 1.0) for name in walker.joint_names if "wrist" in name]
+    assert len(arms) > len(legs)
+    assert profile_of(walker, [*arms, *legs]) == profile_of(walker, legs)
+    assert profile_of(walker, arms).lag_s == 0.005
 
 
 def test_ground_that_moves_is_refused(walker: Robot) -> None:

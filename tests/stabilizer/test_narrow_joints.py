@@ -10,8 +10,11 @@ from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.stabilizer.factory import check_settings, make_controller
-from surefoot.stabilizer.model import RobotModel
+from surefoot.stabilizer.model import N_BASE_V, RobotModel
 from tests.stabilizer.closed_loop import run_closed_loop, swing
+from tests.stabilizer.laws import PAPER, answer, make_law
+from tests.stabilizer.rig import Rig
+from tests.stabilizer.states import nominal_state
 
 PUSH = {"body": "torso", "force_n": [0.0, 90.0, 0.0], "start_s": 0.8}
 MOTION = swing("roll", 3.0, 0.7)
@@ -61,6 +64,24 @@ def test_it_balances_without_them(
     at = [robot.joint_names.index(name) for name in names]
     moved = np.abs(run.commands[:, at] - robot.nominal[at]).max()
     assert moved <= half_rad + LEAST_RANGE_RAD
+
+
+@pytest.mark.parametrize("half_rad", [0.0, 0.005])
+def test_the_soles_are_asked_for_nothing_that_takes_them(
+    walker: Robot, half_rad: float
+) -> None:
+    """Else the second QP moves them otherwise: with hip yaw locked the G1 fell."""
+    names = ("left_hip_yaw", "right_hip_yaw")
+    model = RobotModel(limited(walker, names, half_rad))
+    rig, law = Rig(model, PAPER), make_law(PAPER)
+    rig.go(nominal_state(model))
+    at = [N_BASE_V + list(model.pin_model.names).index(name) - 2 for name in names]
+    J = np.delete(rig.dynamics.J_contact, at, axis=1)
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        r = answer(law, rig, rng.normal(size=12))
+        asked = J @ np.linalg.lstsq(J, r, rcond=1e-9)[0]
+        np.testing.assert_allclose(asked, r, atol=1e-9)
 
 
 def test_margins_leave_half_of_every_range(walker: Robot) -> None:

@@ -243,6 +243,49 @@ def test_slow_drives_keep_part_of_their_inverse_whatever_the_feet_do(
 
 
 @LIFTED
+def test_old_forces_do_not_slow_the_search_for_the_ground(
+    model: RobotModel, side: int
+) -> None:
+    """K grows with their age, too, and the robot tips over meanwhile."""
+    rig = Rig(model, PAPER)
+    rig.go(nominal_state(model))
+    law = make_law(PAPER, speed=450.0)
+    speeds = []
+    for forces_s in (0.0, 0.01):
+        law.expect_age(forces_s=forces_s, motion_s=0.0)
+        r = answer(law, rig, NOTHING, in_contact=[RIGHT, LEFT][side])
+        speeds.append(r[NORMAL_ROWS[side]])
+    assert law.stiffness > 5.0
+    assert speeds[0] == speeds[1] < 0.0
+
+
+def test_a_light_robot_on_both_feet_stands_firmly(model: RobotModel) -> None:
+    """Half its weight is less than a foot of the Walker carries when it stands."""
+    rig, load = standing(model)
+    law = make_law(PAPER, lag_s=0.02, weight=0.1 * model.weight)
+    answer(law, rig, 0.1 * load, F_id=0.1 * load)
+    assert law.firmness == 1.0
+    assert law.share == [1.0, 1.0]
+
+
+@LIFTED
+def test_a_heavy_robot_reaches_for_more(model: RobotModel, side: int) -> None:
+    rig = Rig(model, PAPER)
+    rig.go(nominal_state(model))
+    speeds = [
+        answer(
+            make_law(PAPER, weight=weights * model.weight),
+            rig,
+            NOTHING,
+            in_contact=[RIGHT, LEFT][side],
+        )[NORMAL_ROWS[side]]
+        for weights in (0.3, 1.0, 2.0)
+    ]
+    assert speeds[0] == speeds[1]
+    assert speeds[2] < 1.9 * speeds[1] < 0.0
+
+
+@LIFTED
 def test_slow_drives_look_for_the_ground_as_fast_as_others(
     model: RobotModel, side: int
 ) -> None:
