@@ -12,11 +12,17 @@ from surefoot.cli.gain_commands import margins, tune
 from surefoot.cli.live_robot_commands import check_robot, identify, tare
 from surefoot.cli.network_commands import certs, relay, router
 from surefoot.cli.options import Command, Group
-from surefoot.cli.process_commands import robot, view, walk
+from surefoot.cli.process_commands import robot, stabilizer, view, walk
 from surefoot.cli.record_commands import log, record
 from surefoot.cli.replay_command import replay
 from surefoot.cli.robot_file_commands import check_robot_file, new_robot
-from surefoot.cli.run_commands import doctor, run, scenarios, stabilizer
+from surefoot.cli.run_commands import (
+    doctor,
+    robots,
+    run,
+    scenarios,
+    settings,
+)
 from surefoot.cli.study_commands import report, reproduce, sweep
 
 app = typer.Typer(
@@ -57,7 +63,8 @@ def surefoot(
 
 _COMMANDS = (
     *(run, robot, stabilizer, walk, view),
-    *(topics, echo, hz, record, replay, log, scenarios, doctor, margins),
+    *(topics, echo, hz, record, replay, log),
+    *(scenarios, robots, settings, doctor, margins),
     *(sweep, tune, report, reproduce, bench),
     *(router, relay, certs, check_robot, tare, identify),
     *(new_robot, check_robot_file),

@@ -1,15 +1,18 @@
-"""``surefoot robot``, ``walk`` and ``view``: the simulated robot, planner and page."""
+"""``surefoot robot``, ``stabilizer``, ``walk`` and ``view``, each in its process."""
 
 from __future__ import annotations
 
 import math
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from surefoot.cli import options
+from surefoot.cli.options import complete_scenario
 from surefoot.errors import ExitCode, exit_code_for
+from surefoot.schemas.reasons import EndReason, in_words
 
 
 def robot(
@@ -98,6 +101,136 @@ def robot(
             ),
             as_json=as_json,
         )
+    raise typer.Exit(code)
+
+
+_IN_ORDER = (
+    *(EndReason.SENSOR_LOST, EndReason.CONTROLLER_FAILED),
+    *(EndReason.LEASE_LOST, EndReason.ROBOT_FAULT),
+)
+"""Ends before the robot's own, which then holds its posture and tells how it went."""
+_CODES = {
+    EndReason.RUN_OVER: ExitCode.OK,
+    EndReason.FELL: ExitCode.FELL,
+    EndReason.STOPPED: ExitCode.INTERRUPTED,
+    EndReason.ROBOT_ENDED: ExitCode.UNREACHABLE,
+    EndReason.ROBOT_GONE: ExitCode.UNREACHABLE,
+    EndReason.ROBOT_SILENT: ExitCode.UNREACHABLE,
+}
+"""Other ends are failures."""
+
+
+def stabilizer(
+    controller: options.ControllerOption = "whole-body",
+    robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
+    lockstep: options.LockstepOption = True,
+    wait_s: options.WaitOption = 10.0,
+    reconnect: Annotated[
+        bool,
+        typer.Option(
+            "--reconnect",
+            help="When the robot goes away, wait for it and take command again from "
+            "the posture it holds.",
+        ),
+    ] = False,
+    walk: Annotated[
+        str | None,
+        typer.Option(
+            "--walk",
+            metavar="SCENARIO",
+            help="Take the steps of this scenario's \\[walk] table.",
+            autocompletion=complete_scenario,
+        ),
+    ] = None,
+    settings: options.SettingsOption = None,
+    overrides: options.SetOption = None,
+    endpoints: options.EndpointsOption = None,
+    connect: options.ConnectOption = None,
+    histogram: options.HistogramOption = False,
+    cpu: options.CpuOption = None,
+    realtime_priority: options.PriorityOption = None,
+    as_json: options.JsonOption = False,
+    child: options.ChildOption = False,
+    result_file: options.ResultFileOption = None,
+    record_file: options.RecordFileOption = None,
+) -> None:
+    """Run the stabilizer alone; it takes command of the robot it dials.
+
+    Exits with 4 when there is no robot, or it goes away before its run is over, and
+    with 5 when it fell. Ctrl-C brings the robot to rest first; again, and it ends at
+    once.
+    """
+    from msgspec.structs import replace
+
+    from surefoot.cli.console import print_result
+    from surefoot.cli.summary import controller_table, with_histograms
+    from surefoot.out_folder import write_json
+    from surefoot.processes.child import begin_process, log_note, log_warning
+    from surefoot.robot_io.realtime import Pace, StopRequest
+    from surefoot.robot_io.ticks.write import TickFile
+    from surefoot.run_folder import QP_FAILURE
+    from surefoot.run_plan import resolve_settings, steps_of
+
+    begin_process("stabilizer", child=child)
+    options.check_priority(realtime_priority, lockstep=lockstep)
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
+    resolved = resolve_settings(settings, overrides=overrides or [])
+    log_note(
+        f"{controller} for {model.file.name} dials "
+        f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
+    )
+    options.claim_processor(cpu=cpu, priority=realtime_priority)
+    # Slow import; report bad files first.
+    from surefoot.robot_files.judge import warnings_of
+    from surefoot.stabilizer.factory import check_read, check_settings, find_controller
+    from surefoot.stabilizer.node import run_stabilizer
+
+    check_read(overrides or [], [controller])
+    check_settings(resolved, model)
+    for warning in warnings_of(model):
+        log_warning(warning)
+    steps = None if walk is None else steps_of(walk, model, resolved)
+    make = find_controller(controller)
+    folder = result_file.parent if result_file is not None else Path.cwd()
+    stop = StopRequest()
+    with (
+        nullcontext()
+        if record_file is None
+        else TickFile(record_file, may_wait=lockstep) as ticks
+    ):
+        result = run_stabilizer(
+            lambda present: make(model, present),
+            model,
+            endpoints=meeting,
+            pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
+            connect_timeout_s=wait_s,
+            reconnect=reconnect,
+            histogram=histogram,
+            failure_file=folder / QP_FAILURE,
+            settings=resolved,
+            stop=stop,
+            ticks=ticks,
+            walk=steps,
+        )
+    if ticks is not None:
+        result = replace(result, unrecorded_ticks=ticks.lost_ticks)
+    code = _CODES.get(result.end, ExitCode.FAILED)
+    if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
+        log_warning(in_words(result.end, result.end_detail))
+    if result_file is not None:
+        write_json(result_file, result)
+    if not child:
+        print_result(
+            result,
+            lambda: with_histograms(
+                controller_table(result, controller, is_realtime=not lockstep),
+                result.histograms,
+            ),
+            as_json=as_json,
+        )
+    if child and result.end in _IN_ORDER:
+        raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
     raise typer.Exit(code)
 
 

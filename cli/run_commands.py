@@ -1,15 +1,15 @@
-"""``surefoot run``, ``stabilizer``, ``scenarios`` and ``doctor``."""
+"""``surefoot run``, ``scenarios``, ``robots``, ``settings`` and ``doctor``."""
 
 from __future__ import annotations
 
-from contextlib import nullcontext
+import math
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from surefoot.cli import options
-from surefoot.cli.options import complete_scenario
 from surefoot.errors import (
     ChildFailedError,
     ExitCode,
@@ -17,11 +17,14 @@ from surefoot.errors import (
     UsageError,
     exit_code_for,
 )
-from surefoot.schemas.reasons import EndReason, in_words
 
 if TYPE_CHECKING:
     from surefoot.run_plan import Mode
     from surefoot.schemas.endpoints import Endpoints
+    from surefoot.schemas.scenario import Push
+
+PUSH_S = 0.1
+"""A push of the command line lasts so long."""
 
 
 def run(
@@ -63,6 +66,29 @@ def run(
             "or with --inline in simulated time.",
         ),
     ] = None,
+    duration_s: Annotated[
+        float | None,
+        typer.Option(
+            "--duration", metavar="S", help="How long, instead of the scenario's."
+        ),
+    ] = None,
+    push: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--push",
+            metavar='"N s,deg,s"',
+            help="Push the base besides, for 0.1 s: impulse, direction (0 along x, 90 "
+            "along y) and when. May be repeated.",
+        ),
+    ] = None,
+    video: Annotated[
+        bool,
+        typer.Option(
+            "--video",
+            help="Also an mp4 and a still in DIR of --out; needs OpenGL without a "
+            "window and the extra `video`.",
+        ),
+    ] = False,
     scale_to_robot: Annotated[
         bool,
         typer.Option(
@@ -97,6 +123,8 @@ def run(
     from surefoot.runs import execute
 
     show_notes("surefoot.run")
+    if video:
+        _prepare_video(out)
     plan = make_plan(
         scenario,
         robot=robot,
@@ -108,6 +136,8 @@ def run(
         mode=_mode(lockstep=lockstep, inline=inline),
         relay=relay,
         scale_to_robot=scale_to_robot,
+        duration_s=duration_s,
+        pushes=[parse_push(text) for text in push or []],
     )
     for notice in (loop_notice(plan), walk_notice(plan)):
         if notice:
@@ -146,7 +176,58 @@ def run(
         )
     if error is not None:
         raise error
+    if video:
+        assert out is not None
+        _draw_video(out)
     raise typer.Exit(exit_code_for(done.result.outcome))
+
+
+def parse_push(text: str) -> Push:
+    """Return the push of ``N s,deg,s``: impulse, direction and time.
+
+    Raises:
+        UsageError: it is none.
+    """
+    from surefoot.schemas.scenario import Push
+
+    try:
+        impulse, turn_deg, start_s = (float(part) for part in text.split(","))
+    except ValueError:
+        impulse = turn_deg = start_s = math.nan
+    if not (impulse > 0.0 and start_s >= 0.0 and math.isfinite(impulse + turn_deg)):
+        raise UsageError(
+            f"--push {text!r}: expected impulse, direction and time, such as "
+            '"20,90,3.0": 20 N s along y after 3 s'
+        )
+    force, turn = impulse / PUSH_S, math.radians(turn_deg)
+    along = [force * math.cos(turn), force * math.sin(turn), 0.0]
+    return Push(force_n=along, start_s=start_s, duration_s=PUSH_S)
+
+
+def _prepare_video(out: Path | None) -> None:
+    """See that a video can be kept and drawn, as far as that can be known before."""
+    from surefoot.report.video import check_encoder, load_drawing
+
+    if out is None:
+        raise UsageError("--video needs --out DIR, the folder that keeps it")
+    check_encoder()
+    load_drawing()  # before the simulator is loaded for anything else
+
+
+def _draw_video(out: Path) -> None:
+    from surefoot.cli.console import count_bar, print_note
+    from surefoot.report.run_data import load_runs
+    from surefoot.report.video import check_drawing, draw_video
+    from surefoot.run_folder import STILL, VIDEO
+
+    [run] = load_runs([out])
+    check_drawing(run, video=True)
+    with TemporaryDirectory(dir=out, prefix=".video-") as making:
+        film, still = Path(making, VIDEO), Path(making, STILL)
+        draw_video(run, film, thumbnail=still, bar=count_bar)
+        for whole in (film, still):
+            whole.replace(out / whole.name)
+    print_note(f"video: {out / VIDEO}")
 
 
 def _mode(*, lockstep: bool, inline: bool) -> Mode:
@@ -196,134 +277,51 @@ def scenarios(as_json: options.JsonOption = False) -> None:
         print_table(scenario_table(shipped))
 
 
-_IN_ORDER = (
-    *(EndReason.SENSOR_LOST, EndReason.CONTROLLER_FAILED),
-    *(EndReason.LEASE_LOST, EndReason.ROBOT_FAULT),
-)
-"""Ends before the robot's own, which then holds its posture and tells how it went."""
-_CODES = {
-    EndReason.RUN_OVER: ExitCode.OK,
-    EndReason.FELL: ExitCode.FELL,
-    EndReason.STOPPED: ExitCode.INTERRUPTED,
-    EndReason.ROBOT_ENDED: ExitCode.UNREACHABLE,
-    EndReason.ROBOT_GONE: ExitCode.UNREACHABLE,
-    EndReason.ROBOT_SILENT: ExitCode.UNREACHABLE,
-}
-"""Other ends are failures."""
+def robots(as_json: options.JsonOption = False) -> None:
+    """List the shipped robots."""
+    from surefoot.cli.console import print_json, print_table
+    from surefoot.cli.summary import rows_table
+    from surefoot.robot_io.robot import list_robots, load_robot
+
+    shipped = [
+        {
+            "name": name,
+            "joints": len(model.joint_names),
+            "tick_ms": 1e3 * model.period_s,
+            "servo_profiles": list(model.file.servo.profiles),
+            "file": str(model.path),
+        }
+        for name in list_robots()
+        for model in [load_robot(name)]
+    ]
+    if as_json:
+        print_json(shipped)
+    else:
+        print_table(rows_table(shipped))
 
 
-def stabilizer(
-    controller: options.ControllerOption = "whole-body",
-    robot: options.RobotOption = "walker",
-    servo_profile: options.ServoOption = None,
-    lockstep: options.LockstepOption = True,
-    wait_s: options.WaitOption = 10.0,
-    reconnect: Annotated[
-        bool,
-        typer.Option(
-            "--reconnect",
-            help="When the robot goes away, wait for it and take command again from "
-            "the posture it holds.",
-        ),
-    ] = False,
-    walk: Annotated[
-        str | None,
-        typer.Option(
-            "--walk",
-            metavar="SCENARIO",
-            help="Take the steps of this scenario's \\[walk] table.",
-            autocompletion=complete_scenario,
-        ),
-    ] = None,
-    settings: options.SettingsOption = None,
-    overrides: options.SetOption = None,
-    endpoints: options.EndpointsOption = None,
-    connect: options.ConnectOption = None,
-    histogram: options.HistogramOption = False,
-    cpu: options.CpuOption = None,
-    realtime_priority: options.PriorityOption = None,
-    as_json: options.JsonOption = False,
-    child: options.ChildOption = False,
-    result_file: options.ResultFileOption = None,
-    record_file: options.RecordFileOption = None,
-) -> None:
-    """Run the stabilizer alone; it takes command of the robot it dials.
+def settings(as_json: options.JsonOption = False) -> None:
+    """List all settings: name, default, what it does; and the shipped files of some."""
+    import msgspec
 
-    Exits with 4 when there is no robot, or it goes away before its run is over, and
-    with 5 when it fell. Ctrl-C brings the robot to rest first; again, and it ends at
-    once.
-    """
-    from msgspec.structs import replace
+    from surefoot.cli.console import print_json, print_note, print_table
+    from surefoot.cli.summary import rows_table
+    from surefoot.schemas.json_schema import field_docs
+    from surefoot.schemas.settings import ControllerSettings
+    from surefoot.stabilizer.factory import shipped_settings
 
-    from surefoot.cli.console import print_result
-    from surefoot.cli.summary import controller_table, with_histograms
-    from surefoot.out_folder import write_json
-    from surefoot.processes.child import begin_process, log_note, log_warning
-    from surefoot.robot_io.realtime import Pace, StopRequest
-    from surefoot.robot_io.ticks.write import TickFile
-    from surefoot.run_folder import QP_FAILURE
-    from surefoot.run_plan import resolve_settings, steps_of
-
-    begin_process("stabilizer", child=child)
-    options.check_priority(realtime_priority, lockstep=lockstep)
-    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
-    resolved = resolve_settings(settings, overrides=overrides or [])
-    log_note(
-        f"{controller} for {model.file.name} dials "
-        f"{', '.join(meeting.router or meeting.connect)} for {wait_s:g} s at most"
-    )
-    options.claim_processor(cpu=cpu, priority=realtime_priority)
-    # Slow import; report bad files first.
-    from surefoot.robot_files.judge import warnings_of
-    from surefoot.stabilizer.factory import check_read, check_settings, find_controller
-    from surefoot.stabilizer.node import run_stabilizer
-
-    check_read(overrides or [], [controller])
-    check_settings(resolved, model)
-    for warning in warnings_of(model):
-        log_warning(warning)
-    steps = None if walk is None else steps_of(walk, model, resolved)
-    make = find_controller(controller)
-    folder = result_file.parent if result_file is not None else Path.cwd()
-    stop = StopRequest()
-    with (
-        nullcontext()
-        if record_file is None
-        else TickFile(record_file, may_wait=lockstep) as ticks
-    ):
-        result = run_stabilizer(
-            lambda present: make(model, present),
-            model,
-            endpoints=meeting,
-            pace=Pace.LOCKSTEP if lockstep else Pace.REALTIME,
-            connect_timeout_s=wait_s,
-            reconnect=reconnect,
-            histogram=histogram,
-            failure_file=folder / QP_FAILURE,
-            settings=resolved,
-            stop=stop,
-            ticks=ticks,
-            walk=steps,
-        )
-    if ticks is not None:
-        result = replace(result, unrecorded_ticks=ticks.lost_ticks)
-    code = _CODES.get(result.end, ExitCode.FAILED)
-    if code not in (ExitCode.OK, ExitCode.INTERRUPTED):
-        log_warning(in_words(result.end, result.end_detail))
-    if result_file is not None:
-        write_json(result_file, result)
-    if not child:
-        print_result(
-            result,
-            lambda: with_histograms(
-                controller_table(result, controller, is_realtime=not lockstep),
-                result.histograms,
-            ),
-            as_json=as_json,
-        )
-    if child and result.end in _IN_ORDER:
-        raise typer.Exit(ExitCode.OK)  # the robot tells how the run ends
-    raise typer.Exit(code)
+    sections = msgspec.to_builtins(ControllerSettings())
+    rows = [
+        {"name": f"{section.name}.{name}", "default": default, "text": docs[name]}
+        for section in msgspec.structs.fields(ControllerSettings)
+        for docs in [field_docs(section.type)]
+        for name, default in sections[section.name].items()
+    ]
+    if as_json:
+        print_json(rows)
+        return
+    print_table(rows_table(rows))
+    print_note(f"--settings takes {', '.join(shipped_settings())}, or a file")
 
 
 def doctor(as_json: options.JsonOption = False) -> None:

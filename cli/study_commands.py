@@ -37,9 +37,10 @@ def sweep(
         typer.Option(
             "--vary",
             metavar="PATH=VALUES",
-            help="Scenario value to vary: A,B,C or FROM:TO:COUNT. May be repeated: "
-            "all combinations. Paths: friction, platform.0.motion.0.amplitude_deg, "
-            "tilt_rate_deg_s, push.0.direction_deg, pace, ...",
+            help="Scenario value or setting to vary: A,B,C or FROM:TO:COUNT. May be "
+            "repeated: all combinations. Paths: friction, tilt_rate_deg_s, "
+            "platform.0.motion.0.amplitude_deg, push.0.direction_deg, pace, "
+            "tsid.com_kp, ...",
         ),
     ] = None,
     seeds: Annotated[

@@ -150,6 +150,23 @@ def scenario_table(scenarios: Mapping[str, Scenario]) -> Table:
     return table
 
 
+def rows_table(rows: Sequence[Mapping[str, object]]) -> Table:
+    """Return a table of rows that have the same keys."""
+    table = Table(box=None, pad_edge=False)
+    for number, key in enumerate(rows[0]):
+        style = "bold" if number == 0 else None
+        table.add_column(key.replace("_", " "), no_wrap=number == 0, style=style)
+    for row in rows:
+        table.add_row(*map(_in_cell, row.values()))
+    return table
+
+
+def _in_cell(value: object) -> str:
+    if isinstance(value, (list, tuple)):
+        return ", ".join(map(_in_cell, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
 def _figures(title: str) -> Table:
     table = Table(title=title, title_justify="left", show_header=False)
     table.add_column(no_wrap=True)

@@ -25,6 +25,7 @@ RESULT = "result.json"
 SETTINGS = "settings.toml"
 SCENARIO = "scenario.toml"
 RELAY = "relay.toml"
+VIDEO, STILL = "video.mp4", "video.png"
 TICKS, CONTROLLER_TICKS = "ticks.mcap", "controller-ticks.mcap"
 RECORD = "run.mcap"
 QP_FAILURE = "qp-failure.npz"
@@ -70,6 +71,7 @@ RUN_FILES = (
     *("robot.log", "stabilizer.log", "recorder.log", "relay.log", "view.log"),
     *("plant.json", "controller.json", "relay.json"),
     *("endpoints.toml", "beyond-endpoints.toml"),
+    *(VIDEO, STILL),
 )
 """Everything a run writes; nothing else in its folder is ever touched."""
 

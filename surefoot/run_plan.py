@@ -19,6 +19,7 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan
 from surefoot.schemas.scenario import (
+    Push,
     Scenario,
     load_scenario,
     recordings,
@@ -124,6 +125,8 @@ def make_plan(
     mode: Mode = "inline",
     relay: str | None = None,
     scale_to_robot: bool = False,
+    duration_s: float | None = None,
+    pushes: Sequence[Push] = (),
 ) -> RunPlan:
     """Load all files a run depends on.
 
@@ -138,9 +141,12 @@ def make_plan(
         mode: how the two sides are paced.
         relay: a shipped relay plan or the path of one, for a relay between them.
         scale_to_robot: make motions and pushes smaller that the robot cannot reach.
+        duration_s: of the run, instead of the scenario's [s].
+        pushes: besides the scenario's.
 
     Raises:
-        UsageError: a relay in lockstep; a scenario that cannot be scaled.
+        UsageError: a relay in lockstep; a scenario that cannot be scaled; a push after
+            the end.
         ScenarioError: no such scenario, or no such recording of its ground.
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed, or settings contradict
@@ -156,6 +162,19 @@ def make_plan(
     else:
         path = find_scenario(str(scenario))
         world, name = load_scenario(path), path.stem
+    if duration_s is not None or pushes:
+        source = str(path or world.name)
+        table = struct_table(world)
+        if duration_s is not None:
+            table["duration_s"] = duration_s
+        table["push"] = [*table.get("push", []), *map(struct_table, pushes)]
+        world, path = scenario_from_table(table, source=source), None
+        late = [push for push in pushes if push.start_s >= world.duration_s]
+        if late:
+            raise UsageError(
+                f"a push at {late[0].start_s:g} s: the run ends at "
+                f"{world.duration_s:g} s; push earlier, or run longer"
+            )
     with naming_scenario(path or Path(world.name)):
         recorded_ground(world)
     model = _robot(robot, servo_profile)

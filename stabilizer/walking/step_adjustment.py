@@ -44,7 +44,8 @@ NEARLY_M = 0.02
 ARRIVED_M = 0.001
 """A shift this near to its goal is there [m]."""
 CROSSING_M_S = 5.0
-"""Fastest shift of a step that crosses, where the drives let a leg swing so fast."""
+"""Fastest shift of a step that crosses, or parts the feet again, where the drives let a
+leg swing so fast."""
 _AHEAD, _ASIDE, _GROWTH = range(3)
 """Unknowns: shift ahead and to the left [m], and s over its plan [1]."""
 
@@ -256,7 +257,7 @@ class StepAdjustment:
         self, move: Move, support: Foothold, foot: tuple[Point, Point]
     ) -> Point:
         """Move the shift towards its goal, no faster than a leg follows."""
-        most = self._dt * self._rates[self._crosses]
+        most = self._dt * self._rates[self._is_across]
         goal = self._goal
         if self._is_across:
             goal = self._led_around(goal, move, support, foot)

@@ -111,15 +111,25 @@ def check_drawing(run: RunData, *, video: bool) -> None:
     """
     from surefoot.sim_robot.errors import RenderError
 
-    if video and find_spec("imageio_ffmpeg") is None:
-        raise EnvironmentFailedError(
-            "--video needs imageio-ffmpeg, which is not installed; "
-            f"{install_command('video')}"
-        )
+    if video:
+        check_encoder()
     try:
         next(_pictures(run, np.array([0]), size=(64, 48)))
     except RenderError as error:
         raise EnvironmentFailedError(str(error)) from error
+
+
+def check_encoder() -> None:
+    """Make sure that a video can be encoded.
+
+    Raises:
+        EnvironmentFailedError: it cannot; the message says what to install.
+    """
+    if find_spec("imageio_ffmpeg") is None:
+        raise EnvironmentFailedError(
+            "--video needs imageio-ffmpeg, which is not installed; "
+            f"{install_command('video')}"
+        )
 
 
 def draw_video(

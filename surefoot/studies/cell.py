@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import platform
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +14,7 @@ import msgspec
 from surefoot.errors import UsageError
 from surefoot.run_plan import resolve_settings
 from surefoot.schemas.reasons import Outcome
-from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.factory import controller_names, find_controller
 
@@ -109,7 +110,8 @@ class Cell:
     """What is run, and with which seed.
 
     Attributes:
-        group: scenario, its varied values, controller and servo profile.
+        group: scenario, varied values of it and of settings, controller and servo
+            profile.
         seed: of the sensor noise.
     """
 
@@ -142,14 +144,20 @@ class Cell:
 
         group = self.group
         path = find_scenario(group.scenario)
+        varied = dict(group.values)
+        settings = [
+            f"{name}={json.dumps(varied.pop(name))}"
+            for name in list(varied)
+            if name in setting_names()
+        ]
         return plan_in(
-            override_scenario(load_scenario(path), dict(group.values)),
+            override_scenario(load_scenario(path), varied),
             path,
             variant=group.variant,
             servo_profile=group.servo_profile,
             seed=self.seed,
             robot=robot,
-            overrides=overrides,
+            overrides=(*overrides, *settings),
         )
 
     def run(self, plan: RunPlan) -> Row:

@@ -17,6 +17,10 @@ from typing import Any
 
 from surefoot.errors import UsageError
 from surefoot.progress import CountBar, no_bar
+from surefoot.schemas.scenario import Scenario
+from surefoot.schemas.settings import setting_names
+from surefoot.schemas.validation import nearest
+from surefoot.stabilizer.factory import check_read
 from surefoot.studies.cell import (
     Cell,
     Group,
@@ -30,6 +34,10 @@ from surefoot.studies.execute import execute
 from surefoot.studies.store import StudyStore
 from surefoot.studies.tables import markdown_table, write_summary
 
+SETTINGS_ONLY = {name.partition(".")[0] for name in setting_names()} - set(
+    Scenario.__struct_fields__
+)
+"""Sections of settings that no scenario has."""
 MOST_RUNS = 1_000_000
 """Of a study: a year on one processor, and what memory holds of cells."""
 CONFIDENCE = 0.95
@@ -239,7 +247,8 @@ def make_cells(
 
     Args:
         scenarios: shipped names or paths.
-        levels: for each scenario key that is varied, its path with each value.
+        levels: for each scenario key, or setting, that is varied, its path with each
+            value.
         controllers: see :func:`study`.
         servo_profiles: of the robot file.
         seeds: of the sensor noise.
@@ -247,6 +256,7 @@ def make_cells(
     Raises:
         UsageError: there is no such controller, a key is varied twice, or there are
             more than ``MOST_RUNS``.
+        FileFormatError: none of the controllers reads a setting that is varied.
     """
     varied = [path for key in levels for path, _ in key[:1]]
     twice = next((path for path in varied if varied.count(path) > 1), None)
@@ -261,13 +271,18 @@ def make_cells(
         raise UsageError(
             f"{runs:.3g} runs: expected at most {MOST_RUNS}; give fewer values or seeds"
         )
-    names = [find_variant(name).name for name in controllers]
+    for path in varied:
+        section, known = path.partition(".")[0], setting_names()
+        if section in SETTINGS_ONLY and path not in known:
+            raise UsageError(f"--vary {path}: no such setting{nearest(path, known)}")
+    variants = [find_variant(name) for name in controllers]
+    check_read(varied, {variant.controller for variant in variants}, option="--vary")
     groups = [
-        Group(scenario, hashable(values), variant, profile)
+        Group(scenario, hashable(values), variant.name, profile)
         for scenario in scenarios
         for values in product(*levels)
         for profile in servo_profiles
-        for variant in names
+        for variant in variants
     ]
     return [Cell(group, seed) for seed in seeds for group in groups]
 

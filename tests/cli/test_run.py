@@ -7,10 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from surefoot.run_folder import MARKER
 from surefoot.schemas.result import RunResult
+from surefoot.schemas.scenario import load_scenario
 from surefoot.signals import read_signals
 from tests.command import Surefoot
 
@@ -95,3 +97,40 @@ def test_the_summary_is_for_people(surefoot: Surefoot, short_scenario: Path) -> 
     # No progress bar, no colours when it is not a terminal.
     assert done.stderr == ""
     assert "\x1b" not in done.stdout
+
+
+def test_duration_and_pushes_are_the_command_lines(
+    surefoot_here: Surefoot, short_scenario: Path, tmp_path: Path
+) -> None:
+    """What was run is kept; the scenario's own file stays as it is."""
+    before, out = short_scenario.read_text(), tmp_path / "out"
+    done = surefoot_here(
+        *("run", short_scenario, "--inline", "--controller", "hold", "--json"),
+        *("--duration", 0.2, "--push", "10,90,0.05", "--push", "4,0,0.1", "--out", out),
+    )
+    result = json.loads(done.stdout)
+    assert result["duration_s"] == pytest.approx(0.2)
+    assert short_scenario.read_text() == before
+    kept = load_scenario(out / "scenario.toml")
+    assert [push.start_s for push in kept.push] == [0.05, 0.1]
+    impulses = [np.multiply(push.force_n, push.duration_s) for push in kept.push]
+    assert np.allclose(impulses, [(0.0, 10.0, 0.0), (4.0, 0.0, 0.0)])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--push", "10,90"), "expected impulse, direction and time"),
+        (("--push", "0,90,0.1"), "expected impulse, direction and time"),
+        (("--push", "nan,90,0.1"), "expected impulse, direction and time"),
+        (("--push", "10,90,0.3"), "the run ends at 0.3 s"),
+        (("--duration", 0), "expected a number > 0.0"),
+        (("--video",), "needs --out"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_before_it_begins(
+    surefoot_here: Surefoot, short_scenario: Path, words: tuple[object, ...], said: str
+) -> None:
+    done = surefoot_here("run", short_scenario, "--inline", *words)
+    assert done.returncode == 2
+    assert said in done.stderr

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import json
 
+from surefoot.robot_io.robot import list_robots, load_robot
 from surefoot.schemas.scenario import load_scenario
+from surefoot.schemas.settings import ControllerSettings, setting_names
 from surefoot.sim_robot.catalogue import find_scenario, list_scenarios
 from tests.command import Surefoot
 
@@ -22,3 +24,23 @@ def test_the_list_is_json_on_request(surefoot_here: Surefoot) -> None:
     rows = json.loads(done.stdout)
     assert [row["name"] for row in rows] == list_scenarios()
     assert all(row["description"] for row in rows)
+
+
+def test_every_shipped_robot_is_listed(surefoot_here: Surefoot) -> None:
+    rows = json.loads(surefoot_here("robots", "--json").stdout)
+    assert [row["name"] for row in rows] == list_robots()
+    for row in rows:
+        model = load_robot(row["file"])
+        assert row["joints"] == len(model.joint_names)
+        assert row["tick_ms"] == 1e3 * model.period_s
+    told = surefoot_here("robots").stdout
+    assert all(name in told for name in list_robots())
+
+
+def test_every_setting_is_listed_with_what_it_does(surefoot_here: Surefoot) -> None:
+    rows = json.loads(surefoot_here("settings", "--json").stdout)
+    assert [row["name"] for row in rows] == setting_names()
+    assert all(row["text"] for row in rows)
+    defaults = {row["name"]: row["default"] for row in rows}
+    assert defaults["tsid.base_kp"] == ControllerSettings().tsid.base_kp
+    assert "walk.cross_ahead_m" in surefoot_here("settings").stdout

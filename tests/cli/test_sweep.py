@@ -85,3 +85,33 @@ def test_a_refused_sweep_leaves_nothing(
     assert done.returncode == 2
     assert "friction: got nan" in done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_settings_are_varied_as_scenario_values_are(
+    tmp_path: Path, surefoot_here: Surefoot
+) -> None:
+    varied = ["--vary", "dik.stance_leak=1,2", "--seeds", "1"]
+    words = ["sweep", scenario(tmp_path), *varied, "--out", tmp_path / "out"]
+    assert surefoot_here(*words).returncode == 0
+    rows = sorted(
+        read_rows(tmp_path / "out"), key=lambda row: row["values"]["dik.stance_leak"]
+    )
+    assert [row["values"] for row in rows] == [
+        {"dik.stance_leak": 1},
+        {"dik.stance_leak": 2},
+    ]
+    alone = surefoot_here(
+        *("run", scenario(tmp_path), "--inline", "--seed", 1, "--json"),
+        *("--set", "dik.stance_leak=2"),
+    )
+    assert rows[1]["log_sha256"] == json.loads(alone.stdout)["log_sha256"]
+    assert rows[0]["log_sha256"] != rows[1]["log_sha256"]
+    for name, said in (
+        ("dik.stance_lek", "did you mean 'dik.stance_leak'?"),
+        ("zmp.com_weight", "would not read it"),
+    ):
+        done = surefoot_here(
+            *words[:2], "--vary", f"{name}=1,2", "--out", tmp_path / "x"
+        )
+        assert done.returncode == 2
+        assert said in done.stderr
