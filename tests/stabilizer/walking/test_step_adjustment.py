@@ -12,6 +12,7 @@ from scipy.optimize import minimize
 from surefoot.schemas.settings import WalkSettings
 from surefoot.stabilizer.walking.footsteps import Foothold
 from surefoot.stabilizer.walking.gait import Gait
+from surefoot.stabilizer.walking.phase_changes import is_over
 from surefoot.stabilizer.walking.step_adjustment import StepAdjustment
 from surefoot.stabilizer.walking.step_queue import Move
 
@@ -295,3 +296,26 @@ def test_it_is_the_least_departure_from_the_plan(error: tuple[float, float]) -> 
     step.push(*error)
     assert step.shift == pytest.approx(best.x[:2], abs=2e-4)
     assert step.left_s == pytest.approx(left_s + math.log(best.x[2]) / OMEGA, abs=1e-3)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.2])
+@pytest.mark.parametrize(
+    ("ahead", "left", "over"),
+    [
+        (0.0, 0.0, True),
+        (0.15, 0.1, True),
+        (0.3, 0.2, True),
+        (0.3, 0.0, False),  # beside the way from sole to sole, within their rectangle
+        (0.0, 0.2, False),
+        (0.0, 0.08, True),
+        (-0.14, 0.0, False),
+        (0.44, 0.2, False),
+    ],
+)
+def test_between_the_soles_is_what_lies_on_the_way_from_one_to_the_other(
+    yaw: float, ahead: float, left: float, over: bool
+) -> None:
+    here = Foothold(1.0, 2.0, 0.0, yaw)
+    there, at = here.beside(0.3, 0.2), here.beside(ahead, left)
+    assert is_over(at[:2], here, there, half_sizes=HALF_SIZES) is over
+    assert is_over(at[:2], there, here, half_sizes=HALF_SIZES) is over
