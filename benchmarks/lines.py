@@ -117,7 +117,7 @@ def run_all(
         )
     for run, row in zip(runs, rows, strict=True):
         if not is_up(row):
-            print(f"{run.key}: {row['outcome']} at {row['fell_at_s']} s")
+            print(f"{run.key}: {row['outcome']} {row['outcome_detail']}")
     return rows
 
 
