@@ -315,8 +315,8 @@ class Loop:
     def _is_since_start(self, status: RobotStatus) -> bool:
         """Whether a status tells of this start: one from before may come after it.
 
-        Told by ticks, which sensors and status have in common; their stamps need not be
-        of one clock, and only order what is of one tick. Those after it are newer still.
+        Told by ticks, which sensors and status have in common: their stamps need not be
+        of one clock, and only order what is of one tick.
         """
         if not self._is_told:
             self._is_told = (status.tick, status.stamp_ns) >= self._began

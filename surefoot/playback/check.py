@@ -44,7 +44,7 @@ from surefoot.schemas.messages import (
 )
 from surefoot.schemas.reasons import StabilizerState
 from surefoot.schemas.settings import ControllerSettings, build_settings
-from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.schemas.walk_plan import WalkPlan, joined
 from surefoot.stabilizer.factory import check_read
 
 M = TypeVar("M", bound=Message)
@@ -159,7 +159,7 @@ def check(
         settings,
         said.of(SettingsChange),
         said.of(Reference),
-        said.of(WalkPlan),
+        joined(said.of(WalkPlan)),
     )
     for session in find_sessions(said.of(JointCommand), said.of(RobotStatus)):
         whole = _followable(session, notes)

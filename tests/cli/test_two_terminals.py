@@ -64,8 +64,8 @@ def test_a_stabilizer_in_its_own_terminal_tells_of_a_lost_sensor(
     start: Start, tmp_path: Path
 ) -> None:
     locator = f"tcp/127.0.0.1:{free_port()}"
-    fault = '[[fault]]\nsensor = "left_ankle_ft"\nkind = "drop"\nstart_s = 0.1\nduration_s = 1\n'
-    scenario = scenario_file(tmp_path, 0.3, more=fault)
+    fault = 'sensor = "left_ankle_ft"\nkind = "drop"\nstart_s = 0.1\nduration_s = 1\n'
+    scenario = scenario_file(tmp_path, 0.3, more=f"[[fault]]\n{fault}")
     robot = start("robot", scenario, "--listen", locator)
     stabilizer = start("stabilizer", "--connect", locator)
     table = stabilizer.communicate(timeout=PATIENCE_S)[0]

@@ -182,6 +182,8 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 ESTOPPED = robot_status(RobotMode.FAULT, ModeCause.ESTOP)
 RUN_OVER = robot_status(RobotMode.OFF, ModeCause.RUN_OVER)
+OTHERS = [msgspec.structs.replace(STATUS, tick=tick) for tick in range(1000)]
+"""Of a walk by somebody else's plan."""
 
 
 @pytest.mark.usefixtures("impatient")
@@ -191,6 +193,7 @@ RUN_OVER = robot_status(RobotMode.OFF, ModeCause.RUN_OVER)
         (FakeClient(has_stabilizer=False), "nobody commands the robot"),
         (FakeClient(), "no word of a walk"),
         (FakeClient(STATUS), "said nothing"),
+        (FakeClient(*OTHERS), "takes none of our plans: it is held, or"),
         (FakeClient(STATUS, has_stabilizer=False), "the stabilizer is gone"),
         (FakeClient(STATUS, robot=ESTOPPED), "the robot is in fault"),
         (FakeClient(STATUS, robot=RUN_OVER), "the robot has ended"),
@@ -289,4 +292,4 @@ def test_velocities_may_change_at_every_step() -> None:
 
 def test_too_quick_a_turn_is_refused_as_one() -> None:
     (why,) = _refusals([PACE._replace(ahead=0.0, yaw_rate=math.radians(40.0))])
-    assert why.endswith("left foot: turned by +1.12 rad, at most 0.6 rad")
+    assert why.endswith("left foot: turned by +1.117 rad, at most 0.6 rad")
