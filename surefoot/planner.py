@@ -26,7 +26,7 @@ STEPS_AHEAD = 5
 PERIOD_S = 0.1
 """Plans are sent so often: one that is lost is made up for by the next."""
 SILENCE_S = 5.0
-"""Without a stabilizer, a word of it on a walk, or a plan taken, for so long: given up."""
+"""Given up after so long without a stabilizer, its word of a walk, or a plan taken."""
 NO_ANSWER_S = 1.0
 """Who is asked for an end does not wait for one who has been silent for so long."""
 

@@ -312,8 +312,8 @@ class RobotServer(RobotsSide):
         elif not self._truth_is_missed:
             self._truth_is_missed = True
             _LOG.warning(
-                "nobody is told the true state: with %d blocks of ground it is %d bytes, "
-                "and the bus takes %d; have fewer or larger tiles",
+                "nobody is told the true state: with %d blocks of ground it is %d "
+                "bytes, and the bus takes %d; have fewer or larger tiles",
                 *(len(truth.ground), len(data), self._largest_truth),
             )
 
