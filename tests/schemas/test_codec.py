@@ -254,5 +254,5 @@ def test_service_replies_are_checked_for_joints_too() -> None:
 
 
 def test_bytes_that_msgpack_refuses_without_a_word_are_named_too() -> None:
-    with pytest.raises(MessageError, match=r"JointState: not MessagePack: \w"):
-        decode(b"\xc1rubbish", JointState)
+    with pytest.raises(MessageError, match=r"ImuState: not MessagePack: \w"):
+        decode(b"\xc1rubbish", messages.ImuState)
