@@ -15,7 +15,7 @@ from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import RobotIoError
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.messages import RobotMode, RobotStatus
+from surefoot.schemas.messages import Reference, RobotMode, RobotStatus
 from surefoot.schemas.reasons import (
     EndReason,
     ModeCause,
@@ -25,6 +25,7 @@ from surefoot.schemas.reasons import (
 )
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.controller import ControllerOutput, Walks
+from surefoot.stabilizer.control.reference import ReferenceLimits
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
@@ -72,6 +73,7 @@ class Loop:
         leave_s: float,
         failure_file: Path | None,
         walk: WalkPlan | None,
+        limits: ReferenceLimits,
     ) -> None:
         """Join controller and bus.
 
@@ -86,7 +88,11 @@ class Loop:
             leave_s: over which commands fade out when asked to stop [s].
             failure_file: where the first QP that cannot be solved is kept.
             walk: steps for the controller that starts first.
+            limits: of a planner's references.
         """
+        self._limits = limits
+        self._heard: Reference | None = None
+        self._followed: Reference | None = None
         self._given = walk
         self._requests = requests
         self._output: ControllerOutput | None = None
@@ -201,7 +207,7 @@ class Loop:
             self._last_tick = tick - 1
         taken = self._take_plan()
         output = self._safety.step(
-            reading.snapshot, reading.ages, self._client.reference()
+            reading.snapshot, reading.ages, self._reference(tick)
         )
         self._client.send(output.q_command, tick=tick)
         if taken is not None:
@@ -232,6 +238,18 @@ class Loop:
         for name, why in losses[self._losses_told :]:
             _LOG.warning("tick %d: %s %s, not believed", tick, name, plain(why))
         self._losses_told = len(losses)
+
+    def _reference(self, tick: int) -> Reference | None:
+        """A planner's newest reference that can be followed; None before the first."""
+        new, before = self._client.reference(), self._heard
+        if new is not None and new is not before:
+            self._heard = new
+            why = self._limits.why_not(new)
+            if not why:
+                self._followed = new
+            elif before is self._followed:  # said once, until one can be followed
+                _LOG.warning("tick %d: a reference is refused: %s", tick, why)
+        return self._followed
 
     def _take_plan(self) -> WalkPlan | None:
         """Give the controller new steps, once; a planner's go before those given."""
