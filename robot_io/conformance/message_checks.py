@@ -15,7 +15,7 @@ from surefoot.schemas.arrays import (
     Array,
     Vec3,
 )
-from surefoot.schemas.messages import ImuState
+from surefoot.schemas.messages import ImuState, RobotStatus
 from surefoot.schemas.sensors import SENSORS, Sensor, ankle_sensor, of_kind
 
 RATE_TOLERANCE = 0.1
@@ -31,10 +31,24 @@ LEAST_SHARE = 0.1
 """Of the weight, that each foot carries when the robot stands."""
 SERVO_ERROR_RAD = 0.1
 QUATERNION_TOLERANCE = 0.01
+STATUS_APART_S = 1.0
+"""A busy robot may be as late with its status [s]."""
 
 
-def check_messages(robot: Robot, recording: Recording, findings: Findings) -> None:
+def check_messages(
+    robot: Robot,
+    recording: Recording,
+    findings: Findings,
+    *,
+    status: RobotStatus | None = None,
+) -> None:
     """Check each channel by itself; needs a second of messages.
+
+    Args:
+        robot: what the files say.
+        recording: of the sensors.
+        findings: takes the result.
+        status: one that came meanwhile.
 
     Raises:
         RunBrokenOffError: a channel is silent, so nothing can be said of its values.
@@ -48,7 +62,7 @@ def check_messages(robot: Robot, recording: Recording, findings: Findings) -> No
         _check_rate(robot, name, ticks, stamps_s, findings)
         if entry.side is None or robot.file.virtual_ft is None:
             _check_life(entry, recording, findings)
-    _check_clock(recording, findings)
+    _check_clock(recording, status, findings)
     _check_jitter(robot, recording, findings)
 
 
@@ -116,8 +130,10 @@ def _check_life(entry: Sensor, recording: Recording, findings: Findings) -> None
     )
 
 
-def _check_clock(recording: Recording, findings: Findings) -> None:
-    """Hold the stamps of the sensors of a tick against each other."""
+def _check_clock(
+    recording: Recording, status: RobotStatus | None, findings: Findings
+) -> None:
+    """Hold the stamps of what is of one tick against each other."""
     joints, *others = (
         dict(
             zip(
@@ -141,6 +157,14 @@ def _check_clock(recording: Recording, findings: Findings) -> None:
         expected="one clock for all sensors, when each measured; those of one tick are "
         f"within {MS_PER_NS * OTHER_CLOCK_NS:g} ms",
     )
+    if status is not None and status.tick in joints:
+        apart_s = abs(status.stamp_ns - joints[status.tick]) / NS_PER_S
+        findings.add(
+            "status.clock",
+            apart_s <= STATUS_APART_S,
+            got=f"stamped {apart_s:.3f} s from the joints of its tick",
+            expected=f"the sensors' clock: within {STATUS_APART_S:g} s",
+        )
 
 
 def _check_jitter(robot: Robot, recording: Recording, findings: Findings) -> None:
