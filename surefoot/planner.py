@@ -127,7 +127,7 @@ def walk_on_bus(
     """
     heard_s = time.monotonic()
     last_word: WalkStatus | None = None
-    sent = set[int]()
+    sent, blind = set[int](), set[int]()
     is_taken, asked_s = False, math.inf
     taken = 0
     while not stop.is_urgent:
@@ -147,7 +147,7 @@ def walk_on_bus(
             if left == 0 and status.phase == "stand":
                 break
             is_taken = is_taken or status.plan_stamp_ns in sent
-            if status.refusal and status.plan_stamp_ns in sent:
+            if status.refusal and status.plan_stamp_ns in sent - blind:
                 break
         if steps is None and last_word is not None and _run_is_over(client):
             break
@@ -163,6 +163,8 @@ def walk_on_bus(
             plan = planner.plan(status, count=left)
             client.send(plan)
             sent.add(plan.stamp_ns)
+            if status is None:  # its ids are a guess: the robot may have walked before
+                blind.add(plan.stamp_ns)
             asked_s = min(asked_s, time.monotonic())
         else:
             asked_s = math.inf

@@ -239,6 +239,32 @@ def test_steps_are_counted_from_the_first_word_on_and_over_a_new_beginning(
     assert client.sent[2].steps[0].id == 0
 
 
+@pytest.mark.usefixtures("impatient")
+def test_a_plan_from_before_the_first_word_may_be_refused(
+    planner: VelocityPlanner,
+) -> None:
+    class Walked(FakeClient):
+        """Has walked, and says so once it hears a plan, which counts from 0."""
+
+        def send(self, plan: WalkPlan) -> None:
+            super().send(plan)
+            why = "ids go on from there" if plan.steps[0].id == 0 else ""
+            told = msgspec.structs.replace(
+                STATUS,
+                phase="stand",
+                refusal=why,
+                plan_stamp_ns=plan.stamp_ns,
+                last_step=6 if why else 9,
+            )
+            self._words.append(told)
+
+    client = Walked()
+    status = walk_on_bus(client, planner, steps=3, stop=StopRequest())  # type: ignore[arg-type]  # as above
+    assert status is not None
+    assert status.refusal == ""
+    assert [plan.steps[0].id for plan in client.sent[:2]] == [0, 7]
+
+
 def _refusals(paces: list[Pace]) -> list[str]:
     """Walk a step at each pace, by a plan of its own, and say what is refused."""
     planner = VelocityPlanner(PACE, half_width=HALF_M)
