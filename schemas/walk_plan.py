@@ -66,7 +66,8 @@ class WalkPlan(Message, frozen=True, kw_only=True):
     """What a planner wants walked; ``tick`` is the robot's tick it was made at.
 
     It takes the place of all steps that have not begun; steps that have are passed
-    over by their ``id``. Without steps the robot brings its feet together and stands.
+    over by their ``id``, and a plan that ends before the last of these is refused.
+    Without steps the robot brings its feet together and stands.
     """
 
     begin_tick: Count
