@@ -72,6 +72,7 @@ def _checks_table(report: ConformanceReport) -> Table:
 
 def tare(
     robot: options.RobotOption = "walker",
+    servo_profile: options.ServoOption = None,
     endpoints: options.EndpointsOption = None,
     connect: options.ConnectOption = None,
     wait_s: options.WaitOption = 10.0,
@@ -93,14 +94,13 @@ def tare(
     from surefoot.cli.console import print_json, print_text
     from surefoot.errors import UsageError
     from surefoot.measure import measure_tare
-    from surefoot.robot_io.robot import load_robot
-    from surefoot.schemas.endpoints import choose_endpoints
 
     if foot not in ("left", "right", "both"):
         raise UsageError(f"--foot {foot}: expected left, right or both")
+    model, meeting = options.dialed(robot, servo_profile, endpoints, connect)
     found = measure_tare(
-        load_robot(robot),
-        endpoints=choose_endpoints(endpoints, connect=connect),
+        model,
+        endpoints=meeting,
         foot=foot,  # type: ignore[arg-type]  # checked above
         duration_s=duration_s,
         timeout_s=wait_s,

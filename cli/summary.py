@@ -76,11 +76,7 @@ def _add_figures(table: Table, result: RunResult) -> None:
         table.add_row("ticks skipped, answered late", _late(result))
     if is_known:
         table.add_row("QP failures", str(result.qp_failures))
-    if result.lost_sensors:
-        lost = ", ".join(f"{x} {plain(why)}" for x, why in result.lost_sensors.items())
-        table.add_row("sensors lost", lost)
-    if result.degraded_ticks:
-        table.add_row("ticks without a sensor", str(result.degraded_ticks))
+    _add_losses(table, result)
 
 
 def plant_table(result: PlantResult, judgement: Judgement, *, title: str) -> Table:
@@ -108,6 +104,7 @@ def controller_table(
     table.add_row("stale snapshots", str(result.stale_snapshots))
     if is_realtime:
         table.add_row("ticks skipped, answered late", _late(result))
+    _add_losses(table, result)
     if result.restarts:
         table.add_row("started anew", f"{result.restarts} times")
     return table
@@ -211,6 +208,13 @@ def _add_force_error(table: Table, result: RunResult | ControllerResult) -> None
     if result.force_error_rms_n is not None:
         error = _row(result.force_error_rms_n, "N")
         table.add_row("force error rms (left, right)", error)
+
+
+def _add_losses(table: Table, result: RunResult | ControllerResult) -> None:
+    if result.lost_sensors:
+        lost = ", ".join(f"{x} {plain(why)}" for x, why in result.lost_sensors.items())
+        table.add_row("sensors lost", lost)
+        table.add_row("ticks without a sensor", str(result.degraded_ticks))
 
 
 def _recorded(ground: RecordedGround) -> str:

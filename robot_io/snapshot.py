@@ -18,6 +18,9 @@ from surefoot.schemas.topics import TICK_SENSORS
 
 Ages = tuple[int, ...]
 """Ticks since each sensor's message, in the order of the sensor table."""
+OTHER_CLOCK_NS = 200_000_000
+"""Readings of one tick whose stamps are farther apart are of several clocks, and their
+ages are not known: no loop balances with readings so old [ns]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +41,9 @@ class Snapshot:
         ft_left: (6,) [force; moment] from below on the left ankle, sensor frame.
         ft_right: (6,) the same for the right ankle.
         measured_ns: when each sensor measured what it reports, by the robot's clock and
-            in the order of the sensor table [ns]; empty: all did at ``stamp_ns``. Of a
-            message that did not come, only the age in ticks is told: see :data:`Ages`.
+            in the order of the sensor table [ns]; empty: all did at ``stamp_ns``, or it
+            is not known. Of a message that did not come, only the age in ticks is told:
+            see :data:`Ages`.
     """
 
     tick: int
@@ -203,7 +207,8 @@ def _stamps(stamps: list[int | None]) -> tuple[int | None, tuple[int, ...]]:
     if not known:
         return None, ()
     newest = max(known)
-    if min(known) == newest:
+    apart_ns = newest - min(known)
+    if apart_ns == 0 or apart_ns > OTHER_CLOCK_NS:
         return newest, ()
     return newest, tuple([newest if stamp is None else stamp for stamp in stamps])
 

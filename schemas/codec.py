@@ -141,7 +141,8 @@ def _decode_in_steps(data: bytes, kind: type[_T]) -> _T:
     try:
         raw = msgpack.unpackb(data)
     except _UNREADABLE as error:
-        raise MessageError(f"{kind.__name__}: not MessagePack: {error}") from error
+        why = str(error) or type(error).__name__  # which of msgpack's says it all
+        raise MessageError(f"{kind.__name__}: not MessagePack: {why}") from error
     version = raw.get("schema") if isinstance(raw, dict) else None
     # Anything but a whole number is left to the type check.
     if type(version) is int and version != SCHEMA_VERSION:

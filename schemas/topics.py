@@ -62,7 +62,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic("stabilizer", "stabilizer/status", Direction.FROM_STABILIZER,
           messages.StabilizerStatus, "50 Hz", "desired and measured wrenches, timing"),
     Topic("walk_taken", "stabilizer/plan", Direction.FROM_STABILIZER, WalkPlan,
-          "on change", "steps taken over, from this tick on: a planner's or its own"),
+          "on change", "steps taken over, from this tick on: a planner's or its own; a "
+          "long plan in parts that have tick and stamp in common"),
     Topic("settings_change", "stabilizer/settings", Direction.FROM_STABILIZER,
           messages.SettingsChange, "on change", "settings changed during a run"),
     Topic("settings", "srv/settings", Direction.STABILIZER_SERVICE,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Annotated
 
 import msgspec
@@ -66,7 +66,8 @@ class WalkPlan(Message, frozen=True, kw_only=True):
     """What a planner wants walked; ``tick`` is the robot's tick it was made at.
 
     It takes the place of all steps that have not begun; steps that have are passed
-    over by their ``id``. Without steps the robot brings its feet together and stands.
+    over by their ``id``, and a plan that ends before the last of these is refused.
+    Without steps the robot brings its feet together and stands.
     """
 
     begin_tick: Count
@@ -87,6 +88,36 @@ class WalkPlan(Message, frozen=True, kw_only=True):
                 f"step {step.id} moves the {step.side} foot, as the step before "
                 "it; left and right take turns"
             )
+
+
+STEP_BYTES, HEAD_BYTES = 128, 256
+"""Of a step on the wire, and of what is around the steps, at most."""
+
+
+def parts_of(plan: WalkPlan, *, most_bytes: int) -> list[WalkPlan]:
+    """Cut a plan into messages that the bus lets pass, in order; see :func:`joined`.
+
+    Args:
+        plan: any number of steps.
+        most_bytes: of a message.
+    """
+    size = max(1, (most_bytes - HEAD_BYTES) // STEP_BYTES)
+    begins = range(0, max(1, len(plan.steps)), size)
+    return [
+        msgspec.structs.replace(plan, steps=plan.steps[begin : begin + size])
+        for begin in begins
+    ]
+
+
+def joined(messages: Iterable[WalkPlan]) -> list[WalkPlan]:
+    """Put plans together again whose parts have tick and stamp in common."""
+    parts = itertools.groupby(messages, key=lambda plan: (plan.tick, plan.stamp_ns))
+    plans = []
+    for _, same in parts:
+        first, *others = same
+        steps = itertools.chain(first.steps, *(part.steps for part in others))
+        plans.append(msgspec.structs.replace(first, steps=list(steps)))
+    return plans
 
 
 Place = Annotated[list[float], msgspec.Meta(min_length=4, max_length=4)]

@@ -15,10 +15,17 @@ from surefoot.robot_io.client_side.client import RobotClient
 from surefoot.robot_io.errors import RobotIoError
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.schemas.arrays import Array
-from surefoot.schemas.messages import RobotMode, RobotStatus
-from surefoot.schemas.reasons import EndReason, ModeCause, StabilizerState, in_words
+from surefoot.schemas.messages import Reference, RobotMode, RobotStatus
+from surefoot.schemas.reasons import (
+    EndReason,
+    ModeCause,
+    StabilizerState,
+    in_words,
+    plain,
+)
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.controller import ControllerOutput, Walks
+from surefoot.stabilizer.control.reference import ReferenceLimits
 from surefoot.stabilizer.qp import save_failure
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
@@ -66,6 +73,7 @@ class Loop:
         leave_s: float,
         failure_file: Path | None,
         walk: WalkPlan | None,
+        limits: ReferenceLimits,
     ) -> None:
         """Join controller and bus.
 
@@ -80,7 +88,11 @@ class Loop:
             leave_s: over which commands fade out when asked to stop [s].
             failure_file: where the first QP that cannot be solved is kept.
             walk: steps for the controller that starts first.
+            limits: of a planner's references.
         """
+        self._limits = limits
+        self._heard: Reference | None = None
+        self._followed: Reference | None = None
         self._given = walk
         self._requests = requests
         self._output: ControllerOutput | None = None
@@ -90,7 +102,8 @@ class Loop:
         self._client = client
         self._telemetry = telemetry
         self._status_every = max(1, round(1.0 / (STATUS_RATE_HZ * period_s)))
-        self._began_ns = 0
+        self._began = (0, 0)
+        self._is_told = False
         self._answered = 0
         self._last_tick = 0
         self._hold_since_ns: int | None = None
@@ -126,6 +139,7 @@ class Loop:
     def _begin_with(self, safety: Safety) -> None:
         """Have the next snapshot start this controller; it never was before."""
         self._safety, self._is_started = safety, False
+        self._losses_told = 0
         self._requests.serve_controller(safety.controller)
 
     def _has_left(self, stop: StopRequest) -> bool:
@@ -187,12 +201,13 @@ class Loop:
             self._safety.start(reading.snapshot, q_held)
             self._is_started = True
             self._telemetry.begin()
-            self._began_ns = reading.snapshot.stamp_ns
+            self._began = (tick, reading.snapshot.stamp_ns)
+            self._is_told = False
             self._hold_since_ns = None
             self._last_tick = tick - 1
         taken = self._take_plan()
         output = self._safety.step(
-            reading.snapshot, reading.ages, self._client.reference()
+            reading.snapshot, reading.ages, self._reference(tick)
         )
         self._client.send(output.q_command, tick=tick)
         if taken is not None:
@@ -210,10 +225,31 @@ class Loop:
         self._telemetry.note(
             safety.state, safety.end, safety.detail, lost=safety.losses
         )
+        if len(safety.losses) > self._losses_told:
+            self._tell_losses(tick)
         self._answered += 1
         if output.qp_status != GOOD and self._failure_file is not None:
             self._keep_failure(self._failure_file)
         return output
+
+    def _tell_losses(self, tick: int) -> None:
+        """Say which sensors are not believed any more; of each once in a start."""
+        losses = list(self._safety.losses.items())
+        for name, why in losses[self._losses_told :]:
+            _LOG.warning("tick %d: %s %s, not believed", tick, name, plain(why))
+        self._losses_told = len(losses)
+
+    def _reference(self, tick: int) -> Reference | None:
+        """A planner's newest reference that can be followed; None before the first."""
+        new, before = self._client.reference(), self._heard
+        if new is not None and new is not before:
+            self._heard = new
+            why = self._limits.why_not(new)
+            if not why:
+                self._followed = new
+            elif before is self._followed:  # said once, until one can be followed
+                _LOG.warning("tick %d: a reference is refused: %s", tick, why)
+        return self._followed
 
     def _take_plan(self) -> WalkPlan | None:
         """Give the controller new steps, once; a planner's go before those given."""
@@ -271,9 +307,13 @@ class Loop:
             if status.mode is RobotMode.OFF:
                 reason, detail = told_end(status.cause, status.detail)
                 may_return = reason is EndReason.ROBOT_ENDED
+                unheard = client.missing_sensors()
+                if reason is EndReason.RUN_OVER and not self._answered and unheard:
+                    names = ", ".join(unheard)
+                    reason = EndReason.ROBOT_SILENT
+                    detail = f"no news from {names} until its run was over"
                 return End(reason, detail, may_return=may_return)
-            # On a busy machine, one from before the lease may come after it.
-            if self._is_started and status.stamp_ns >= self._began_ns:
+            if self._is_started and self._is_since_start(status):
                 if status.commander != client.identity:
                     return End(
                         EndReason.LEASE_LOST,
@@ -289,6 +329,16 @@ class Loop:
             detail = f"no news from {names} for {silence_s:.1f} s"
             return End(EndReason.ROBOT_SILENT, detail, may_return=True)
         return None
+
+    def _is_since_start(self, status: RobotStatus) -> bool:
+        """Whether a status tells of this start: one from before may come after it.
+
+        Told by ticks, which sensors and status have in common: their stamps need not be
+        of one clock, and only order what is of one tick.
+        """
+        if not self._is_told:
+            self._is_told = (status.tick, status.stamp_ns) >= self._began
+        return self._is_told
 
     def _is_owed_an_answer(self, reading: SnapshotReading | None) -> bool:
         """Whether a robot that is off has sent ticks after this one, still to be read.

@@ -26,7 +26,9 @@ from surefoot.schemas.result import ControllerResult
 from surefoot.schemas.settings import ControllerSettings
 from surefoot.schemas.walk_plan import WalkPlan
 from surefoot.stabilizer.control.controller import Controller, ControllerFactory
+from surefoot.stabilizer.control.reference import ReferenceLimits
 from surefoot.stabilizer.loop import End, Loop
+from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.requests import RequestHandler
 from surefoot.stabilizer.safety.safety import Safety
 from surefoot.stabilizer.telemetry import ControllerTelemetry, recorder_to
@@ -143,6 +145,7 @@ class _Node:
         self._endpoints, self._pace = endpoints, pace
         self._identity = identity or _made_up_identity(first.name)
         self._failure_file, self._settings = failure_file, settings
+        self._limits = ReferenceLimits(RobotModel(robot))
         self._stop = stop
         self.telemetry = ControllerTelemetry(
             first.name,
@@ -250,4 +253,5 @@ class _Node:
             leave_s=self._settings.safety.leave_s,
             failure_file=self._failure_file,
             walk=walk,
+            limits=self._limits,
         )

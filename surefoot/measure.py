@@ -362,13 +362,15 @@ def write_profile(
 ) -> ServoProfile:
     """Write a robot file that extends the robot's by what was identified.
 
-    A file that itself extends another one is written anew, with all it says.
+    A file that itself extends another one is written anew, with all it says. The
+    offsets of the ankle sensors are stored beside it as they are beside the robot's.
 
     Raises:
         UsageError: the file is there.
+        FileFormatError: the file with the offsets is malformed; nothing was written.
         OSError: it cannot be written.
     """
-    profile = profile_of(robot, drives)
+    profile, tare = profile_of(robot, drives), load_tare(robot.path)
     profiles = {**robot.file.servo.profiles, PROFILE: profile}
     servo = {"profile": PROFILE, "profiles": msgspec.to_builtins(profiles)}
     source = read_toml(robot.path)
@@ -385,6 +387,8 @@ def write_profile(
     lines += [f"# {line}" for line in in_lines(drives)]
     with new_file(out, overwrite=overwrite) as file:
         file.write(("\n".join(lines) + "\n\n" + tomli_w.dumps(table)).encode())
+    if not tare.is_zero and robot.path != out.resolve():
+        save_tare(out, tare)
     return profile
 
 

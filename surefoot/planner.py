@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import time
 
 from surefoot.robot_io.client_side.requests import PlannerClient
@@ -25,10 +26,15 @@ STEPS_AHEAD = 5
 PERIOD_S = 0.1
 """Plans are sent so often: one that is lost is made up for by the next."""
 SILENCE_S = 5.0
-"""Without a stabilizer, or a word of it on a walk, for so long: it is given up."""
+"""Given up after so long without a stabilizer, its word of a walk, or a plan taken."""
 NO_ANSWER_S = 1.0
 """Who is asked for an end does not wait for one who has been silent for so long."""
 
+NOT_HEARD = (
+    "does not hear them; on a bus with certificates dial with the planner's or the "
+    "operator's"
+)
+"""Who may plan is decided by who listens, and others are not told."""
 ENDS = (ModeCause.RUN_OVER, ModeCause.FELL, ModeCause.STOPPED, ModeCause.NO_COMMANDER)
 """Causes of a robot that is off for good."""
 
@@ -121,7 +127,8 @@ def walk_on_bus(
     """
     heard_s = time.monotonic()
     last_word: WalkStatus | None = None
-    sent = set[int]()
+    sent, blind = set[int](), set[int]()
+    is_taken, asked_s = False, math.inf
     taken = 0
     while not stop.is_urgent:
         status = client.status()
@@ -139,11 +146,16 @@ def walk_on_bus(
         if status is not None:
             if left == 0 and status.phase == "stand":
                 break
-            if status.refusal and status.plan_stamp_ns in sent:
+            is_taken = is_taken or status.plan_stamp_ns in sent
+            if status.refusal and status.plan_stamp_ns in sent - blind:
                 break
         if steps is None and last_word is not None and _run_is_over(client):
             break
         missing = _missing(client, silence_s, last_word)
+        if not (missing or is_taken) and time.monotonic() - asked_s > SILENCE_S:
+            missing = (
+                f"the stabilizer takes none of our plans: it is held, or {NOT_HEARD}"
+            )
         if missing:
             many = "" if last_word is None else f", after {taken} steps"
             raise RobotUnreachableError(f"{missing}{many}")
@@ -151,6 +163,11 @@ def walk_on_bus(
             plan = planner.plan(status, count=left)
             client.send(plan)
             sent.add(plan.stamp_ns)
+            if status is None:  # its ids are a guess: the robot may have walked before
+                blind.add(plan.stamp_ns)
+            asked_s = min(asked_s, time.monotonic())
+        else:
+            asked_s = math.inf
         time.sleep(PERIOD_S)
     return last_word
 
@@ -180,7 +197,7 @@ def _missing(
         if last_word is None:
             return (
                 "no word of a walk from the stabilizer: start one with --controller "
-                "whole-body"
+                f"whole-body; one that is of it {NOT_HEARD}"
             )
         return f"the stabilizer has said nothing for {silence_s:.0f} s"
     if last_word is None:

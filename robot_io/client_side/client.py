@@ -42,7 +42,7 @@ from surefoot.schemas.messages import (
 )
 from surefoot.schemas.sensors import SENSORS, Sensor
 from surefoot.schemas.topics import ALIVE_STABILIZER
-from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
+from surefoot.schemas.walk_plan import WalkPlan, WalkStatus, parts_of
 
 SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
@@ -271,8 +271,9 @@ class RobotClient:
         self._own_walk.put(encode(status))
 
     def publish_taken(self, plan: WalkPlan) -> None:
-        """Publish steps that the controller has taken over."""
-        self._own_taken.put(encode(plan))
+        """Publish steps that the controller has taken over, a long plan in parts."""
+        for part in parts_of(plan, most_bytes=self._endpoints.max_bytes):
+            self._own_taken.put(encode(part))
 
     def publish_status(self, status: StabilizerStatus) -> None:
         """Publish the controller's status."""

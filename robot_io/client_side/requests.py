@@ -121,8 +121,8 @@ class ServiceCaller:
                 raise RobotUnreachableError(f"{key}: the robot went away, unanswered")
             self._pause.wait(RETRY_PAUSE_S)
         raise RobotUnreachableError(
-            f"{key}: no answer from the robot within {limit_s:g} s; it may "
-            "hang, or be about to end"
+            f"{key}: no answer within {limit_s:g} s; who would answer may hang, or be "
+            "about to end; on a bus with certificates, ours may not be one that may ask"
         )
 
     def _ask_once(self, key: str, data: bytes, timeout_s: float) -> bytes | None:

@@ -6,8 +6,16 @@ import numpy as np
 
 from surefoot.robot_io.conformance.evidence import Findings, Recording, Skeleton
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import GRAVITY_M_S2, MS_PER_S, NS_PER_S, Array, Vec3
-from surefoot.schemas.messages import ImuState
+from surefoot.robot_io.snapshot import OTHER_CLOCK_NS
+from surefoot.schemas.arrays import (
+    GRAVITY_M_S2,
+    MS_PER_NS,
+    MS_PER_S,
+    NS_PER_S,
+    Array,
+    Vec3,
+)
+from surefoot.schemas.messages import ImuState, RobotStatus
 from surefoot.schemas.sensors import SENSORS, Sensor, ankle_sensor, of_kind
 
 RATE_TOLERANCE = 0.1
@@ -23,10 +31,24 @@ LEAST_SHARE = 0.1
 """Of the weight, that each foot carries when the robot stands."""
 SERVO_ERROR_RAD = 0.1
 QUATERNION_TOLERANCE = 0.01
+STATUS_APART_S = 1.0
+"""A busy robot may be as late with its status [s]."""
 
 
-def check_messages(robot: Robot, recording: Recording, findings: Findings) -> None:
+def check_messages(
+    robot: Robot,
+    recording: Recording,
+    findings: Findings,
+    *,
+    status: RobotStatus | None = None,
+) -> None:
     """Check each channel by itself; needs a second of messages.
+
+    Args:
+        robot: what the files say.
+        recording: of the sensors.
+        findings: takes the result.
+        status: one that came meanwhile.
 
     Raises:
         RunBrokenOffError: a channel is silent, so nothing can be said of its values.
@@ -40,6 +62,7 @@ def check_messages(robot: Robot, recording: Recording, findings: Findings) -> No
         _check_rate(robot, name, ticks, stamps_s, findings)
         if entry.side is None or robot.file.virtual_ft is None:
             _check_life(entry, recording, findings)
+    _check_clock(recording, status, findings)
     _check_jitter(robot, recording, findings)
 
 
@@ -87,15 +110,61 @@ def _check_rate(
 
 
 def _check_life(entry: Sensor, recording: Recording, findings: Findings) -> None:
-    name = entry.name
-    values = np.hstack([recording.column(name, each) for each in entry.attributes])
-    changing = np.ptp(values, axis=0) > 0.0
+    """Look for numbers that stand still, of each part of a sensor that has any."""
+    changing = {
+        quantity.attribute: int(
+            (np.ptp(recording.column(entry.name, quantity.attribute), axis=0) > 0).sum()
+        )
+        for quantity in entry.quantities
+        if quantity.trembles
+    }
+    # A gyroscope may be dead by itself; drives need not tell their effort.
+    needs_all = entry.message is ImuState
+    lives = (all if needs_all else any)(changing.values())
     findings.add(
-        f"{name}.alive",
-        bool(changing.any()),
-        got=f"{changing.sum()} of {values.shape[1]} numbers change at all",
+        f"{entry.name}.alive",
+        lives,
+        got=", ".join(f"{count} of {name}" for name, count in changing.items())
+        + " change at all",
         expected="a sensor's last digits move; equal ones for a second are stuck",
     )
+
+
+def _check_clock(
+    recording: Recording, status: RobotStatus | None, findings: Findings
+) -> None:
+    """Hold the stamps of what is of one tick against each other."""
+    joints, *others = (
+        dict(
+            zip(
+                recording.column(entry.name, "tick").tolist(),
+                recording.column(entry.name, "stamp_ns").tolist(),
+                strict=True,
+            )
+        )
+        for entry in SENSORS
+    )
+    apart_ms = {
+        entry.name: MS_PER_NS
+        * max((abs(stamps[t] - joints[t]) for t in stamps.keys() & joints), default=0)
+        for entry, stamps in zip(SENSORS[1:], others, strict=True)
+    }
+    name, most_ms = max(apart_ms.items(), key=lambda item: item[1])
+    findings.add(
+        "clock",
+        most_ms <= MS_PER_NS * OTHER_CLOCK_NS,
+        got=f"{name} is stamped {most_ms:.3f} ms from the joints",
+        expected="one clock for all sensors, when each measured; those of one tick are "
+        f"within {MS_PER_NS * OTHER_CLOCK_NS:g} ms",
+    )
+    if status is not None and status.tick in joints:
+        apart_s = abs(status.stamp_ns - joints[status.tick]) / NS_PER_S
+        findings.add(
+            "status.clock",
+            apart_s <= STATUS_APART_S,
+            got=f"stamped {apart_s:.3f} s from the joints of its tick",
+            expected=f"the sensors' clock: within {STATUS_APART_S:g} s",
+        )
 
 
 def _check_jitter(robot: Robot, recording: Recording, findings: Findings) -> None:

@@ -183,11 +183,14 @@ def check_watchdog(probe: Probe, findings: Findings) -> None:
         is not None
     )
     fault_s = probe.since(begin)
+    hint = ""
+    if gate.lease_s < gate.fault_after_s:
+        hint = f"; set gate.lease_s, {gate.lease_s:g} s, to that or more: it ends first"
     findings.add(
         "watchdog.fault",
         is_fault,
         got=_reaction(fault_s if is_fault else None, "no fault"),
-        expected=f"fault after {gate.fault_after_s:g} s of silence",
+        expected=f"fault after {gate.fault_after_s:g} s of silence{hint}",
     )
     _recover(probe, findings, "watchdog.reset")
 

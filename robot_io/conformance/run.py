@@ -108,7 +108,7 @@ def _try_all(probe: Probe, findings: Findings, sections: Collection[str]) -> Non
     enable(probe, findings, "mode.enable")
     if "sensors" in sections:
         recording = probe.stream(LOOK_S)
-        check_messages(probe.robot, recording, findings)
+        check_messages(probe.robot, recording, findings, status=probe.status)
         check_values(probe.robot, recording, probe.q_held, findings)
     if "wiring" in sections:
         check_joint_order(probe, findings)

@@ -41,7 +41,8 @@ class VendorAdapter(Protocol):
 
         Args:
             tick: counts the robot's periods; passed on.
-            stamp_ns: monotonic clock now; passed on, or a better one put instead [ns].
+            stamp_ns: monotonic clock now; passed on, or a better one put instead, of
+                one clock for all sensors [ns].
         """
         ...
 

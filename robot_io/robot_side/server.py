@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from enum import Enum
@@ -13,12 +14,14 @@ from surefoot.robot_io.robot_side.gate import CommandGate
 from surefoot.robot_io.robot_side.mode_machine import Answer, CommandResult, Refusal
 from surefoot.robot_io.robot_side.services import RobotServices, RobotsSide
 from surefoot.robot_io.snapshot import Snapshot, sensor_messages
-from surefoot.schemas.codec import decode_fields, encode
+from surefoot.schemas.codec import MAX_MESSAGE_BYTES, decode_fields, encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.errors import MessageError, SchemaVersionError
 from surefoot.schemas.messages import JointCommand, PushRequest, RobotMode, Truth
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import TICK_SENSORS
+
+_LOG = logging.getLogger(__name__)
 
 COMMANDS_KEPT = 256
 STATUS_PERIOD_S = 0.02
@@ -177,6 +180,9 @@ class RobotServer(RobotsSide):
         self._tick = 0
         self._status_due_s = 0.0
         self._told: tuple[RobotMode, ModeCause, str] | None = None
+        is_checked = bool(endpoints.router)
+        self._largest_truth = endpoints.max_bytes if is_checked else MAX_MESSAGE_BYTES
+        self._truth_is_missed = False
         self.deadline_misses = 0
 
     def wait_until_active(self, *, now_s: float, timeout_s: float | None) -> bool:
@@ -299,8 +305,17 @@ class RobotServer(RobotsSide):
         self._status.put(encode(status))
 
     def publish_truth(self, truth: Truth) -> None:
-        """Send what only a simulator knows."""
-        self._truth.put(encode(truth))
+        """Send what only a simulator knows, unless it is more than the bus takes."""
+        data = encode(truth)
+        if len(data) <= self._largest_truth:
+            self._truth.put(data)
+        elif not self._truth_is_missed:
+            self._truth_is_missed = True
+            _LOG.warning(
+                "nobody is told the true state: with %d blocks of ground it is %d "
+                "bytes, and the bus takes %d; have fewer or larger tiles",
+                *(len(truth.ground), len(data), self._largest_truth),
+            )
 
     def _declare(self) -> None:
         keys = self._robot.keys

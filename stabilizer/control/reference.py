@@ -23,6 +23,16 @@ APPROACH_RAD_S = 3.5
 """How fast it is led there otherwise: 97 % in 2 s."""
 ARRIVED = 1e-4
 """Of metre and radian; then it is there."""
+BEYOND_SOLES_M = 0.1
+"""No centre of mass can be kept farther from the soles, moving or not [m]."""
+FASTEST_M_S, HARDEST_M_S2 = 3.0, 15.0
+"""More than a robot on its feet can be asked for; friction alone bears less."""
+FARTHEST_FOOT_M = 1.0
+"""From between the feet to either [m]."""
+BEYOND_RANGE_RAD = 0.01
+"""A planner may round the end of a joint's range [rad]."""
+NORMS = (0.9, 1.1)
+"""Of a quaternion that is an attitude."""
 
 
 @dataclass
@@ -171,6 +181,68 @@ class Approach:
         stance.com_velocity += way * self._rate[:3]
         stance.com_acceleration += way * self._acceleration[:3]
         stance.base_error += way * self._offset[3:]
+
+
+class ReferenceLimits:
+    """What a robot on both feet can be asked for; what is beyond throws it over.
+
+    Generous: what is refused is another unit, another frame or a planner gone wrong.
+    """
+
+    def __init__(self, model: RobotModel) -> None:
+        """Read the limits of a robot."""
+        self._names = model.robot.joint_names
+        self._lower = model.robot.lower - BEYOND_RANGE_RAD
+        self._upper = model.robot.upper + BEYOND_RANGE_RAD
+        self._soles = [p.tolist() for p in standing(model).p_sole]
+        self._reach = [
+            max(sizes) + BEYOND_SOLES_M for sizes in zip(*model.half_sizes, strict=True)
+        ]
+
+    def why_not(self, reference: Reference) -> str:
+        """Why it cannot be followed, in words; empty when it can."""
+        turns = [reference.base_quat_xyzw, *(f.quat_xyzw for f in reference.feet)]
+        for quaternion in turns:
+            norm = math.hypot(*quaternion)
+            if not NORMS[0] < norm < NORMS[1]:
+                return f"a quaternion of norm {norm:.3g}, expected 1 (x y z w)"
+        posture = np.array(reference.posture)
+        beyond = np.maximum(self._lower - posture, posture - self._upper)
+        worst = int(beyond.argmax())
+        if beyond[worst] > 0.0:
+            return (
+                f"{self._names[worst]} at {posture[worst]:.4g} rad, expected "
+                f"{self._lower[worst]:.3f} to {self._upper[worst]:.3f}"
+            )
+        feet = [foot.position for foot in reference.feet] or self._soles
+        return (
+            _beyond("foot position", max(feet, key=_size), FARTHEST_FOOT_M, "m")
+            or _beyond("com_velocity", reference.com_velocity, FASTEST_M_S, "m/s")
+            or _beyond(
+                "com_acceleration", reference.com_acceleration, HARDEST_M_S2, "m/s^2"
+            )
+            or self._off_the_soles(reference.com, feet)
+        )
+
+    def _off_the_soles(self, com: list[float], feet: list[list[float]]) -> str:
+        for axis, reach in enumerate(self._reach):
+            ends = [foot[axis] for foot in feet]
+            least, most = min(ends) - reach, max(ends) + reach
+            if not least <= com[axis] <= most:
+                return (
+                    f"com {'xy'[axis]} at {com[axis]:.3g} m, expected {least:.3f} to "
+                    f"{most:.3f} m from between the feet"
+                )
+        return ""
+
+
+def _size(vector: list[float]) -> float:
+    return max(map(abs, vector))
+
+
+def _beyond(name: str, vector: list[float], most: float, unit: str) -> str:
+    size = _size(vector)
+    return f"{name}: {size:.3g} {unit}, at most {most:g}" if size > most else ""
 
 
 def standing(model: RobotModel) -> Stance:

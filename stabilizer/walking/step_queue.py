@@ -137,6 +137,11 @@ class StepQueue:
         ]
         self.drop()
         self.shift = (0.0, 0.0)
+        if plan.steps and plan.steps[-1].id < self.begun:
+            return (
+                f"its steps end with {plan.steps[-1].id}, and step {self.begun} has "
+                "begun; ids go on from there, also those of another planner"
+            )
         why = self._why_not(moves, feet, walks=walks)
         if not why:
             self._steps.extend(moves)
@@ -268,17 +273,17 @@ class StepQueue:
         x, y, yaw = move.place.seen_from(support)
         apart = y if move.side == 0 else -y
         if abs(x) > limits.longest_m:
-            return f"{x:+.2f} m ahead of the other, at most {limits.longest_m:g} m"
+            return f"{x:+.3f} m ahead of the other, at most {limits.longest_m:g} m"
         if not self._nearest <= apart <= limits.farthest_m:
             return (
-                f"{apart:.2f} m beside the other, expected {self._nearest:.2f} to "
+                f"{apart:.3f} m beside the other, expected {self._nearest:.3f} to "
                 f"{limits.farthest_m:g} m"
             )
         if abs(yaw) > limits.turn_limit_rad:
-            return f"turned by {yaw:+.2f} rad, at most {limits.turn_limit_rad:g} rad"
+            return f"turned by {yaw:+.3f} rad, at most {limits.turn_limit_rad:g} rad"
         rise = move.place.z - support.z
         if abs(rise) > limits.rise_limit_m:
-            return f"{rise:+.2f} m higher, at most {limits.rise_limit_m:g} m"
+            return f"{rise:+.3f} m higher, at most {limits.rise_limit_m:g} m"
         if self._soles:
             mine, other = self._soles[move.side], self._soles[1 - move.side]
             over = _overlap((move.place, mine), (support, other))

@@ -44,8 +44,10 @@ from surefoot.schemas.messages import (
 )
 from surefoot.schemas.reasons import StabilizerState
 from surefoot.schemas.settings import ControllerSettings, build_settings
-from surefoot.schemas.walk_plan import WalkPlan
+from surefoot.schemas.walk_plan import WalkPlan, joined
+from surefoot.stabilizer.control.reference import ReferenceLimits
 from surefoot.stabilizer.factory import check_read
+from surefoot.stabilizer.model import RobotModel
 
 M = TypeVar("M", bound=Message)
 
@@ -154,12 +156,13 @@ def check(
     outcomes: list[SessionOutcome] = []
     notes = said.notes
     sensors = RecordedSensors(said.entries, joint_count=robot.n_a, raw=said.raw)
+    limits = ReferenceLimits(RobotModel(robot))
     inputs = Inputs(
         robot,
         settings,
         said.of(SettingsChange),
-        said.of(Reference),
-        said.of(WalkPlan),
+        [one for one in said.of(Reference) if not limits.why_not(one)],
+        joined(said.of(WalkPlan)),
     )
     for session in find_sessions(said.of(JointCommand), said.of(RobotStatus)):
         whole = _followable(session, notes)

@@ -184,6 +184,9 @@ class Stroller:
     """Sends plans for a velocity while somebody wants the robot to walk.
 
     It is a planner like ``surefoot walk``, on a thread and a session of its own.
+
+    Attributes:
+        stops: how often it was stopped.
     """
 
     def __init__(
@@ -194,6 +197,8 @@ class Stroller:
         self._planner: VelocityPlanner | None = None
         self._stop = StopRequest()
         self._thread: threading.Thread | None = None
+        self._lock = threading.Lock()
+        self.stops = 0
 
     @property
     def is_walking(self) -> bool:
@@ -201,20 +206,26 @@ class Stroller:
         thread = self._thread
         return thread is not None and thread.is_alive() and not self._stop.is_set
 
-    def go(self, rates: tuple[float, float, float]) -> None:
-        """Walk at a velocity, or go on at it.
+    def go(self, rates: tuple[float, float, float], *, since: int) -> None:
+        """Walk at a velocity, or go on at it, unless it was stopped meanwhile.
 
         Args:
             rates: ahead and to the left [m/s], turn to the left [deg/s].
+            since: ``stops`` when somebody asked for it, which may have waited behind
+                other requests.
         """
         ahead, lateral, turn = rates
         pace = Pace(ahead, lateral, math.radians(turn), SINGLE_S, DOUBLE_S, HEIGHT_M)
         if self._planner is None:
             self._planner = VelocityPlanner(pace, half_width=half_width_of(self._robot))
         self._planner.pace = pace
-        if not self.is_walking:
-            if self._thread is not None:
-                self._thread.join()  # brings the feet together first
+        if self.is_walking:
+            return
+        if self._thread is not None:
+            self._thread.join()  # brings the feet together first
+        with self._lock:
+            if self.stops != since:
+                return
             self._stop = StopRequest()
             self._thread = threading.Thread(
                 target=self._walk, name="stroller", daemon=True
@@ -223,7 +234,9 @@ class Stroller:
 
     def stop(self) -> None:
         """Bring the feet together and stand."""
-        self._stop.set()
+        with self._lock:
+            self.stops += 1
+            self._stop.set()
 
     def _walk(self) -> None:
         assert self._planner is not None
@@ -305,13 +318,14 @@ class WalkControls:
 
     def _follow(self) -> None:
         if self.stroller.is_walking:
-            self.stroller.go(self._rates())
+            self.stroller.go(self._rates(), since=self.stroller.stops)
 
     def _go(self) -> None:
         ahead, lateral, turn = rates = self._rates()
+        since = self.stroller.stops
         self._asker.ask(
             f"walk at {ahead:g} m/s, {lateral:g} m/s left, {turn:g} deg/s",
-            lambda requests: self.stroller.go(rates),
+            lambda requests: self.stroller.go(rates, since=since),
         )
 
     def _halt(self) -> None:

@@ -125,3 +125,14 @@ def test_no_name_of_an_option_is_cut(columns: int) -> None:
         for line in done.output.splitlines():
             assert len(line) <= columns, words
             assert not re.match(r"\W*-\S*…", line), (words, line)
+
+
+def test_who_dials_a_robot_can_say_with_which_servo_profile_it_runs() -> None:
+    commands = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    flags = {
+        name: {flag for option in command.params for flag in option.opts}
+        for name, command in commands.items()
+    }
+    dialing = [name for name, known in flags.items() if "--wait" in known]
+    assert "tare" in dialing
+    assert [name for name in dialing if "--servo-profile" not in flags[name]] == []

@@ -60,6 +60,21 @@ def test_a_run_hands_its_priority_to_both_sides_and_the_next_to_its_recorder(
         )
 
 
+def test_a_stabilizer_in_its_own_terminal_tells_of_a_lost_sensor(
+    start: Start, tmp_path: Path
+) -> None:
+    locator = f"tcp/127.0.0.1:{free_port()}"
+    fault = 'sensor = "left_ankle_ft"\nkind = "drop"\nstart_s = 0.1\nduration_s = 1\n'
+    scenario = scenario_file(tmp_path, 0.3, more=f"[[fault]]\n{fault}")
+    robot = start("robot", scenario, "--listen", locator)
+    stabilizer = start("stabilizer", "--connect", locator)
+    table = stabilizer.communicate(timeout=PATIENCE_S)[0]
+    robot.communicate(timeout=PATIENCE_S)
+    log = (tmp_path / "stabilizer.log").read_text()
+    assert "left_ankle_ft missing, not believed" in log
+    assert "sensors lost" in table
+
+
 def test_endpoints_come_from_a_file(
     start: Start, short_scenario: Path, tmp_path: Path
 ) -> None:

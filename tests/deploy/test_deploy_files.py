@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+import typer
 import zenoh
 
 from deploy.zenoh.write import FILES, text
+from surefoot.cli.app import app
 from surefoot.robot_io.robot import load_robot
 from surefoot.robot_io.security.locators import (
     access_control,
@@ -26,6 +29,7 @@ DEPLOY = REPOSITORY / "deploy"
 
 ENDPOINT_FILES = sorted({*DEPLOY.rglob("*.toml")} - {*DEPLOY.glob("driver/ros2*.toml")})
 """All but the settings of drivers."""
+UNITS = sorted((DEPLOY / "systemd").glob("*"))
 
 
 @pytest.mark.parametrize("path", ENDPOINT_FILES, ids=str)
@@ -57,8 +61,29 @@ def test_access_follows_the_robot_files_keys() -> None:
     assert "walker/state/ft/left_ankle" not in allowed
 
 
+def unit_of(path: Path) -> dict[str, str]:
+    """What a unit says last of each key."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    pairs = (line.partition("=") for line in lines if not line.startswith(("#", "[")))
+    return {key: value for key, mark, value in pairs if mark}
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.stem)
+def test_the_command_line_of_a_unit_parses(unit: Path) -> None:
+    _, command, *arguments = shlex.split(unit_of(unit)["ExecStart"])
+    known = typer.main.get_command(app).commands  # type: ignore[attr-defined]
+    known[command].make_context(command, arguments)  # refuses what it does not know
+
+
+def test_after_a_fall_or_a_fault_no_unit_takes_command_again() -> None:
+    unit = unit_of(DEPLOY / "systemd" / "surefoot-stabilizer.service")
+    assert unit["Restart"] == "on-abnormal"  # no exit code starts it, a kill does
+    assert "RestartForceExitStatus" not in unit
+    assert "--reconnect" in unit["ExecStart"]
+
+
 @pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd here")
-@pytest.mark.parametrize("unit", sorted((DEPLOY / "systemd").glob("*")), ids=str)
+@pytest.mark.parametrize("unit", UNITS, ids=str)
 def test_systemd_understands_the_units(unit: Path, tmp_path: Path) -> None:
     """With a program that exists here in the place of the installed one."""
     copy = tmp_path / unit.name

@@ -23,9 +23,11 @@ from surefoot.schemas.codec import encode
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import (
     SCHEMA_VERSION,
+    GroundBlock,
     ModeRequest,
     Reference,
     RobotMode,
+    Truth,
 )
 from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_STABILIZER
@@ -41,6 +43,7 @@ from tests.robot_io.client_at_work import (
 )
 from tests.robot_io.sensor_messages import snapshot_at
 from tests.robot_io.served_robot import ServedRobot
+from tests.schemas.simplest_message import simplest_message
 from tests.support import PATIENCE_S, wait_until
 
 # Command --------------------------------------------------------------------------
@@ -282,3 +285,15 @@ def test_the_newest_reference_is_what_the_controller_gets(
         publisher.put(encode(reference(0.8)))
         publisher.put(encode(reference(0.9)))
         wait_until(lambda: height() == 0.9, what="the reference")
+
+
+def test_a_truth_too_long_for_the_bus_is_told_of_once(
+    served: ServedRobot, caplog: pytest.LogCaptureFixture
+) -> None:
+    plain = simplest_message(Truth)
+    block = simplest_message(GroundBlock)
+    long = msgspec.convert({**plain, "ground": [block] * 1000}, Truth)
+    for _ in range(2):
+        served.do(lambda server, _: server.publish_truth(long))
+    (told,) = caplog.messages
+    assert "with 1000 blocks of ground it is" in told

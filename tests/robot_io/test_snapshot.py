@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -99,3 +100,21 @@ def test_what_is_missing_keeps_its_last_readings(entry: Sensor) -> None:
     for field in SNAPSHOT_FIELDS:
         source = before if field in sensor(entry.name).fields else now
         assert np.array_equal(getattr(got, field), getattr(source, field)), field
+
+
+@pytest.mark.parametrize(("apart_ns", "is_known"), [(2_000_000, True), (10**10, False)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_stamps_of_another_clock_tell_no_age(
+    apart_ns: int, is_known: bool, sign: int
+) -> None:
+    stamp_ns = 10**12
+    messages = list(sensor_messages(snapshot_at(3), stamp_ns=stamp_ns))
+    messages[1] = msgspec.structs.replace(
+        messages[1], stamp_ns=stamp_ns + sign * apart_ns
+    )
+    joined = LAYOUT.join(3, messages)
+    assert any(joined.latencies_ns) is is_known
+    delivered, _ = Delivery().deliver(
+        replace(joined, measured_ns=tuple(m.stamp_ns for m in messages)), ()
+    )
+    assert any(delivered.latencies_ns) is is_known

@@ -251,3 +251,8 @@ def test_one_foot_alone_is_no_reference() -> None:
 def test_service_replies_are_checked_for_joints_too() -> None:
     raw = {**_example(messages.ServiceReply), "q_command": [0.0]}
     assert refusal(msgpack.packb(raw), messages.ServiceReply) == "q_command"
+
+
+def test_bytes_that_msgpack_refuses_without_a_word_are_named_too() -> None:
+    with pytest.raises(MessageError, match=r"ImuState: not MessagePack: \w"):
+        decode(b"\xc1rubbish", messages.ImuState)

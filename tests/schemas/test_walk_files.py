@@ -9,10 +9,12 @@ import pytest
 
 from surefoot.cli.process_commands import walk as walk_command
 from surefoot.schemas import walk_plan
+from surefoot.schemas.codec import encode
+from surefoot.schemas.endpoints import MAX_INCOMING_BYTES
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.scenario import Scenario, scenario_from_table
 from surefoot.schemas.scenario_paths import override_scenario
-from surefoot.schemas.walk_plan import Walk, WalkPlan, WalkStep
+from surefoot.schemas.walk_plan import Step, Walk, WalkPlan, WalkStep, joined, parts_of
 
 STEPS = [
     {"side": "right", "position_m": [0.1, -0.11]},
@@ -102,3 +104,25 @@ def test_the_command_line_has_the_bounds_of_files() -> None:
 def test_a_walk_built_in_python_is_checked_as_well() -> None:
     with pytest.raises(ValueError, match="left and right take turns"):
         Walk(step=[WalkStep(side="left", position_m=[0.0, 0.11])] * 2)
+
+
+def test_a_long_plan_goes_over_the_bus_in_parts_and_is_whole_again() -> None:
+    steps = [
+        Step(
+            id=2**62 + index,
+            side="right" if index % 2 else "left",
+            position=[0.1 * index, -1e300, 1e-300],
+            yaw=0.1,
+            single_s=0.3,
+            double_s=0.1,
+            height_m=0.1,
+        )
+        for index in range(300)
+    ]
+    plan = WalkPlan(schema=3, tick=7, stamp_ns=2**62, begin_tick=2**62, steps=steps)
+    parts = parts_of(plan, most_bytes=MAX_INCOMING_BYTES)
+    assert 1 < len(parts) < 5
+    assert max(len(encode(part)) for part in parts) <= MAX_INCOMING_BYTES
+    empty = msgspec.structs.replace(plan, steps=[], stamp_ns=3)
+    assert parts_of(empty, most_bytes=1024) == [empty]
+    assert joined([*parts, empty]) == [plan, empty]

@@ -14,7 +14,14 @@ from typer.testing import CliRunner
 from surefoot.cli.app import app
 from surefoot.errors import ChildFailedError, UsageError
 from surefoot.measure import identify_drives, judged, profile_of
-from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot import (
+    Robot,
+    Tare,
+    find_robot,
+    load_robot,
+    load_tare,
+    save_tare,
+)
 from surefoot.robot_io.snapshot import SnapshotLayout
 from surefoot.schemas.robot_file import ServoProfile
 from surefoot.schemas.scenario import Scenario, scenario_from_table
@@ -139,9 +146,11 @@ def test_ground_that_moves_is_refused(walker: Robot) -> None:
 
 
 def test_the_command_writes_a_robot_file_and_replaces_none(tmp_path: Path) -> None:
-    out = tmp_path / "mine.toml"
+    out, tared = tmp_path / "mine.toml", tmp_path / "tared.toml"
+    tared.write_text(f'extends = "{find_robot("walker")}"\n')
+    save_tare(tared, Tare(left=[1.0] * 6, robot="walker"))
     words = ["identify", "--inline", "--servo-profile", "harmonic", "--json"]
-    words += ["--joint", JOINT, "--out", str(out)]
+    words += ["--joint", JOINT, "--out", str(out), "--robot", str(tared)]
     answer = CliRunner().invoke(app, words)
     assert answer.exit_code == 0, answer.output
     told = json.loads(answer.stdout)
@@ -149,6 +158,7 @@ def test_the_command_writes_a_robot_file_and_replaces_none(tmp_path: Path) -> No
     profile = load_robot(out).servo_profile
     assert profile.lag_s == pytest.approx(0.02, abs=LAG_S)
     assert msgspec.to_builtins(profile) == told["profile"]
+    assert load_tare(out) == load_tare(tared)
     before = out.read_text()
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)

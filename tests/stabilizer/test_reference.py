@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import re
+
 import msgspec
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from surefoot.schemas.messages import FootReference, Reference
-from surefoot.stabilizer.control.reference import Approach, Stance, standing
+from surefoot.stabilizer.control.reference import (
+    Approach,
+    ReferenceLimits,
+    Stance,
+    standing,
+)
 from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel
 from tests.stabilizer.kinematic_robot import joint_offsets
@@ -159,3 +166,31 @@ def test_a_start_near_its_reference_is_asked_for_just_that(
     approach = Approach(period_s=1e-3)
     approach.begin(at(model, stance, leans=0.01), stance)
     assert approach.is_over
+
+
+def test_references_that_can_be_followed_are_not_refused(
+    model: RobotModel, reference: Reference
+) -> None:
+    limits = ReferenceLimits(model)
+    assert limits.why_not(standing_reference(model)) == ""
+    nominal = model.robot.nominal.tolist()
+    assert limits.why_not(msgspec.structs.replace(reference, posture=nominal)) == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"com": [5.0, 0.0, 600.0]}, "com x at 5 m, expected"),
+        ({"com": [0.0, 1e300, 0.6]}, "com y at 1e\\+300 m, expected"),
+        ({"com_velocity": [0.0, -100.0, 0.0]}, "com_velocity: 100 m/s, at most 3"),
+        ({"com_acceleration": [1e9, 0.0, 0.0]}, "com_acceleration: 1e\\+09 m/s"),
+        ({"base_quat_xyzw": [0.0, 0.0, 0.0, 0.0]}, "a quaternion of norm 0"),
+        ({"posture": [50.0] * 28}, " at 50 rad, expected"),
+        ({"feet": [yawed([50.0, 120.0, 0.0], 0.0)] * 2}, "foot position: 120 m"),
+    ],
+)
+def test_what_would_throw_the_robot_over_is_refused(
+    model: RobotModel, change: dict[str, object], words: str
+) -> None:
+    changed = msgspec.structs.replace(standing_reference(model), **change)
+    assert re.search(words, ReferenceLimits(model).why_not(changed))

@@ -182,6 +182,8 @@ def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 ESTOPPED = robot_status(RobotMode.FAULT, ModeCause.ESTOP)
 RUN_OVER = robot_status(RobotMode.OFF, ModeCause.RUN_OVER)
+OTHERS = [msgspec.structs.replace(STATUS, tick=tick) for tick in range(1000)]
+"""Of a walk by somebody else's plan."""
 
 
 @pytest.mark.usefixtures("impatient")
@@ -191,6 +193,7 @@ RUN_OVER = robot_status(RobotMode.OFF, ModeCause.RUN_OVER)
         (FakeClient(has_stabilizer=False), "nobody commands the robot"),
         (FakeClient(), "no word of a walk"),
         (FakeClient(STATUS), "said nothing"),
+        (FakeClient(*OTHERS), "takes none of our plans: it is held, or"),
         (FakeClient(STATUS, has_stabilizer=False), "the stabilizer is gone"),
         (FakeClient(STATUS, robot=ESTOPPED), "the robot is in fault"),
         (FakeClient(STATUS, robot=RUN_OVER), "the robot has ended"),
@@ -234,6 +237,32 @@ def test_steps_are_counted_from_the_first_word_on_and_over_a_new_beginning(
     walk_on_bus(client, planner, steps=3, stop=StopRequest())  # type: ignore[arg-type]  # as above
     assert [len(plan.steps) for plan in client.sent] == [3, 2, 2, 1]
     assert client.sent[2].steps[0].id == 0
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_plan_from_before_the_first_word_may_be_refused(
+    planner: VelocityPlanner,
+) -> None:
+    class Walked(FakeClient):
+        """Has walked, and says so once it hears a plan, which counts from 0."""
+
+        def send(self, plan: WalkPlan) -> None:
+            super().send(plan)
+            why = "ids go on from there" if plan.steps[0].id == 0 else ""
+            told = msgspec.structs.replace(
+                STATUS,
+                phase="stand",
+                refusal=why,
+                plan_stamp_ns=plan.stamp_ns,
+                last_step=6 if why else 9,
+            )
+            self._words.append(told)
+
+    client = Walked()
+    status = walk_on_bus(client, planner, steps=3, stop=StopRequest())  # type: ignore[arg-type]  # as above
+    assert status is not None
+    assert status.refusal == ""
+    assert [plan.steps[0].id for plan in client.sent[:2]] == [0, 7]
 
 
 def _refusals(paces: list[Pace]) -> list[str]:
@@ -289,4 +318,4 @@ def test_velocities_may_change_at_every_step() -> None:
 
 def test_too_quick_a_turn_is_refused_as_one() -> None:
     (why,) = _refusals([PACE._replace(ahead=0.0, yaw_rate=math.radians(40.0))])
-    assert why.endswith("left foot: turned by +1.12 rad, at most 0.6 rad")
+    assert why.endswith("left foot: turned by +1.117 rad, at most 0.6 rad")

@@ -68,6 +68,15 @@ def stuck_imu(s: Snapshot, tick: int) -> Snapshot:
     )
 
 
+def dead_gyroscope(s: Snapshot, tick: int) -> Snapshot:
+    return replace(s, angular_velocity=np.zeros(3))
+
+
+def imu_of_another_clock(s: Snapshot, tick: int) -> Snapshot:
+    joints, _, *forces = [s.stamp_ns] * len(CHANNELS)
+    return replace(s, measured_ns=(joints, s.stamp_ns - 10**10, *forces))
+
+
 def stuck_force(s: Snapshot, tick: int) -> Snapshot:
     return replace(s, ft_right=STUCK.setdefault("force", s.ft_right))
 

@@ -32,6 +32,10 @@ SENSOR_FAULTS = [
         {"left_ankle_ft.sign", "right_ankle_ft.sign", "feet.weight", "imu.attitude"},
     ),
     (
+        (broken.dead_gyroscope, broken.imu_of_another_clock),
+        {"imu.alive", "clock"},
+    ),
+    (
         (broken.degrees, broken.in_g, broken.stuck_force),
         {"joints.position", "joints.range", "imu.gravity", "right_ankle_ft.alive"},
     ),
@@ -92,7 +96,7 @@ def test_the_simulated_robot_passes_however_its_sensors_and_base_are_mounted(
     check_passes_but_for_time(done)
 
 
-@pytest.mark.usual("twists0-expected0", "twists2-expected2")
+@pytest.mark.usual("twists0-expected0", "twists1-expected1", "twists3-expected3")
 @pytest.mark.parametrize(("twists", "expected"), SENSOR_FAULTS)
 def test_a_faulty_sensor_is_named(
     endpoints: Endpoints, twists: tuple[broken.Twist, ...], expected: set[str]

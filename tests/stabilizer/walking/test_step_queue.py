@@ -72,6 +72,16 @@ def test_steps_begun_are_passed_over_and_the_rest_replaced(queue: StepQueue) -> 
     assert queue.planned == 2
 
 
+def test_a_planner_that_counts_anew_is_told_where_ids_go_on(queue: StepQueue) -> None:
+    first = step(8, position=[0.2, HALF_M, 0.0])
+    queue.take(plan(first), FEET, walks=False)
+    feet = [queue.begin(FEET).place, RIGHT]
+    assert queue.take(plan(first), feet, walks=True) == ""  # late, and no fault
+    assert "end with 1, and step 8 has" in queue.take(
+        plan(step(0), step(1)), feet, walks=True
+    )
+
+
 def test_an_empty_plan_brings_the_feet_together(queue: StepQueue) -> None:
     queue.take(plan(step(0), step(1)), FEET, walks=False)
     queue.begin(FEET)
