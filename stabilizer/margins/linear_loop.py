@@ -317,10 +317,14 @@ def _linear_controller(
     n_v, q_0 = model.n_v, dynamics.q.copy()
     zero_r, q_command = np.zeros(12), model.nominal.copy()
 
+    # Without limits: small motions reach those of no joint but a locked one.
+    moved = np.delete(np.arange(n_v), N_BASE_V + np.flatnonzero(model.is_locked))
+
     def joints(r: Array, q_command: Array) -> Array:
-        x = dik.solve(dynamics, stance, r=r, q_command=q_command).x
-        v: Array = x[N_BASE_V:][legs].copy()
-        return v
+        qp = dik.solve(dynamics, stance, r=r, q_command=q_command).problem
+        x = np.zeros(n_v)
+        x[moved] = np.linalg.solve(qp.P[np.ix_(moved, moved)], -qp.q_lin[moved])
+        return x[N_BASE_V:][legs]
 
     F_x, v_x = np.empty((12, 2 * n_v)), np.empty((len(legs), 2 * n_v))
     r_x = np.zeros((12, 2 * n_v))
