@@ -25,6 +25,8 @@ MOST_TICKS = 100
 _WALKS = ("whole-body", "zmp")
 """Controllers that take steps, each with the same limits."""
 _WHOLE = 1e-6
+_OF_A_TICK = 0.01
+"""A delay may be off by so much of a tick, as one that was printed with four digits is."""
 
 
 def make_controller(
@@ -197,7 +199,7 @@ def _borne_ms(plan: RunPlan) -> float:
 def _ticks(delay_ms: float, period_s: float) -> int:
     exact = delay_ms / (MS_PER_S * period_s)
     ticks = round(exact) if math.isfinite(exact) else -1
-    if not 0 <= ticks <= MOST_TICKS or abs(exact - ticks) > _WHOLE:
+    if not 0 <= ticks <= MOST_TICKS or abs(exact - ticks) > _OF_A_TICK:
         raise UsageError(
             f"delay: got {delay_ms:g} ms, expected a whole number of ticks of "
             f"{MS_PER_S * period_s:g} ms, 0 to {MOST_TICKS} of them"
