@@ -10,7 +10,7 @@ from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.schemas.law_settings import DikSettings
 from surefoot.schemas.settings import ControllerSettings, build_settings
 from surefoot.stabilizer.control.whole_body import WholeBodyController
-from surefoot.stabilizer.dynamics import NORMAL
+from surefoot.stabilizer.dynamics import NORMAL, Dynamics
 from surefoot.stabilizer.factory import check_settings, make_controller
 from surefoot.stabilizer.margins.margins import compute_margins
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
@@ -87,6 +87,21 @@ def test_the_soles_are_asked_for_nothing_that_takes_them(
         r = answer(law, rig, rng.normal(size=12))
         asked = J @ np.linalg.lstsq(J, r, rcond=1e-9)[0]
         np.testing.assert_allclose(asked, r, atol=1e-9)
+
+
+def test_soles_yield_as_if_the_joints_above_the_legs_were_held_as_well(
+    walker: Robot,
+) -> None:
+    """Else the second QP swings the trunk for them: so the G1 swayed by its waist."""
+    model = RobotModel(limited(walker, ("left_hip_yaw",), 0.005))
+    dynamics = Dynamics(model)
+    dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+    moving = np.flatnonzero(
+        np.concatenate((np.ones(N_BASE_V, bool), model.is_leg & ~model.is_narrow))
+    )
+    H, J = dynamics.inertia_matrix(), dynamics.J_contact[:, moving]
+    expected = J @ np.linalg.solve(H[np.ix_(moving, moving)], J.T)
+    np.testing.assert_allclose(dynamics.mobility, expected, atol=1e-9)
 
 
 @pytest.mark.closed_loop
