@@ -26,7 +26,7 @@ _WALKS = ("whole-body", "zmp")
 """Controllers that take steps, each with the same limits."""
 _WHOLE = 1e-6
 _OF_A_TICK = 0.01
-"""A delay may be off by so much of a tick, as one that was printed with four digits is."""
+"""A delay may be off by so much of a tick, as one of four printed digits is."""
 
 
 def make_controller(
