@@ -61,6 +61,12 @@ def test_the_bus_runs_the_same_and_keeps_it(run: sf.Run, tmp_path: Path) -> None
     assert outcome.compared >= 499  # the last answer may come after the end
 
 
+def test_a_notebook_shows_a_run_and_its_robot_in_a_line(run: sf.Run) -> None:
+    assert repr(run.robot) == "<Robot walker: 28 joints, 1000 Hz, ideal>"
+    assert repr(run).startswith(f"<Run of {ROLLING.name}: walker, whole-body, seed 3; ")
+    assert f"{run.outcome} 0.5 s" in repr(run)
+
+
 def test_settings_may_be_a_table_of_names(run: sf.Run) -> None:
     same = sf.simulate("walker", ROLLING, seed=3, settings={"tsid.com_kp": 40.0})
     other = sf.simulate("walker", ROLLING, seed=3, settings={"tsid.base_kp": 500.0})
