@@ -11,7 +11,7 @@ from msgspec.structs import fields
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
-from surefoot.run_plan import RunPlan, Settings, resolve_settings
+from surefoot.run_plan import RunPlan, Settings, resolve_robot, resolve_settings
 from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
 from surefoot.schemas.scenario_robot import SensorDelays
@@ -94,8 +94,7 @@ def compute_margins(
 
     Args:
         robot: shipped name, path of a robot file, or a loaded robot.
-        servo_profile: a profile of the robot file to use instead of its own; not of a
-            robot that is loaded.
+        servo_profile: a profile of the robot file to use instead of its own.
         settings: ``{"dik.k_force": -40.0}``, resolved settings, the name of shipped
             settings, a file, or None for the defaults.
         delay_ms: of the loop, from a reading to the step its answer acts in, a whole
@@ -106,8 +105,7 @@ def compute_margins(
         RobotFileError: no such robot.
         FileFormatError: a file or a setting is malformed.
     """
-    if not isinstance(robot, Robot):
-        robot = load_robot(str(robot), servo_profile=servo_profile)
+    robot = resolve_robot(robot, servo_profile)
     resolved = resolve_settings(settings)
     factory.check_settings(resolved, robot)
     ticks = 1
