@@ -266,3 +266,8 @@ class Delay(FileStruct, frozen=True, kw_only=True):
             value: float = getattr(self.sensor_ms, kind)
             return value
         return self.sensor_ms
+
+    @property
+    def shared_ms(self) -> float:
+        """By how much all sensors are late together, which no stamp shows [ms]."""
+        return min(self.of(kind.name) for kind in msgspec.structs.fields(SensorDelays))

@@ -6,15 +6,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msgspec.structs import fields
-
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
 from surefoot.run_plan import RunPlan, Settings, resolve_robot, resolve_settings
 from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
-from surefoot.schemas.scenario_robot import SensorDelays
+from surefoot.schemas.scenario_robot import Delay
 from surefoot.stabilizer import factory
 from surefoot.stabilizer.control.controller import Controller
 
@@ -116,18 +114,27 @@ def compute_margins(
     return compute(robot, resolved, delay_ticks=ticks)
 
 
+def loop_delay_ms(delay: Delay, robot: Robot) -> float:
+    """Return by how much sensors and commands are late together [ms].
+
+    What single sensors are late by beyond that, the stabilizer sees by their stamps,
+    and yields more slowly for it.
+    """
+    command_ms = delay.command_ms
+    if command_ms is None:
+        command_ms = MS_PER_S * robot.period_s
+    return command_ms + delay.shared_ms
+
+
 def loop_notice(plan: RunPlan) -> str:
     """Say that a run's loop is later than robot or stabilizer bear; empty if not.
 
     Of gains, only those of the whole-body stabilizer are judged.
     """
     tick_ms = MS_PER_S * plan.robot.period_s
-    delay = plan.scenario.delay
-    command_ms = tick_ms if delay.command_ms is None else delay.command_ms
-    # What single sensors are late by beyond that, the stabilizer sees by their stamps,
-    # and yields more slowly for it.
-    shared_ms = min(delay.of(field.name) for field in fields(SensorDelays))
-    whole_ms = command_ms + shared_ms
+    delay, shared_ms = plan.scenario.delay, plan.scenario.delay.shared_ms
+    whole_ms = loop_delay_ms(delay, plan.robot)
+    command_ms = whole_ms - shared_ms
     said = []
     borne_ms = _borne_ms(plan)
     if whole_ms > borne_ms + _WHOLE:
