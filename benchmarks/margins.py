@@ -34,9 +34,12 @@ from surefoot.stabilizer.margins.margins import compute_margins
 DURATION_S = 3.0
 SEEN_S = 1.0
 """Errors of the last second tell."""
-SWAYS = np.array([10.0, 10.0, 10.0, 2.5, 2.5, 2.5] * 2)
+NOISE_N, NOISE_NM = 0.2, 0.01
+"""Little of it, so that slow drives sway within their speed limit, too: beyond it they
+give way no further, and their feet go on to and fro by a few newtons."""
+SWAYS = 5.0 * np.array(([NOISE_N] * 3 + [5.0 * NOISE_NM] * 3) * 2)
 """Rms of wrench errors beyond noise, of both feet [N, N m]."""
-BISECTIONS = 5
+BISECTIONS = 6
 RANGE = 2.0
 """The factor is looked for within this from the one computed."""
 MOST_TICKS = 12
@@ -93,7 +96,7 @@ class Case:
         scenario = Scenario(
             name="margins",
             duration_s=DURATION_S,
-            sensors=Sensors(force_noise_n=2.0, moment_noise_nm=0.1),
+            sensors=Sensors(force_noise_n=NOISE_N, moment_noise_nm=NOISE_NM),
             delay=Delay(command_ms=1e3 * robot.period_s * self.delay_ticks),
         )
         sim = Simulation(robot, scenario, settings=settings)

@@ -163,6 +163,14 @@ class Robot:
     sole_normals: Array
     R_upright_base: Mat
 
+    def __repr__(self) -> str:
+        """Say which it is; its file's content would fill pages."""
+        file = self.file
+        return (
+            f"<Robot {file.name}: {self.n_a} joints, {file.rate_hz:g} Hz, "
+            f"{file.servo.profile}>"
+        )
+
     @property
     def joint_names(self) -> list[str]:
         """Joint names in bus order."""

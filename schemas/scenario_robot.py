@@ -219,7 +219,8 @@ class Sensors(FileStruct, frozen=True, kw_only=True):
     accel_drift_m_s2_min: Axes = 0.0
     """Accelerometer: how the offset grows [m/s^2/min]."""
     encoder_resolution_rad: NonNegative = 0.0
-    """Joint positions come in steps of this size."""
+    """Joint positions come in steps of this size, velocities are low-passed
+    differences of them; exact when 0."""
     encoder_offset_rad: float | dict[str, float] = 0.0
     """Reading less true position: of all joints, or by joint."""
     force_torque_rate_hz: Positive | None = None
@@ -265,3 +266,8 @@ class Delay(FileStruct, frozen=True, kw_only=True):
             value: float = getattr(self.sensor_ms, kind)
             return value
         return self.sensor_ms
+
+    @property
+    def shared_ms(self) -> float:
+        """By how much all sensors are late together, which no stamp shows [ms]."""
+        return min(self.of(kind.name) for kind in msgspec.structs.fields(SensorDelays))

@@ -319,7 +319,7 @@ def _reworded(text: str, path: str, raw: Any, kind: type[msgspec.Struct]) -> str
     elif expected[1].startswith("array") and items_of(path, kind):
         what = f"a list of {items_of(path, kind)}"
     else:
-        what += expected[2]
+        what += expected[2].replace("-0.0", "0.0")  # of what has to be negative
     return f"got {_short(got)}, expected {what}"
 
 

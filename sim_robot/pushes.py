@@ -18,7 +18,7 @@ from surefoot.schemas.scenario import Push
 from surefoot.schemas.scenario_robot import DisplacementRod, ForceRod, Rod, StrikeRod
 from surefoot.schemas.validation import nearest
 from surefoot.sim_robot.conventions import SIM_STEP_S
-from surefoot.sim_robot.errors import ScenarioError
+from surefoot.sim_robot.errors import ScenarioError, within
 from surefoot.sim_robot.motion import MotionLaw, motion_law
 from surefoot.sim_robot.world import World
 
@@ -266,7 +266,8 @@ class Rods:
         for index, rod in enumerate(rods):
             body = _find(rod.body, bodies, key=f"rod[{index}].body")
             mass = float(model.body_mass[body])
-            self.at_work.append(RodAtWork(rod, body, mass=mass))
+            with within(f"rod[{index}]"):
+                self.at_work.append(RodAtWork(rod, body, mass=mass))
 
     def apply(self, data: mujoco.MjData, step: int) -> None:
         """Add the forces of simulation step ``step``, counted from zero."""
@@ -338,7 +339,8 @@ def _check_steady(rod: Rod, mass: float) -> None:
         share += rod.damping_n_s_m * SIM_STEP_S / mass
     if share > STEADY:
         raise ScenarioError(
-            f"rod: link {rod.body!r} has {mass:.3g} kg, too little for so stiff a rod; "
+            f"stiffness_n_m: got {rod.stiffness_n_m:g} N/m against {rod.body!r} of "
+            f"{mass:.3g} kg, expected a rod that is less stiff for a link so light; "
             "lower stiffness_n_m and damping_n_s_m, or name a heavier link",
             field="stiffness_n_m",
         )

@@ -71,8 +71,9 @@ class Dynamics:
         p_sole: position of each sole in the world.
         X: (n_v, 12) H^-1 J_contact^T.
         Lambda_c_inv: (12, 12) inverse contact inertia, J_c H^-1 J_c^T.
-        mobility: (12, 12) the same with locked and narrow joints held: how the soles
-            can yield. Of lower rank where legs cannot do without these joints.
+        mobility: (12, 12) the same with locked and narrow joints of the legs held, and
+            where there are such, those above the legs as well: how the soles can yield.
+            Of lower rank where legs cannot do without these joints.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -95,7 +96,10 @@ class Dynamics:
         self.v_sole: Array = np.zeros(12)
         self.X: Mat = np.zeros((n_v, 12))
         self.Lambda_c_inv: Mat = np.zeros((12, 12))
-        self._held = N_BASE_V + np.flatnonzero(model.is_narrow & model.is_leg)
+        is_held = model.is_narrow & model.is_leg
+        if is_held.any():
+            is_held |= ~model.is_leg
+        self._held = N_BASE_V + np.flatnonzero(is_held)
         self.mobility = np.zeros((12, 12)) if self._held.size else self.Lambda_c_inv
         self._below = np.tri(n_v, k=-1, dtype=bool)
         # Views of what Pinocchio computes: asking for one anew costs more than reading.

@@ -63,6 +63,7 @@ class RobotModel:
         leg_joints: of left and right leg, (n_a,) whether a joint lies between base
             and sole.
         is_leg: (n_a,) whether it does in either.
+        is_locked: (n_a,) whether it cannot move.
         is_narrow: (n_a,) whether it is locked or can hardly move.
         T_base_imu: placement of the IMU in the base.
 
@@ -110,6 +111,7 @@ class RobotModel:
         self._read_fixed_frames(robot)
         self.lower = robot.soft_lower[self.to_model]
         self.upper = robot.soft_upper[self.to_model]
+        self.is_locked = self.upper - self.lower < LOCKED_RAD
         self.is_narrow = self.upper - self.lower < NARROW_RAD
         self.torque_limit = robot.torque_limit[self.to_model]
         self.velocity_limit = robot.velocity_limit[self.to_model]
@@ -153,8 +155,7 @@ class RobotModel:
             outside its range, since a QP needs room between two limits.
         """
         fitting = np.minimum(margin, MARGIN_SHARE * (self.upper - self.lower))
-        is_locked = self.upper - self.lower < LOCKED_RAD
-        fitting[is_locked] = -LOCKED_RAD
+        fitting[self.is_locked] = -LOCKED_RAD
         return np.vstack((self.lower + fitting, self.upper - fitting))
 
     def frame_id(self, name: str) -> int:

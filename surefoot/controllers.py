@@ -6,15 +6,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from msgspec.structs import fields
-
 from surefoot.errors import UsageError
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.robot_io.robot_side.driver import VendorAdapter, run_driver
-from surefoot.run_plan import RunPlan, Settings, resolve_settings
+from surefoot.run_plan import RunPlan, Settings, resolve_robot, resolve_settings
 from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.endpoints import Endpoints, load_endpoints
-from surefoot.schemas.scenario_robot import SensorDelays
+from surefoot.schemas.scenario_robot import Delay
 from surefoot.stabilizer import factory
 from surefoot.stabilizer.control.controller import Controller
 
@@ -25,6 +23,8 @@ MOST_TICKS = 100
 _WALKS = ("whole-body", "zmp")
 """Controllers that take steps, each with the same limits."""
 _WHOLE = 1e-6
+_OF_A_TICK = 0.01
+"""A delay may be off by so much of a tick, as one of four printed digits is."""
 
 
 def make_controller(
@@ -92,8 +92,7 @@ def compute_margins(
 
     Args:
         robot: shipped name, path of a robot file, or a loaded robot.
-        servo_profile: a profile of the robot file to use instead of its own; not of a
-            robot that is loaded.
+        servo_profile: a profile of the robot file to use instead of its own.
         settings: ``{"dik.k_force": -40.0}``, resolved settings, the name of shipped
             settings, a file, or None for the defaults.
         delay_ms: of the loop, from a reading to the step its answer acts in, a whole
@@ -104,8 +103,7 @@ def compute_margins(
         RobotFileError: no such robot.
         FileFormatError: a file or a setting is malformed.
     """
-    if not isinstance(robot, Robot):
-        robot = load_robot(str(robot), servo_profile=servo_profile)
+    robot = resolve_robot(robot, servo_profile)
     resolved = resolve_settings(settings)
     factory.check_settings(resolved, robot)
     ticks = 1
@@ -116,18 +114,27 @@ def compute_margins(
     return compute(robot, resolved, delay_ticks=ticks)
 
 
+def loop_delay_ms(delay: Delay, robot: Robot) -> float:
+    """Return by how much sensors and commands are late together [ms].
+
+    What single sensors are late by beyond that, the stabilizer sees by their stamps,
+    and yields more slowly for it.
+    """
+    command_ms = delay.command_ms
+    if command_ms is None:
+        command_ms = MS_PER_S * robot.period_s
+    return command_ms + delay.shared_ms
+
+
 def loop_notice(plan: RunPlan) -> str:
     """Say that a run's loop is later than robot or stabilizer bear; empty if not.
 
     Of gains, only those of the whole-body stabilizer are judged.
     """
     tick_ms = MS_PER_S * plan.robot.period_s
-    delay = plan.scenario.delay
-    command_ms = tick_ms if delay.command_ms is None else delay.command_ms
-    # What single sensors are late by beyond that, the stabilizer sees by their stamps,
-    # and yields more slowly for it.
-    shared_ms = min(delay.of(field.name) for field in fields(SensorDelays))
-    whole_ms = command_ms + shared_ms
+    delay, shared_ms = plan.scenario.delay, plan.scenario.delay.shared_ms
+    whole_ms = loop_delay_ms(delay, plan.robot)
+    command_ms = whole_ms - shared_ms
     said = []
     borne_ms = _borne_ms(plan)
     if whole_ms > borne_ms + _WHOLE:
@@ -197,7 +204,7 @@ def _borne_ms(plan: RunPlan) -> float:
 def _ticks(delay_ms: float, period_s: float) -> int:
     exact = delay_ms / (MS_PER_S * period_s)
     ticks = round(exact) if math.isfinite(exact) else -1
-    if not 0 <= ticks <= MOST_TICKS or abs(exact - ticks) > _WHOLE:
+    if not 0 <= ticks <= MOST_TICKS or abs(exact - ticks) > _OF_A_TICK:
         raise UsageError(
             f"delay: got {delay_ms:g} ms, expected a whole number of ticks of "
             f"{MS_PER_S * period_s:g} ms, 0 to {MOST_TICKS} of them"

@@ -99,7 +99,8 @@ def _up(plant: PlantResult, walk: WalkReport | None) -> Judgement:
     done, planned = walk.steps_done, walk.steps_planned
     if walk.is_over and done == planned > 0 and not walk.refusal:
         far = "" if plant.distance_m is None else f", {plant.distance_m:.2f} m"
-        return Judgement(Outcome.WALKED, f"{done} steps{far}, {detail}")
+        steps = "1 step" if done == 1 else f"{done} steps"
+        return Judgement(Outcome.WALKED, f"{steps}{far}, {detail}")
     why = walk.refusal or _unfinished(walk)
     return Judgement(Outcome.STOOD, f"{detail}, {done} of {planned} steps taken: {why}")
 

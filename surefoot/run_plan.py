@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
+import numpy as np
 
 from surefoot.errors import UsageError
 from surefoot.robot_files.judge import warnings_of
 from surefoot.robot_files.scenario_fit import scale_to_robot as fitted
 from surefoot.robot_io.relay.relay import find_plan
-from surefoot.robot_io.robot import Robot, load_robot
+from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.schemas.errors import FileFormatError
 from surefoot.schemas.relay_plan import RelayPlan, load_relay_plan
 from surefoot.schemas.scenario import (
@@ -145,20 +146,26 @@ def make_plan(
         pushes: besides the scenario's.
 
     Raises:
-        UsageError: a relay in lockstep; a scenario that cannot be scaled; a push after
-            the end.
+        UsageError: a relay in lockstep; a scenario that cannot be scaled or is none; a
+            push after the end; a seed that is none.
         ScenarioError: no such scenario, or no such recording of its ground.
         RobotFileError: no such robot, or its files contradict each other.
         FileFormatError: a file or an override is malformed, or settings contradict
             each other, the robot or the scenario; an override that the controller
             does not read.
     """
+    _check_seed(seed)
     relay_path = None if relay is None else _find_relay_plan(relay, mode)
     path: Path | None = None
     if isinstance(scenario, Scenario):  # checked like one from a file
         table = struct_table(scenario)
         world = scenario_from_table(table, source=repr(scenario.name))
         name = world.name
+    elif not isinstance(scenario, (str, Path)):
+        raise UsageError(
+            f"scenario: got a {type(scenario).__name__}, expected a name, the path of "
+            "a TOML, or a Scenario; sf.Scenario(name=..., duration_s=...) makes one"
+        )
     else:
         path = find_scenario(str(scenario))
         world, name = load_scenario(path), path.stem
@@ -177,7 +184,7 @@ def make_plan(
             )
     with naming_scenario(path or Path(world.name)):
         recorded_ground(world)
-    model = _robot(robot, servo_profile)
+    model = resolve_robot(robot, servo_profile)
     for warning in warnings_of(model):
         _log.warning("%s", warning)
     if scale_to_robot:
@@ -197,7 +204,7 @@ def make_plan(
         robot_name=str(robot) if is_shipped else str(model.path),
         controller=controller,
         settings=resolved,
-        seed=seed,
+        seed=int(seed),
         mode=mode,
         relay=None if relay_path is None else load_relay_plan(relay_path),
         relay_path=relay_path,
@@ -229,12 +236,25 @@ def _steps(scenario: Scenario, robot: Robot, settings: ControllerSettings) -> Wa
     return plan_of(scenario.walk, robot, settings.walk, duration_s=scenario.duration_s)
 
 
-def _robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:
+def _check_seed(seed: int) -> None:
+    if not isinstance(seed, (int, np.integer)) or seed < 0:
+        raise UsageError(f"seed: got {seed!r}, expected a whole number, 0 or more")
+
+
+def resolve_robot(robot: str | Path | Robot, servo_profile: str | None) -> Robot:
+    """Load a robot, or take a loaded one, with its own servo profile or another.
+
+    Raises:
+        RobotFileError: no such robot, or its files contradict each other.
+        FileFormatError: a file is malformed, or has no such profile.
+    """
     if not isinstance(robot, Robot):
         return load_robot(robot, servo_profile=servo_profile)
     if servo_profile is None or servo_profile == robot.file.servo.profile:
         return robot
-    return load_robot(robot.path, servo_profile=servo_profile)
+    servo = msgspec.structs.replace(robot.file.servo, profile=servo_profile)
+    file = msgspec.structs.replace(robot.file, servo=servo)
+    return make_robot(file, path=robot.path, urdf_path=robot.urdf_path)
 
 
 def _find_relay_plan(relay: str, mode: Mode) -> Path:

@@ -54,6 +54,14 @@ class Run:
     folder: Path | None = None
     recorded: Signals | None = None
 
+    def __repr__(self) -> str:
+        """Say what ran and how it went; the whole of it would fill pages."""
+        r = self.result
+        return (
+            f"<Run of {r.scenario}: {r.robot}, {r.controller}, seed {r.seed}; "
+            f"{r.outcome} {r.outcome_detail}>"
+        )
+
     @cached_property
     def signals(self) -> Signals:
         """What is known of it at every tick, by name; ``signals.describe()`` lists it.

@@ -14,7 +14,7 @@ w^2 / R; along the sole they do not slip.
 
 What the controller does with small deviations is asked of its own parts, so that a
 changed law or weight changes its margins too. Taken to be without fault: the state
-estimate. Left out: joints above the legs are not commanded.
+estimate.
 
 The loop is cut where the wrench errors e_F enter the law: a factor there is one on
 1 / |K|.
@@ -28,7 +28,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from surefoot.robot_io.robot import Robot
 from surefoot.schemas.arrays import Array, Mat
@@ -53,18 +52,16 @@ class LinearPlant:
     """x_next = A x + B u, F = C x, u held from tick to tick.
 
     Attributes:
-        A: (n, n) of x = (dq, v, s, F), s the leg joints' set-points.
-        B: (n, n_legs) of the positions commanded to the leg joints; the others stay.
+        A: (n, n) of x = (dq, v, s, F), s the joints' set-points.
+        B: (n, n_a) of the positions commanded.
         C: (12, n) wrenches of the ground on the soles during the last step, sole
             frames [N, N m].
-        legs: which joints are commanded, model order.
         n_v: size of dq and of v.
     """
 
     A: Mat
     B: Mat
     C: Mat
-    legs: NDArray[np.intp]
     n_v: int
 
 
@@ -87,8 +84,7 @@ def linear_plant(
         contact_stiffness: of one sole on its ground, along its normal [N/m].
         lag_s: of the set-points [s].
     """
-    n_v, legs = model.n_v, np.flatnonzero(model.is_leg)
-    m = len(legs)
+    n_v, m = model.n_v, model.n_a
     substeps = max(1, math.ceil(robot.period_s / STEP_S - 1e-9))
     dt = robot.period_s / substeps
     gain = -math.expm1(-dt / lag_s) if lag_s > 0.0 else 1.0
@@ -110,7 +106,7 @@ def linear_plant(
         A, B = move @ follow @ A, move @ (follow @ B + B_follow)
     C = np.zeros((12, F.stop))
     C[:, F] = np.eye(12)
-    return LinearPlant(A, B, C, legs, n_v)
+    return LinearPlant(A, B, C, n_v)
 
 
 def _forces(
@@ -123,8 +119,7 @@ def _forces(
     dt: float,
 ) -> tuple[Mat, Mat]:
     """Accelerations and wrenches by (dq, v, s): (n_v, n) and (12, n)."""
-    n_v, legs = model.n_v, np.flatnonzero(model.is_leg)
-    m, n = len(legs), 2 * n_v + len(legs)
+    n_v, n = model.n_v, 2 * model.n_v + model.n_a
     H_inv, J = dynamics.H_inv.copy(), dynamics.J_contact.copy()
     H = dynamics.inertia_matrix()
     kp, kd = robot.kp[model.to_model], (robot.kd + robot.damping)[model.to_model]
@@ -133,7 +128,7 @@ def _forces(
     joints = np.arange(N_BASE_V, n_v)
     smooth[joints, joints] -= kp
     smooth[joints, n_v + joints] = -kd
-    smooth[N_BASE_V + legs, 2 * n_v + np.arange(m)] = kp[legs]
+    smooth[joints, 2 * n_v - N_BASE_V + joints] = kp
     corners = _corners(model)
     P = corners @ J
     is_normal = np.arange(len(P)) % 3 == 2
@@ -191,14 +186,14 @@ class LoopMatrices(NamedTuple):
 class LinearController:
     """What the controller does with small deviations; x as the plant's first 2 n_v.
 
-    F_id = F_x x;  v_J = v_x x + v_q q_command + v_r r, of the legs' joints;
+    F_id = F_x x;  v_J = v_x x + v_q q_command + v_r r;
     r = r_e (F - F_id) + r_x x + share (low + lead change), change = blend (J v - low).
 
     Attributes:
         F_x: (12, 2 n_v).
-        v_x: (n_legs, 2 n_v).
-        v_q: (n_legs, n_legs).
-        v_r: (n_legs, 12).
+        v_x: (n_a, 2 n_v).
+        v_q: (n_a, n_a).
+        v_r: (n_a, 12).
         r_e: (12, 12) of wrench errors.
         r_x: (12, 2 n_v) pull of the feet to the stance.
         twist: (12, 2 n_v) twists of the soles.
@@ -239,7 +234,7 @@ class LinearLoop:
             contact_stiffness=settings.contact.stiffness_n_m,
             lag_s=robot.servo_profile.lag_s,
         )
-        self.law = _linear_controller(controller, settings, self.plant.legs)
+        self.law = _linear_controller(controller, settings)
 
     def cut(self, delay_ticks: int, *, missed: bool = False) -> LoopMatrices:
         """Return the loop cut at the wrench errors; closed it is A + B C.
@@ -252,7 +247,7 @@ class LinearLoop:
             missed: no answer comes to act in this tick; the servos go on as before.
         """
         plant, law, dt = self.plant, self.law, self.period_s
-        n_p, m, past = len(plant.A), len(plant.legs), delay_ticks + 1
+        n_p, m, past = len(plant.A), plant.B.shape[1], delay_ticks + 1
         low = slice(n_p, n_p + 12)
         sent = [slice(at, at + m) for at in range(low.stop, low.stop + m * past, m)]
         newest, due = sent[0], sent[-1]
@@ -308,21 +303,23 @@ def _rotation(q: Array) -> Mat:
 
 
 def _linear_controller(
-    controller: WholeBodyController,
-    settings: ControllerSettings,
-    legs: NDArray[np.intp],
+    controller: WholeBodyController, settings: ControllerSettings
 ) -> LinearController:
     model, dynamics = controller.model, controller.dynamics
     stance, dik = controller.stance, controller.dik
-    n_v, q_0 = model.n_v, dynamics.q.copy()
+    n_v, n_a, q_0 = model.n_v, model.n_a, dynamics.q.copy()
     zero_r, q_command = np.zeros(12), model.nominal.copy()
 
-    def joints(r: Array, q_command: Array) -> Array:
-        x = dik.solve(dynamics, stance, r=r, q_command=q_command).x
-        v: Array = x[N_BASE_V:][legs].copy()
-        return v
+    # Without limits: small motions reach those of no joint but a locked one.
+    moved = np.delete(np.arange(n_v), N_BASE_V + np.flatnonzero(model.is_locked))
 
-    F_x, v_x = np.empty((12, 2 * n_v)), np.empty((len(legs), 2 * n_v))
+    def joints(r: Array, q_command: Array) -> Array:
+        qp = dik.solve(dynamics, stance, r=r, q_command=q_command).problem
+        x = np.zeros(n_v)
+        x[moved] = np.linalg.solve(qp.P[np.ix_(moved, moved)], -qp.q_lin[moved])
+        return x[N_BASE_V:]
+
+    F_x, v_x = np.empty((12, 2 * n_v)), np.empty((n_a, 2 * n_v))
     r_x = np.zeros((12, 2 * n_v))
     leak = settings.dik.stance_leak
     for i in range(2 * n_v):
@@ -344,14 +341,12 @@ def _linear_controller(
             into[:, i] = (plus - minus) / (2.0 * DIFFERENCE)
     dynamics.update(q_0, np.zeros(n_v))
     stance.compare_base(_rotation(q_0))
-    v_r, v_q = np.empty((len(legs), 12)), np.empty((len(legs), len(legs)))
+    v_r, v_q = np.empty((n_a, 12)), np.empty((n_a, n_a))
     for i in range(12):
         r = np.zeros(12)
         r[i] = DIFFERENCE
         v_r[:, i] = (joints(r, q_command) - joints(-r, q_command)) / (2.0 * DIFFERENCE)
-    for i, leg in enumerate(legs):
-        step = np.zeros(model.n_a)
-        step[leg] = DIFFERENCE
+    for i, step in enumerate(DIFFERENCE * np.eye(n_a)):
         change = joints(zero_r, q_command + step) - joints(zero_r, q_command - step)
         v_q[:, i] = change / (2.0 * DIFFERENCE)
     law = controller.law

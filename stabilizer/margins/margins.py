@@ -29,7 +29,7 @@ LOWEST_HZ = 0.5
 """Below it there is only the slow way of the feet back to the stance."""
 GROWTH_PER_S = 0.1
 """Motions that grow more slowly are no swaying: the feet's way along the ground."""
-MOST_TICKS = 200
+MOST_TICKS = 100
 LARGEST_FACTOR = 1e3
 BISECTIONS = 12
 BALANCING_ROUNDS = 5
@@ -274,9 +274,17 @@ def _bisect(bears: Callable[[float], bool], low: float, high: float) -> float:
 
 
 def _last_true(bears: Callable[[int], bool], *, first: int) -> int:
-    ticks = first
-    while ticks < MOST_TICKS and bears(ticks + 1):
-        ticks += 1
+    """Return up to which number it is borne, in ever larger steps and halves of them.
+
+    A tick more makes the loop's matrix larger, so few are asked for.
+    """
+    ticks, step = first, 1
+    while ticks + step <= MOST_TICKS and bears(ticks + step):
+        ticks, step = ticks + step, 2 * step
+    while step > 1:
+        step //= 2
+        if ticks + step <= MOST_TICKS and bears(ticks + step):
+            ticks += step
     return ticks
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from surefoot.controllers import compute_margins
+from surefoot.controllers import MOST_TICKS, compute_margins, loop_delay_ms
 from surefoot.out_folder import OutFolder, write_json
 from surefoot.progress import CountBar, no_bar
 from surefoot.report.curves import BUCKETS, curves, footsteps, steps_of
@@ -25,6 +25,7 @@ from surefoot.report.panels import (
 from surefoot.report.run_data import RunData
 from surefoot.report.tables import figure_rows, sentence, setting_rows
 from surefoot.report.video import draw_animation, draw_video
+from surefoot.schemas.arrays import MS_PER_S
 from surefoot.schemas.settings import setting_names
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene import LEGEND, WALK_LEGEND
@@ -157,7 +158,10 @@ def _margins(run: RunData) -> list[str]:
     return compute_margins(
         run.robot,
         settings={name: run.settings[name] for name in names},
-        delay_ms=run.scenario.delay.command_ms,
+        delay_ms=min(
+            loop_delay_ms(run.scenario.delay, run.robot),
+            MS_PER_S * MOST_TICKS * run.robot.period_s,
+        ),
     ).in_words()
 
 

@@ -167,6 +167,10 @@ class Study:
     rows: list[Row]
     summaries: Summaries
 
+    def __repr__(self) -> str:
+        """Count its runs; ``table()`` says what they amount to."""
+        return f"<Study of {len(self.rows)} runs in {len(self.summaries)} groups>"
+
     def table(self) -> str:
         """Return the summaries as a Markdown table."""
         return markdown_table(self.summaries)
@@ -267,9 +271,11 @@ def make_cells(
         )
     factors = (scenarios, *levels, servo_profiles, controllers, seeds)
     runs = math.prod(map(len, factors))
-    if runs > MOST_RUNS:
+    if not 0 < runs <= MOST_RUNS:
         raise UsageError(
-            f"{runs:.3g} runs: expected at most {MOST_RUNS}; give fewer values or seeds"
+            f"{runs:.3g} runs: expected 1 to {MOST_RUNS}; give "
+            + ("fewer" if runs else "some")
+            + " scenarios, values, controllers and seeds"
         )
     for path in varied:
         section, known = path.partition(".")[0], setting_names()

@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import msgspec
+import pytest
 from typer.testing import CliRunner
 
 from surefoot.cli.app import app
-from surefoot.controllers import loop_notice
-from surefoot.robot_io.robot import find_robot
+from surefoot.controllers import compute_margins, loop_delay_ms, loop_notice
+from surefoot.robot_io.robot import find_robot, load_robot, make_robot
 from surefoot.run_plan import make_plan
 from surefoot.runs import simulate
 from surefoot.schemas.scenario import Delay, Scenario
+from surefoot.schemas.scenario_robot import SensorDelays
 
 RUNNER = CliRunner()
 
@@ -31,6 +34,22 @@ def test_a_delay_between_two_ticks_is_refused() -> None:
     answer = RUNNER.invoke(app, ["margins", "--delay", "1.5"])
     assert answer.exit_code != 0
     assert "whole number of ticks" in str(answer.exception)
+
+
+def test_a_delay_may_be_written_as_ticks_are_printed() -> None:
+    walker = load_robot("walker")
+    file = msgspec.structs.replace(walker.file, rate_hz=333.0)
+    robot = make_robot(file, path=walker.path, urdf_path=walker.urdf_path)
+    found = compute_margins(robot, delay_ms=6.006)
+    assert found.delay_ms == pytest.approx(2e3 / 333.0)
+
+
+def test_what_all_sensors_are_late_by_together_is_the_loops() -> None:
+    robot = load_robot("walker")
+    apart = SensorDelays(imu=2.0, force_torque=4.0, joints=3.0)
+    assert loop_delay_ms(Delay(command_ms=2.0, sensor_ms=apart), robot) == 4.0
+    assert loop_delay_ms(Delay(sensor_ms=1.0, jitter_ms=3.0), robot) == 2.0
+    assert loop_delay_ms(Delay(command_ms=0.0), robot) == 0.0
 
 
 def test_a_loop_later_than_is_borne_is_told_with_what_to_set() -> None:

@@ -95,6 +95,17 @@ def test_a_rod_too_stiff_for_its_link_is_refused() -> None:
         RodAtWork(rod, 1, mass=MASS)
 
 
+def test_a_rod_that_does_not_fit_is_named_by_its_place() -> None:
+    fits = {"kind": "force", "body": "torso", "amplitude_n": 1.0, "rise_s": 1.0}
+    stiff = {"kind": "strike", "body": "head", "mass_kg": 1.0, "speed_m_s": 1.0}
+    rods = [fits, {**stiff, "stiffness_n_m": 1e8}]
+    table = {"name": "n", "duration_s": 1.0, "rod": rods, "start": {"settle_s": 0.0}}
+    scenario = scenario_from_table(table, source="here")
+    with pytest.raises(ScenarioError, match=r"got 1e.08 N/m .* expected") as error:
+        Plant(load_robot("walker"), scenario, seed=0)
+    assert error.value.field == "rod[1].stiffness_n_m"
+
+
 def test_the_robot_is_pushed_where_the_rod_points() -> None:
     robot = load_robot("walker")
     speeds = []

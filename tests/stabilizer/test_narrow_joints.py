@@ -8,8 +8,11 @@ import pytest
 
 from surefoot.robot_io.robot import Robot, make_robot
 from surefoot.schemas.law_settings import DikSettings
-from surefoot.schemas.settings import ControllerSettings
+from surefoot.schemas.settings import ControllerSettings, build_settings
+from surefoot.stabilizer.control.whole_body import WholeBodyController
+from surefoot.stabilizer.dynamics import NORMAL, Dynamics
 from surefoot.stabilizer.factory import check_settings, make_controller
+from surefoot.stabilizer.margins.margins import compute_margins
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
 from tests.stabilizer.closed_loop import run_closed_loop, swing
 from tests.stabilizer.laws import PAPER, answer, make_law
@@ -20,6 +23,8 @@ PUSH = {"body": "torso", "force_n": [0.0, 90.0, 0.0], "start_s": 0.8}
 MOTION = swing("roll", 3.0, 0.7)
 LEAST_RANGE_RAD = 1e-12
 """Of a locked joint in floating point."""
+SEEN_TICKS, SWAYS_N = 300, 10.0
+"""Of the normal force, in the end; sensors' noise is 2 N."""
 
 
 def limited(walker: Robot, names: tuple[str, ...], half_rad: float) -> Robot:
@@ -82,6 +87,55 @@ def test_the_soles_are_asked_for_nothing_that_takes_them(
         r = answer(law, rig, rng.normal(size=12))
         asked = J @ np.linalg.lstsq(J, r, rcond=1e-9)[0]
         np.testing.assert_allclose(asked, r, atol=1e-9)
+
+
+def test_soles_yield_as_if_the_joints_above_the_legs_were_held_as_well(
+    walker: Robot,
+) -> None:
+    """Else the second QP swings the trunk for them: so the G1 swayed by its waist."""
+    model = RobotModel(limited(walker, ("left_hip_yaw",), 0.005))
+    dynamics = Dynamics(model)
+    dynamics.update(model.nominal_configuration(), np.zeros(model.n_v))
+    moving = np.flatnonzero(
+        np.concatenate((np.ones(N_BASE_V, bool), model.is_leg & ~model.is_narrow))
+    )
+    H, J = dynamics.inertia_matrix(), dynamics.J_contact[:, moving]
+    expected = J @ np.linalg.solve(H[np.ix_(moving, moving)], J.T)
+    np.testing.assert_allclose(dynamics.mobility, expected, atol=1e-9)
+
+
+@pytest.mark.closed_loop
+@pytest.mark.parametrize(("softer", "is_calm"), [(18.0, True), (23.0, False)])
+def test_with_locked_knees_it_begins_to_sway_where_its_margins_say(
+    walker: Robot, softer: float, is_calm: bool
+) -> None:
+    """Along z, 20 times softer than the default; it is 6 with knees that move."""
+    robot = limited(walker, ("left_knee", "right_knee"), 0.0)
+    gains = list(DikSettings().k_force)
+    gains[NORMAL] /= softer
+    settings = build_settings({}, overrides=[f"dik.k_force={gains}"])
+    assert compute_margins(robot, settings).stable is is_calm
+    run = run_closed_loop(
+        robot, controller=WholeBodyController(robot, settings), duration_s=1.0
+    )
+    pushed = run.F_meas[-SEEN_TICKS:, NORMAL]
+    assert bool(np.std(pushed) < SWAYS_N) is is_calm
+
+
+def test_a_joint_that_stands_at_an_end_of_its_range_leaves_margins_as_they_are(
+    walker: Robot,
+) -> None:
+    joints = [
+        msgspec.structs.replace(joint, soft_upper_rad=joint.nominal_rad)
+        if joint.name == "left_knee"
+        else joint
+        for joint in walker.file.joint
+    ]
+    file = msgspec.structs.replace(walker.file, joint=joints)
+    robot = make_robot(file, path=walker.path, urdf_path=walker.urdf_path)
+    assert compute_margins(robot, ControllerSettings()) == compute_margins(
+        walker, ControllerSettings()
+    )
 
 
 def test_margins_leave_half_of_every_range(walker: Robot) -> None:

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import inspect
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
 import surefoot as sf
 from surefoot.controllers import walk_notice
+from surefoot.robot_io.robot import make_robot
 from surefoot.run_plan import make_plan
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.schemas.toml_file import struct_table, toml_text
@@ -59,6 +63,40 @@ def test_the_bus_runs_the_same_and_keeps_it(run: sf.Run, tmp_path: Path) -> None
     outcome = sf.replay(out)
     assert outcome.is_equal
     assert outcome.compared >= 499  # the last answer may come after the end
+
+
+def test_a_notebook_shows_a_run_and_its_robot_in_a_line(run: sf.Run) -> None:
+    assert repr(run.robot) == "<Robot walker: 28 joints, 1000 Hz, ideal>"
+    assert repr(run).startswith(f"<Run of {ROLLING.name}: walker, whole-body, seed 3; ")
+    assert f"{run.outcome} 0.5 s" in repr(run)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"seed": -1}, "seed: got -1, expected a whole number, 0 or more"),
+        ({"seed": 1.5}, "seed: got 1.5, expected"),
+        ({"scenario": {"name": "x"}}, "scenario: got a dict, expected a name"),
+    ],
+)
+def test_what_is_no_seed_and_no_scenario_is_told(given: Any, told: str) -> None:
+    with pytest.raises(sf.UsageError, match=re.escape(told)):
+        sf.simulate("walker", **{"scenario": ROLLING, **given})
+
+
+def test_a_study_of_no_seed_is_refused() -> None:
+    with pytest.raises(sf.UsageError, match="0 runs: expected 1 to"):
+        sf.study("standing", seeds=[])
+
+
+def test_a_loaded_robot_takes_another_servo_profile_and_stays_what_it_is() -> None:
+    walker = sf.load_robot("walker", servo_profile="ideal")
+    file = msgspec.structs.replace(walker.file, rate_hz=500.0)
+    robot = make_robot(file, path=walker.path, urdf_path=walker.urdf_path)
+    found = sf.compute_margins(robot, servo_profile="harmonic")
+    assert (found.servo_profile, found.rate_hz) == ("harmonic", 500.0)
+    plan = make_plan(ROLLING, robot=robot, servo_profile="harmonic")
+    assert plan.robot.file.rate_hz == 500.0
 
 
 def test_settings_may_be_a_table_of_names(run: sf.Run) -> None:
