@@ -215,7 +215,7 @@ def test_a_run_of_another_rate_of_ticks_tells_so() -> None:
     ("walk", "said"),
     [
         ({"velocity_m_s": 0.2}, ""),
-        ({"lateral_m_s": 0.15}, "no step will be taken: step 0, left foot: 0.46 m"),
+        ({"lateral_m_s": 0.15}, "no step will be taken: step 0, left foot: 0.460 m"),
         ({"velocity_m_s": 0.2, "start_s": 9.0}, "no time for one in the 10 s"),
         ({"velocity_m_s": 0.2, "stop_s": 9.9}, "its steps (9) take until 11.2 s"),
         ({"step": [{"side": "left", "position_m": [0.2, 0.11], "step_s": 9.0}]}, "21"),
