@@ -94,9 +94,10 @@ class WalkReport(msgspec.Struct, frozen=True, kw_only=True):
     dcm_error_max_mm: Pair
     """The same: largest."""
     placement_error_max_mm: float
-    """Largest distance of a foothold from its planned place."""
+    """Largest distance of a foothold from its goal, shifts by step adjustment
+    included."""
     touchdown_late_s: Pair
-    """Earliest and latest touchdown against plan; negative is early."""
+    """Earliest and latest touchdown against the adjusted plan; negative is early."""
     refusal: str = ""
     """Why the last plan was refused, in words; empty when it was accepted."""
 
@@ -294,7 +295,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     dcm_error_max_mm: Pair | None = None
     """The same: largest."""
     placement_error_max_mm: float | None = None
-    """Largest estimated distance of a foothold from its planned place."""
+    """Largest estimated distance of a foothold from its goal, shifts included."""
     touchdown_peak_n: Pair | None = None
     """Largest true normal force within 0.1 s of a touchdown, left and right."""
 
