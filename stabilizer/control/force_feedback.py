@@ -60,8 +60,8 @@ class ForceFeedback:
             wrench errors are then limited to ``landing_force_n``.
         walks: whether steps are under way; no stand is firm then, and the ground may be
             soft.
-        turns: part of the soles' turns that may be their ground's; less in walking,
-            where a step on an edge tips the sole [1].
+        turns: part of the soles' turns that may be their ground's; 1 in standing, less
+            in walking on edges, about which a sole tips [1].
         soft_ground: motion of the soles due to soft ground, removed from
             ``ground_twist``.
     """
