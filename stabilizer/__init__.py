@@ -1,1 +1,2 @@
-"""The controller: state from sensors, desired wrenches, commanded joint velocities."""
+"""The stabilizer: snapshot -> observer -> both QPs -> joint positions, and its
+process."""
