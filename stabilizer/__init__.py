@@ -1,2 +1,1 @@
-"""The stabilizer: snapshot -> observer -> both QPs -> joint positions, and its
-process."""
+"""The stabilizer: snapshot -> observer -> both QPs -> joint positions."""
