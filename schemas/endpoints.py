@@ -154,8 +154,7 @@ def write_endpoints(path: Path, endpoints: Endpoints) -> None:
 
     Args:
         path: the TOML file to write.
-        endpoints: what to write, without certificates: paths of those would be relative
-            to the file.
+        endpoints: what to write; paths of certificates would be relative to the file.
     """
     keys = msgspec.to_builtins(endpoints)
     if keys.pop("tls") is not None:

@@ -145,9 +145,9 @@ class Reference(Message, frozen=True, kw_only=True):
     com: Floats3
     """Centre of mass [m]."""
     com_velocity: Floats3
-    """Its velocity [m/s]."""
+    """Velocity of the centre of mass [m/s]."""
     com_acceleration: Floats3
-    """Its acceleration, fed forward [m/s^2]."""
+    """Acceleration of the centre of mass, fed forward [m/s^2]."""
     base_quat_xyzw: Floats4
     """Orientation of the base link, stance from base."""
     posture: Floats

@@ -197,7 +197,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """Results of one whole run."""
 
     scenario: str
-    """Its name."""
+    """Name of the scenario."""
     controller: str
     """Name of the controller."""
     robot: str

@@ -92,7 +92,7 @@ class Tile(FileStruct, frozen=True, kw_only=True):
     """Middle of the tile's top, x and y in the world. Unless ``start`` says otherwise,
     the robot's base is over 0, 0 and looks along x."""
     size_m: Annotated[list[PositiveNumber], msgspec.Meta(min_length=2, max_length=2)]
-    """Along x and y."""
+    """Size along x and y."""
     height_m: Annotated[float, msgspec.Meta(ge=-0.3, le=1.0)] = 0.0
     """Height of the middle of its top over the floor."""
     roll_deg: Annotated[float, msgspec.Meta(ge=-45.0, le=45.0)] = 0.0

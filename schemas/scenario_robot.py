@@ -98,7 +98,7 @@ class ForceRod(_DrivenRod, frozen=True, kw_only=True, tag="force", tag_field="ki
     """Pushes and pulls with a given force, wherever the link goes."""
 
     amplitude_n: Positive
-    """Of the force."""
+    """Amplitude of the force."""
 
 
 class DisplacementRod(
@@ -109,9 +109,9 @@ class DisplacementRod(
     amplitude_m: Positive
     """Amplitude, from the link's place when the rod begins."""
     stiffness_n_m: Positive = 1e5
-    """Between rod and link."""
+    """Stiffness between rod and link."""
     damping_n_s_m: NonNegative = 1.5e3
-    """Between rod and link."""
+    """Damping between rod and link."""
 
 
 class StrikeRod(_Rod, frozen=True, kw_only=True, tag="strike", tag_field="kind"):
@@ -138,18 +138,18 @@ class Sides(FileStruct, frozen=True, kw_only=True):
     """A value for each side; 0 where it is not given."""
 
     left: Axes = 0.0
-    """Of the left foot."""
+    """Value of the left foot."""
     right: Axes = 0.0
-    """Of the right foot."""
+    """Value of the right foot."""
 
 
 class DeviationSides(FileStruct, frozen=True, kw_only=True):
     """A standard deviation for each side; 0 where it is not given."""
 
     left: DeviationAxes = 0.0
-    """Of the left foot."""
+    """Value of the left foot."""
     right: DeviationAxes = 0.0
-    """Of the right foot."""
+    """Value of the right foot."""
 
 
 Scale = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
@@ -161,20 +161,20 @@ class ScaleSides(FileStruct, frozen=True, kw_only=True):
     """A scale for each side; 1 where it is not given."""
 
     left: ScaleAxes = 1.0
-    """Of the left foot."""
+    """Value of the left foot."""
     right: ScaleAxes = 1.0
-    """Of the right foot."""
+    """Value of the right foot."""
 
 
 class SensorDelays(FileStruct, frozen=True, kw_only=True):
     """A delay for each kind of sensor [ms]."""
 
     imu: NonNegative = 0.0
-    """Of the IMU."""
+    """Delay of the IMU."""
     force_torque: NonNegative = 0.0
-    """Of both ankle sensors."""
+    """Delay of both ankle sensors."""
     joints: NonNegative = 0.0
-    """Of positions, velocities and efforts."""
+    """Delay of positions, velocities and efforts."""
 
 
 class Sensors(FileStruct, frozen=True, kw_only=True):

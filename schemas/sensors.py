@@ -81,7 +81,7 @@ class Quantity(msgspec.Struct, frozen=True, kw_only=True):
     """Numbers of one kind in a sensor's message."""
 
     attribute: str
-    """Of the message."""
+    """Attribute of the message."""
     field: str
     """Field of the snapshot. Quantities that share a field follow one another in it."""
     size: int = PER_JOINT
@@ -103,7 +103,7 @@ class Offset(msgspec.Struct, frozen=True, kw_only=True):
     """Offset that the fault ``jump`` adds to a reading."""
 
     attribute: str
-    """Of the message."""
+    """Attribute of the message."""
     axis: int | None = None
     """Index of the number in it; None for all."""
     size: float
