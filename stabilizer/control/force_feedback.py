@@ -171,7 +171,7 @@ class ForceFeedback:
 
         Args:
             dynamics: quantities at the present state.
-            stance: where the feet belong.
+            stance: has the places of the feet.
             F_meas: (12,) measured wrenches of the ground on the soles.
             F_id: (12,) desired wrenches.
             in_contact: which feet stand.
@@ -366,7 +366,7 @@ def _room(outward: float, *, begins: float, ends: float) -> float:
     Args:
         outward: centre of pressure from the sole's middle (0) to its edge (1).
         begins: position from which the result is less than 1.
-        ends: where it is 0.
+        ends: position at which the result is 0.
     """
     if outward >= ends:
         return 0.0

@@ -297,7 +297,7 @@ class LoadTask:
 
         Args:
             dynamics: quantities at the present state.
-            stance: has the planned load of both feet; even when standing.
+            stance: has the planned load of both feet; equal shares when standing.
             feet: the standing feet.
             out: (6 n,) for n standing feet; the caller has set the moments to zero.
         """

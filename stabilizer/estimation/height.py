@@ -203,7 +203,7 @@ class HeightFilter:
             difference: as for :meth:`calibrate`.
             over: height of the point over the ground, by the legs [m].
             rate: its rate [m/s].
-            steps: whether the robot walks, so that changing ground swings.
+            steps: whether the robot walks; its ground changes, so no swing is learnt.
         """
         dt = self._dt
         acceleration -= 0.5 * self._feet.unusual(difference)

@@ -112,7 +112,7 @@ class ExpectedGround:
 
         Args:
             soles: at the present state.
-            law: tells how the soles move, and how much of it is the ground's.
+            law: has the soles' motion, and the ground's part of it.
             F_meas: (12,) wrenches of the ground on the soles.
             feet: has the states of the feet.
         """
@@ -217,7 +217,7 @@ class ExpectedGround:
 
         Args:
             soles: at the present state.
-            law: tells how the soles move, and how much of it is the ground's.
+            law: has the soles' motion, and the ground's part of it.
             F_meas: (12,) wrenches of the ground on the soles.
             support: the foot that stands.
         """
@@ -278,8 +278,8 @@ class HeightReference:
 
     Planned stairs are climbed on time, by a filter of third order. The ground's
     difference from its plan is followed slowly. After a walk a robot may stand far from
-    the axis about which its ground turns. It then sinks deeper, where a straight leg
-    could not follow.
+    the axis about which its ground turns. The ground under it then sinks deeper, and a
+    leg that is straight by then cannot follow.
     """
 
     def __init__(

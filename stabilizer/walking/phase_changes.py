@@ -82,7 +82,7 @@ class PhaseChanges:
 
         Args:
             normals: normal forces, left and right [N].
-            footholds: where the feet are.
+            footholds: returns the places of both feet.
             ahead: returns the coming steps.
             moved: foot of the last step; None before the first.
             pauses: whether both feet stay down, whatever the time.

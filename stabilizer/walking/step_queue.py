@@ -116,7 +116,7 @@ class StepQueue:
 
         Args:
             plan: the newest.
-            feet: where left and right foot are, or are being set.
+            feet: places of left and right foot, or where they are being set.
             walks: whether the robot is walking, so that the next foot is fixed.
 
         Returns:
@@ -153,7 +153,7 @@ class StepQueue:
         """Return the coming steps, the closing one included.
 
         Args:
-            feet: where left and right foot are, or are being set.
+            feet: places of left and right foot, or where they are being set.
             count: largest number of steps.
 
         Returns:
@@ -185,7 +185,7 @@ class StepQueue:
         """Remove and return the next step, the first of :meth:`ahead`.
 
         Args:
-            feet: where left and right foot are.
+            feet: places of left and right foot.
         """
         move = self.ahead(feet, 1)[0]
         if self._steps:

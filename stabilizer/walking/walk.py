@@ -52,7 +52,7 @@ class Walk:
 
     Attributes:
         gait: phases and references.
-        feet: what each foot is doing.
+        feet: states of both feet.
         queue: coming steps.
         state: progress of the walk; None before there was a plan.
         swing_tasks: tasks of left and right foot, for the first QP.

@@ -127,7 +127,7 @@ def zero_moment_point(wrench: Array, plane: Plane, *, otherwise: Vec3) -> Vec3:
 
     Args:
         wrench: (6,) world axes, about the plane's origin.
-        plane: where the point lies.
+        plane: plane of the point.
         otherwise: (3,) result when there is no force [m].
     """
     force, moment = wrench[:3], wrench[3:]
