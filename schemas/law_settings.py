@@ -146,7 +146,7 @@ class GroundSettings(FileStruct, frozen=True, kw_only=True):
     feed-forward of rotations. At the edge, where the foot may tip, there is none
     [1]."""
     edge_recovery_s: Positive = 0.03
-    """Time in which it returns after the centre of pressure has left the edge [s]."""
+    """Time in which it is complete again after the pressure has left the edge [s]."""
     recovery_s: Positive = 0.2
     """Time in which the feed-forward returns after a foot was unloaded [s]."""
 
@@ -156,7 +156,7 @@ class SwaySettings(FileStruct, frozen=True, kw_only=True):
 
     gain: NonNegative = 0.0
     """Lean of the CoM per tilt of the ground, limited to what the soles bear: 0 stands
-    upright in space, people have 2 to 5. Only for hard ground: soft ground tilts more,
+    upright in space, people have 2 to 5. Meant for hard ground: soft ground tilts more,
     the farther the robot leans [1]."""
     frequency_hz: Positive = 0.5
     """Frequency above which tilts are too fast to be followed."""

@@ -114,7 +114,7 @@ class RampMotion(_SizedMotion, frozen=True, kw_only=True, tag="ramp", tag_field=
 class DropMotion(_SizedMotion, frozen=True, kw_only=True, tag="drop", tag_field="kind"):
     """Drop to the amplitude: in free fall, or at a given rate.
 
-    It brakes over 20 ms, or over ``blend_s``. At a given rate it starts likewise.
+    It brakes over 20 ms (``blend_s``). At a given rate it also speeds up over that.
     """
 
     rate_m_s: Positive | None = None
