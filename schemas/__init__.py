@@ -1,1 +1,1 @@
-"""What is said: bus messages, topic table, codec and file formats."""
+"""What processes and files say: bus messages, topic table, codec, file formats."""

@@ -1,4 +1,4 @@
-"""Array aliases, and factors between units, shared by all packages."""
+"""Array aliases and unit factors shared by all packages."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""Any float64 array; shapes are given where it is used."""
+"""Any float64 array; each use states its shape."""
 Vec3 = NDArray[np.float64]
 """(3,) vector."""
 Vec6 = NDArray[np.float64]
@@ -18,7 +18,7 @@ Mat = NDArray[np.float64]
 """(m, n) matrix."""
 
 Floats = list[float]
-"""On the wire: one number per joint, in the order of the robot file."""
+"""Numbers on the wire: one per joint, in the order of the robot file."""
 Floats3 = Annotated[list[float], msgspec.Meta(min_length=3, max_length=3)]
 Floats4 = Annotated[list[float], msgspec.Meta(min_length=4, max_length=4)]
 Floats6 = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
@@ -28,4 +28,4 @@ JsonObject = dict[str, Any]
 MS_PER_S, NS_PER_S, MM_PER_M = 1e3, 1e9, 1e3
 NS_PER_MS, MS_PER_NS = 1e6, 1e-6
 GRAVITY_M_S2 = 9.81
-"""Of a simulated world, where a scenario says nothing else."""
+"""Gravity of a simulated world when the scenario gives none."""

@@ -1,4 +1,4 @@
-"""Endpoint file: where a process meets the others on the network, and as whom."""
+"""Endpoint file: where a process meets the others on the network, and its identity."""
 
 from __future__ import annotations
 
@@ -18,66 +18,67 @@ _READABLE_BY_OTHERS = 0o007
 class Tls(FileStruct, frozen=True, kw_only=True):
     """Certificates of this process, as ``surefoot certs`` makes them.
 
-    Paths are relative to the endpoint file. Both ends show a certificate; one that the
-    authority did not sign, or that has expired, is turned away.
+    Paths are relative to the endpoint file. Both ends show a certificate. A certificate
+    that the authority did not sign, or that has expired, is refused.
     """
 
     ca: str
-    """Certificate of the authority that signs everyone's (PEM)."""
+    """Certificate of the authority that signs all certificates (PEM)."""
     certificate: str
     """Certificate of this process (PEM); its common name is its identity."""
     key: str
-    """Private key of this process (PEM); nobody else may read it."""
+    """Private key of this process (PEM); no other user may be able to read it."""
 
 
 class Access(FileStruct, frozen=True, kw_only=True):
-    """Common names by what they may do; used with TLS by who listens.
+    """Common names of certificates by what they may do; the listening side checks them.
 
-    An identity without a place here may call the e-stop, and nothing else.
+    An identity that is not listed may call the e-stop, and nothing else.
     """
 
     stabilizer: list[str] = msgspec.field(default_factory=lambda: ["stabilizer"])
-    """May command: ``cmd/**``, ``srv/**``, its own status; and read everything."""
+    """May read everything, command (``cmd/**``, ``srv/**``) and send its own status."""
     operator: list[str] = msgspec.field(default_factory=lambda: ["operator"])
-    """May change the stabilizer's gains, have it hold, resume and walk, push a
-    simulated robot; and read everything."""
+    """May change the stabilizer's gains, make it hold, resume and walk, push a
+    simulated robot, and read everything."""
     planner: list[str] = msgspec.field(default_factory=lambda: ["planner"])
-    """May send references, and read everything."""
+    """May send references and walk plans, and read everything."""
     observer: list[str] = msgspec.field(default_factory=lambda: ["observer"])
     """May read everything."""
     robot: list[str] = msgspec.field(default_factory=lambda: ["robot"])
-    """May be the robot; a router asks."""
+    """May be the robot; checked by a router."""
     router: list[str] = msgspec.field(default_factory=lambda: ["router"])
-    """Passes on what others say, so it may do what they may; it checks them."""
+    """May do what any other may, since it passes on their messages; it checks them
+    itself."""
 
 
 class Endpoints(FileStruct, frozen=True, kw_only=True):
     """Zenoh locators. The robot listens, everyone else dials.
 
-    A file holds both sides; each process uses its own: the robot ``listen``, the
-    others ``connect``. With ``router``, all of them dial that instead, and it is the
-    router that listens.
+    A file holds both sides. The robot uses ``listen``, all others use ``connect``. With
+    ``router``, only the router listens, and robot and all others dial it.
     """
 
     listen: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
-    """Locators where the robot listens."""
+    """Locators at which the robot listens."""
     connect: list[str] = msgspec.field(default_factory=lambda: [DEFAULT_LOCATOR])
     """Locators that everyone else dials."""
     router: list[str] = []
-    """Where everyone dials the router, when there is one, also the robot. The router
-    itself listens at ``listen``, or here when its file says no ``listen``."""
+    """Locators at which everyone, the robot included, dials the router; empty without
+    one. The router itself listens at ``listen``, or here when its file has no
+    ``listen``."""
     lease_ms: Annotated[int, msgspec.Meta(ge=50, le=60000)] = 500
-    """Silence after which a peer counts as gone."""
+    """Time of silence after which a peer counts as gone."""
     retry_ms: Annotated[int, msgspec.Meta(ge=10, le=10000)] = 50
     """First pause between two attempts to connect; doubles up to four times."""
     max_bytes: Annotated[int, msgspec.Meta(ge=1024, le=65536)] = MAX_INCOMING_BYTES
-    """Whoever listens drops longer messages before anything reads them [bytes]."""
+    """Longest message; the listening side drops longer ones unread [bytes]."""
     insecure: bool = False
-    """Listen on other addresses than loopback although there is no TLS."""
+    """Allow listening on addresses other than loopback without TLS."""
     tls: Tls | None = None
-    """Certificates; every locator must then be tls/ or quic/."""
+    """Certificates; with them every locator must be tls/ or quic/."""
     access: Access = Access()
-    """Who may do what, by the common name of the certificate."""
+    """Permissions by the common name of the certificate."""
 
 
 def load_endpoints(path: Path) -> Endpoints:
@@ -122,14 +123,15 @@ def choose_endpoints(
     router: list[str] | None = None,
     insecure: bool = False,
 ) -> Endpoints:
-    """Join an endpoint file and the command line.
+    """Merge an endpoint file with options of the command line.
 
     Args:
         file: endpoint file, or None for the defaults.
-        listen: replaces the file's ``listen`` unless there are none.
-        connect: replaces the file's ``connect`` and ``router`` unless there are none.
-        router: replaces the file's ``router`` unless there are none.
-        insecure: listen on other addresses than loopback without TLS.
+        listen: replaces the file's ``listen``; None or empty keeps it.
+        connect: replaces the file's ``connect`` and ``router``; None or empty keeps
+            them.
+        router: replaces the file's ``router``; None or empty keeps it.
+        insecure: allow listening on addresses other than loopback without TLS.
 
     Raises:
         FileFormatError: the file cannot be used.
@@ -148,10 +150,10 @@ def choose_endpoints(
 
 
 def write_endpoints(path: Path, endpoints: Endpoints) -> None:
-    """Write endpoints without certificates, such that they read back the same.
+    """Write endpoints without certificates so that they read back the same.
 
     Args:
-        path: of the TOML.
+        path: the TOML file to write.
         endpoints: what to write; paths of certificates would be relative to the file.
     """
     keys = msgspec.to_builtins(endpoints)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 
 class SchemaError(ValueError):
-    """Something said on the bus or written in a file does not follow its format.
+    """A bus message or a file does not follow its format.
 
     Attributes:
         field: path of the offending field, such as ``q[3]`` or
-            ``platform[0].motion[1].axis``; empty when the whole is at fault.
+            ``platform[0].motion[1].axis``; empty when no single field is at fault.
     """
 
     def __init__(self, message: str, *, field: str = "") -> None:
@@ -26,4 +26,4 @@ class SchemaVersionError(MessageError):
 
 
 class FileFormatError(SchemaError):
-    """A file a user wrote cannot be used; the message names file and key."""
+    """A user's file cannot be used; the message names file and key."""

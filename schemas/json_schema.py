@@ -46,10 +46,10 @@ _DROPPED = ("$ref", "discriminator")
 
 
 def field_docs(kind: type[msgspec.Struct]) -> dict[str, str]:
-    """Collect what is written under each field of a struct and its bases.
+    """Collect the text under each field of a struct and of its bases.
 
     Returns:
-        Field name to its text on one line; fields without one are left out.
+        Field name to its text on one line; fields without a text are left out.
     """
     docs: dict[str, str] = {}
     for base in reversed(kind.__mro__):
@@ -99,7 +99,7 @@ def json_schema(kind: type[msgspec.Struct]) -> JsonObject:
 
 
 def all_schemas() -> dict[str, JsonObject]:
-    """Return file name to schema, for every message and every file format."""
+    """Return the schema of every message and file format by file name."""
     carried = [topic.message for topic in TOPICS] + [
         messages.ServiceReply,
         messages.StabilizerReply,
@@ -118,7 +118,7 @@ def as_text(schema: JsonObject) -> str:
 
 
 def write_schemas() -> None:
-    """Write all schemas, and remove those of formats that are gone."""
+    """Write all schemas and remove those of formats that no longer exist."""
     JSON_DIR.mkdir(parents=True, exist_ok=True)
     texts = {name: as_text(schema) for name, schema in all_schemas().items()}
     for stale in JSON_DIR.glob("*.schema.json"):
@@ -143,11 +143,11 @@ def _describe(schema: JsonObject, struct: type[msgspec.Struct]) -> None:
 
 
 def structs_within(kind: type[msgspec.Struct]) -> dict[type[msgspec.Struct], str]:
-    """A struct and all structs at any depth of its fields, outer ones first.
+    """List a struct and all structs at any depth of its fields, outer ones first.
 
     Returns:
-        Struct to the head of its table in TOML, such as ``[[platform.motion]]``;
-        empty for the outermost.
+        Struct to its table heading in TOML, such as ``[[platform.motion]]``; empty for
+        the outermost.
     """
     found: dict[type[msgspec.Struct], str] = {}
 
@@ -172,12 +172,12 @@ def structs_within(kind: type[msgspec.Struct]) -> dict[type[msgspec.Struct], str
 
 
 def _inline(node: Any, definitions: JsonObject) -> Any:
-    """Replace references by what they refer to; no format contains itself."""
+    """Replace references by their targets; no format contains itself."""
     if isinstance(node, list):
         return [_inline(item, definitions) for item in node]
     if not isinstance(node, dict):
         return node
-    # The discriminator only repeats the references; each option fixes its own tag.
+    # The discriminator only repeats the references: each option fixes its own tag.
     own = {key: item for key, item in node.items() if key not in _DROPPED}
     if "$ref" in node:
         own = {**definitions[node["$ref"].removeprefix(_REF)], **own}

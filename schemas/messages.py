@@ -1,10 +1,10 @@
 """Bus messages.
 
-Every message is a MessagePack map with string keys; all fields are required on
-the wire, unknown ones are refused. SI units and radians. ``F`` is always the
-wrench [force; moment] of the ground on the robot at the sole, in the sole frame;
-the force-torque messages carry what the sensor reports, in the sensor's frame,
-with the same sign (ground on robot).
+Every message is a MessagePack map with string keys; all fields are required on the
+wire, unknown ones are refused. Units are SI and radians. ``F`` is always the wrench
+[force; moment] of the ground on the robot at the sole, in the sole frame. The
+force-torque messages carry the sensor's reading in the sensor frame, with the same sign
+(ground on robot).
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from surefoot.schemas.reasons import (
 
 SCHEMA_VERSION = 3
 Count = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-"""What a signed 64-bit integer holds, in any language."""
+"""Range of a signed 64-bit integer, which any language has."""
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What every sample carries."""
+    """Fields that every sample has."""
 
     PER_JOINT: ClassVar[tuple[str, ...]] = ()
     """Names of the fields that hold one number per joint."""
@@ -56,10 +56,10 @@ class JointState(Message, frozen=True, kw_only=True):
 
 
 class ImuState(Message, frozen=True, kw_only=True):
-    """Inertial unit in its own frame."""
+    """Reading of the IMU in its own frame."""
 
     quat_xyzw: Floats4
-    """The unit's own attitude estimate (world from IMU), yaw free."""
+    """The IMU's own attitude estimate (world from IMU); its yaw is arbitrary."""
     angular_velocity: Floats3
     """Gyroscope [rad/s]."""
     linear_acceleration: Floats3
@@ -85,18 +85,18 @@ class RobotMode(StrEnum):
 
 
 class RobotStatus(Message, frozen=True, kw_only=True):
-    """What the robot's gate does and why."""
+    """State of the robot's command gate and its reason."""
 
     PER_JOINT: ClassVar[tuple[str, ...]] = ("q_command",)
 
     mode: RobotMode
     """Mode of the gate."""
     cause: ModeCause
-    """Why it is in this mode; in FAULT the first fault."""
+    """Why the gate is in this mode; in FAULT the first fault."""
     detail: str
     """The same in words, for people; may be empty."""
     notice: str
-    """What was last refused or cut to a limit, in words; empty before anything was."""
+    """Last refusal or clipping, in words; empty before the first."""
     commander: str
     """Who holds the lease; empty when nobody does."""
     command_age_s: float
@@ -125,16 +125,16 @@ class JointCommand(Message, frozen=True, kw_only=True):
 
 
 class FootReference(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a foot belongs relative to the base in the reference stance."""
+    """Pose of a foot in the reference stance."""
 
     position: Floats3
-    """Sole origin in the reference frame between the feet [m]."""
+    """Sole origin in the stance frame [m]."""
     quat_xyzw: Floats4
-    """Orientation of the sole there."""
+    """Orientation of the sole in the stance frame."""
 
 
 class Reference(Message, frozen=True, kw_only=True):
-    """What a planner asks of the stabilizer; standing when it says nothing.
+    """What a planner asks of the stabilizer; without one the robot stands.
 
     Vectors are in the stance frame: origin midway between the soles, x forward,
     z up, yaw of the stance.
@@ -145,9 +145,9 @@ class Reference(Message, frozen=True, kw_only=True):
     com: Floats3
     """Centre of mass [m]."""
     com_velocity: Floats3
-    """Its velocity [m/s]."""
+    """Velocity of the centre of mass [m/s]."""
     com_acceleration: Floats3
-    """Its acceleration, fed forward [m/s^2]."""
+    """Acceleration of the centre of mass, fed forward [m/s^2]."""
     base_quat_xyzw: Floats4
     """Orientation of the base link, stance from base."""
     posture: Floats
@@ -162,24 +162,24 @@ class Reference(Message, frozen=True, kw_only=True):
 
 
 class StabilizerStatus(Message, frozen=True, kw_only=True):
-    """What the stabilizer wants, measures and how it fares."""
+    """What the stabilizer desires and measures, and how it is doing."""
 
     controller: str
     """Name of the control law."""
     state: StabilizerState
-    """What it is doing."""
+    """State of the stabilizer."""
     end: EndReason
-    """Why it gives up or ends; ``none`` while it goes on."""
+    """Why the stabilizer gives up or ends; ``none`` while it goes on."""
     lost_sensors: dict[str, SensorTrouble]
-    """Sensors that are not believed, by channel, and why."""
+    """Sensors that are not trusted, by channel, and why."""
     detail: str
-    """Why it is not active, in words for people; empty when it is."""
+    """Why the stabilizer is not active, in words; empty when it is."""
     com: Floats3
     """Estimated centre of mass in the stance frame [m]."""
     com_reference: Floats3
-    """Where it should be, same frame [m]."""
+    """Reference of the centre of mass, same frame [m]."""
     F_id_left: Floats6
-    """Wrench the first QP wants at the left sole [N, N m]."""
+    """Wrench desired by the first QP at the left sole [N, N m]."""
     F_id_right: Floats6
     """The same at the right sole [N, N m]."""
     F_meas_left: Floats6
@@ -187,42 +187,43 @@ class StabilizerStatus(Message, frozen=True, kw_only=True):
     F_meas_right: Floats6
     """The same at the right sole [N, N m]."""
     in_contact: Annotated[list[bool], msgspec.Meta(min_length=2, max_length=2)]
-    """Left, right."""
+    """Contact of left and right foot."""
     qp_status: str
-    """Outcome of the two QPs of this tick: ``ok`` or which failed and how."""
+    """Outcome of both QPs in this tick: ``ok``, or which one failed and how."""
     tick_median_ms: float
-    """Compute time of a tick, snapshot to command [ms]."""
+    """Median compute time of a tick, from snapshot to command [ms]."""
     tick_p99_ms: float
-    """Its 99th percentile [ms]."""
+    """99th percentile of that time [ms]."""
     tick_max_ms: float
-    """Its maximum [ms]."""
+    """Maximum of that time [ms]."""
 
 
 class PlatformTruth(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A moving platform as the simulator has it."""
+    """True pose of a moving platform in the simulator."""
 
     position: Floats3
-    """Top centre in the world [m]."""
+    """Centre of the platform's top in the world [m]."""
     quat_xyzw: Floats4
     """World from platform."""
 
 
 class GroundBlock(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A block whose top the robot may stand on."""
+    """A block of ground whose top the robot may stand on."""
 
     position: Floats3
-    """Middle of its top: in the world, or from the top centre of its platform [m]."""
+    """Middle of the block's top, from the world or from its platform's top centre
+    [m]."""
     quat_xyzw: Floats4
-    """Of the block: from the world, or from its platform."""
+    """Orientation of the block, from the world or from its platform."""
     size: Floats3
     """Length, width and thickness along its own axes [m]."""
     platform: int
-    """Which platform it is, in the order of the scenario file, seesaws after them; -1:
-    it stands fast."""
+    """Number of the platform that carries the block, in the order of the scenario file,
+    seesaws last; -1 for a fixed block."""
 
 
 class Truth(Message, frozen=True, kw_only=True):
-    """Simulator only: for plots and tests, never for control."""
+    """The simulator's true state: for plots and tests, never for control."""
 
     base_position: Floats3
     """Base link in the world [m]."""
@@ -231,7 +232,7 @@ class Truth(Message, frozen=True, kw_only=True):
     com: Floats3
     """Centre of mass in the world [m]."""
     com_velocity: Floats3
-    """Its velocity, world axes [m/s]."""
+    """Velocity of the centre of mass, world axes [m/s]."""
     sole_left: Floats3
     """Origin of the left sole in the world [m]."""
     sole_right: Floats3
@@ -241,15 +242,15 @@ class Truth(Message, frozen=True, kw_only=True):
     F_right: Floats6
     """The same at the right sole [N, N m]."""
     normal_force: Pair
-    """Along the soles' normals, left and right [N]."""
+    """Normal force of left and right sole [N]."""
     platforms: list[PlatformTruth]
-    """In the order of the scenario file."""
+    """Moving platforms, in the order of the scenario file."""
     ground: list[GroundBlock]
-    """All ground there is: of platforms, tiles and floor."""
+    """All blocks of ground: of platforms, tiles and floor."""
 
 
 class ModeRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Asked on srv/mode: enable, hold, disable or reset."""
+    """Request on srv/mode: enable, hold, disable or reset."""
 
     schema: int
     """Version of this format."""
@@ -260,7 +261,7 @@ class ModeRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class LeaseRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Asked on srv/lease: take or release command."""
+    """Request on srv/lease: take or release command."""
 
     schema: int
     """Version of this format."""
@@ -269,13 +270,13 @@ class LeaseRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     commander: str
     """Identity of who asks."""
     robot: str
-    """Instance of the robot that is meant, from its liveliness token."""
+    """Instance of the addressed robot, from its liveliness token."""
     description: str
-    """Digest of the robot description that the commander goes by."""
+    """Digest of the robot description that the commander uses."""
 
 
 class EstopRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Asked on srv/estop by anyone: stop now."""
+    """Request on srv/estop: stop now; anyone may send it."""
 
     schema: int
     """Version of this format."""
@@ -291,28 +292,29 @@ class ServiceReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     schema: int
     """Version of this format."""
     accepted: bool
-    """Whether it was done."""
+    """Whether the request was done."""
     refusal: RequestRefusal
     """Why not; ``none`` when accepted."""
     detail: str
     """The same in words, for people; may be empty when accepted."""
     mode: RobotMode
-    """Mode of the gate after it."""
+    """Mode of the gate after the request."""
     commander: str
     """Who holds the lease now; empty when nobody does."""
     q_command: Floats
-    """Posture the servos follow: what a new commander starts from [rad]."""
+    """Posture the servos follow, from which a new commander starts [rad]."""
     instance: str
-    """Of the robot's process, as in its liveliness token; another at every start."""
+    """Instance id of the robot's process, as in its liveliness token; new at every
+    start."""
     description: str
     """Digest of the robot's description, as in its liveliness token."""
     pace: str
-    """``lockstep``: the robot waits for the answer to each tick; ``realtime``: it goes
-    by the clock."""
+    """``lockstep``: the robot waits for the answer to each tick; ``realtime``: it keeps
+    its own clock."""
 
 
 class SettingsRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Asked on srv/settings of the stabilizer: change gains while it runs."""
+    """Request on srv/settings of the stabilizer: change gains during the run."""
 
     schema: int
     """Version of this format."""
@@ -320,18 +322,18 @@ class SettingsRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Who asks, for the log."""
     changes: dict[str, Floats]
     """Setting to new value, such as ``tsid.com_kp``: one number for all axes, or one
-    per axis. Empty to ask only for the present values."""
+    per axis. Empty: only return the present values."""
 
 
 class ControlRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Asked on srv/control of the stabilizer, which commands the robot."""
+    """Request on srv/control of the stabilizer: hold or resume."""
 
     schema: int
     """Version of this format."""
     source: str
     """Who asks, for the log."""
     action: str
-    """``hold``: the robot keeps its posture; ``resume``: balance again."""
+    """``hold``: keep the posture; ``resume``: balance again."""
 
 
 class StabilizerReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -340,33 +342,33 @@ class StabilizerReply(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     schema: int
     """Version of this format."""
     accepted: bool
-    """Whether it is done."""
+    """Whether the request is done."""
     refusal: RequestRefusal
     """Why not; ``none`` when accepted."""
     detail: str
     """The same in words, for people; may be empty when accepted."""
     tick: Count
-    """The robot's tick from which on it counts."""
+    """The robot's tick at which the answer takes effect."""
     settings: dict[str, Floats]
-    """Settings that can be changed while it runs, and their values; those of the
-    end of the ramp while one is under way."""
+    """Settings that can be changed during the run, with their values; while a ramp is
+    under way, the values at its end."""
 
 
 class SettingsChange(Message, frozen=True, kw_only=True):
-    """Told by the stabilizer when a change of settings begins to act at ``tick``."""
+    """Sent by the stabilizer when a change of settings begins to act at ``tick``."""
 
     source: str
-    """Who asked for it."""
+    """Who asked for the change."""
     before: dict[str, Floats]
-    """Values of the settings concerned, one number per axis."""
+    """Values of the changed settings before, one number per axis."""
     after: dict[str, Floats]
     """Values at the end of the ramp."""
     ramp_s: float
-    """Time from the one to the other, linearly [s]."""
+    """Duration of the linear ramp from ``before`` to ``after`` [s]."""
 
 
 class PushRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Asked on srv/push of a simulated robot: a force on a link for a while."""
+    """Request on srv/push of a simulated robot: a force on a link for a while."""
 
     schema: int
     """Version of this format."""
@@ -375,21 +377,21 @@ class PushRequest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     body: str
     """Link of the URDF."""
     force_n: Floats3
-    """Force at its centre of mass, world axes [N]."""
+    """Force at the link's centre of mass, world axes [N]."""
     duration_s: float
     """How long it acts [s]."""
 
 
 class PushEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A push somebody asked for during a run."""
+    """A push that was requested during a run."""
 
     tick: Count
-    """First control tick in which it acts."""
+    """First control tick in which the push acts."""
     source: str
     """Who pushed."""
     body: str
     """Link of the URDF."""
     force_n: Floats3
-    """World axes [N]."""
+    """Force, world axes [N]."""
     duration_s: float
     """How long it acts."""

@@ -20,7 +20,7 @@ BLEND_S = 0.020
 PRTS_STATE_S = 0.25
 """How long a state of the ternary sequence lasts at its own speed [s]."""
 PRTS_SPAN_STATES = 9
-"""The sequence, integrated, spans so many of its steps."""
+"""Span of the integrated sequence, in units of one state's way."""
 Quantity = Literal["position", "velocity", "acceleration"]
 _Lengths = Literal["m", "cm", "mm", "m/s", "cm/s", "mm/s", "m/s2", "cm/s2", "mm/s2"]
 _Angles = Literal["deg", "rad", "deg/s", "rad/s", "deg/s2", "rad/s2"]
@@ -34,14 +34,14 @@ _GRAVITIES = {"gal": 1e-2, "g": STANDARD_GRAVITY}
 
 
 class _Motion(FileStruct, frozen=True, kw_only=True):
-    """What all motions share: an axis of the platform's top centre and a start."""
+    """Fields of all motions: an axis of the platform's top centre and a start."""
 
     axis: Axis
-    """What moves, of the platform's top centre."""
+    """Axis along or about which the platform's top centre moves."""
     start_s: NonNegative = 0.0
-    """When it begins."""
+    """Time at which the motion begins."""
     blend_s: Positive | None = None
-    """How long velocity takes to build up; see each kind for what it is when absent."""
+    """Time in which velocity builds up; each kind says what holds when it is absent."""
 
     @property
     def is_rotation(self) -> bool:
@@ -69,9 +69,9 @@ class _SizedMotion(_Motion, frozen=True, kw_only=True):
     """A motion with an amplitude."""
 
     amplitude_m: float | None = None
-    """Along x, y or z; for ramps and drops signed."""
+    """Amplitude along x, y or z; signed for ramps and drops."""
     amplitude_deg: float | None = None
-    """About roll, pitch or yaw; for ramps and drops signed."""
+    """Amplitude about roll, pitch or yaw; signed for ramps and drops."""
 
     def __post_init__(self) -> None:
         """Check that the size has the unit of the axis."""
@@ -87,13 +87,13 @@ class SineMotion(_SizedMotion, frozen=True, kw_only=True, tag="sine", tag_field=
     """Sine that fades in over ``blend_s``, or over its first period."""
 
     frequency_hz: Positive
-    """Of the sine."""
+    """Frequency of the sine."""
     phase_deg: float = 0.0
-    """Of the sine at its start."""
+    """Phase of the sine at its start."""
 
 
 class RampMotion(_SizedMotion, frozen=True, kw_only=True, tag="ramp", tag_field="kind"):
-    """Constant rate to the amplitude, a blend of 20 ms (``blend_s``) at both ends."""
+    """Constant rate to the amplitude, blended over 20 ms (``blend_s``) at both ends."""
 
     rate_m_s: Positive | None = None
     """Magnitude of the rate along x, y or z."""
@@ -112,9 +112,9 @@ class RampMotion(_SizedMotion, frozen=True, kw_only=True, tag="ramp", tag_field=
 
 
 class DropMotion(_SizedMotion, frozen=True, kw_only=True, tag="drop", tag_field="kind"):
-    """Falls to the amplitude: freely, or at a given rate.
+    """Drop to the amplitude: in free fall, or at a given rate.
 
-    It brakes over 20 ms, or over ``blend_s``; at a given rate it starts over it, too.
+    It brakes over 20 ms (``blend_s``). At a given rate it also speeds up over that.
     """
 
     rate_m_s: Positive | None = None
@@ -136,22 +136,22 @@ class DropMotion(_SizedMotion, frozen=True, kw_only=True, tag="drop", tag_field=
 class PrtsMotion(_Motion, frozen=True, kw_only=True, tag="prts", tag_field="kind"):
     """Pseudo-random ternary sequence, the stimulus of human balance studies.
 
-    Velocity is positive, zero or negative for 0.25 s at a time, 80 times a cycle, as a
-    shift register has it; changes take 20 ms, or ``blend_s``. A cycle of 20 s ends
-    where it began. There is power at the odd harmonics of the cycle only.
+    Velocity is positive, zero or negative for 0.25 s at a time, 80 times a cycle, as
+    given by a shift register; changes take 20 ms, or ``blend_s``. A cycle of 20 s ends
+    where it began. Only the odd harmonics of the cycle have power.
     """
 
     peak_to_peak_m: Positive | None = None
-    """From the lowest to the highest place along x, y or z."""
+    """Distance from the lowest to the highest place along x, y or z."""
     peak_to_peak_deg: Positive | None = None
-    """From the lowest to the highest angle about roll, pitch or yaw."""
+    """Range from the lowest to the highest angle about roll, pitch or yaw."""
     speed: Positive = 1.0
-    """10.0 plays it ten times as fast [1]."""
+    """Factor on the speed: 10.0 plays the sequence ten times as fast [1]."""
     cycles: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 3
-    """How often it is played; analyses leave out the first."""
+    """Number of cycles; analyses leave out the first."""
 
     def __post_init__(self) -> None:
-        """Check units, and that the velocity gets anywhere within a state."""
+        """Check units, and that the velocity reaches its value within a state."""
         self._only_unit("peak_to_peak", required=True)
         if self.blend > self.state_s:
             raise ValueError(
@@ -181,9 +181,8 @@ class SpectrumMotion(
     """Irregular waves of a sea state, times a gain.
 
     The JONSWAP spectrum of the given height and period, from half to four times the
-    peak frequency, as a sum of sines with random phases. Motions of one ``seed`` follow
-    the same waves, those of other seeds other ones. Fades in over ``blend_s``, or over
-    one peak period.
+    peak frequency, as a sum of sines with random phases. Motions with the same ``seed``
+    follow the same waves. They fade in over ``blend_s``, or over one peak period.
     """
 
     height_m: Positive
@@ -191,13 +190,13 @@ class SpectrumMotion(
     period_s: Positive
     """Period at the peak of the spectrum."""
     gamma: Annotated[float, msgspec.Meta(ge=1.0, le=10.0)] = 3.3
-    """How peaked it is [1]; 1.0 is a fully developed sea."""
+    """Peak factor of the spectrum; 1.0 is a fully developed sea [1]."""
     gain: float = 1.0
     """Metres, or degrees for tilts, of the platform per metre of wave."""
     phase_deg: float = 0.0
-    """By which this axis is ahead of the waves."""
+    """Phase by which this axis is ahead of the waves."""
     seed: Annotated[int, msgspec.Meta(ge=0)] = 0
-    """Of the phases."""
+    """Seed of the random phases."""
 
     @property
     def gain_si(self) -> float:
@@ -217,28 +216,30 @@ class RecordedMotion(
     """
 
     file: Annotated[str, msgspec.Meta(min_length=1)]
-    """Relative to the scenario file; from Python, to the working directory."""
+    """Path of the record, relative to the scenario file; from Python, to the working
+    directory."""
     quantity: Quantity | None = None
-    """What was measured; not needed where the file says so (PEER, K-NET)."""
+    """Measured quantity; not needed if the file states it (PEER, K-NET)."""
     units: Units | None = None
-    """Of the file's values; those that the file states, or m or deg, per s or s2."""
+    """Units of the file's values; absent: those that the file states, else m or deg,
+    per s or s2."""
     scale: float = 1.0
     """Factor on the motion [1]."""
     drift_hz: NonNegative | None = None
-    """Slower motion is taken for drift and removed, from 0.001 to less than half the
-    record's rate; absent: 0.1 for accelerations and velocities, 0.0 (nothing is) for
-    positions."""
+    """Cutoff below which motion is removed as drift, from 0.001 to less than half the
+    record's rate. Absent: 0.1 for accelerations and velocities; 0.0 (nothing is
+    removed) for positions."""
     from_s: NonNegative = 0.0
-    """Where to begin in the record."""
+    """Time in the record at which to begin."""
     to_s: Positive | None = None
-    """Where to end in the record; absent: at its end."""
+    """Time in the record at which to end; absent: at its end."""
     column: str = ""
-    """Text files with a heading: which column, with or without its unit in brackets;
-    absent: the second."""
+    """Text files with a heading: name of the column, with or without its unit in
+    brackets; absent: the second column."""
     channel: str = ""
-    """MCAP: topic of the channel, with or without the slash it begins with."""
+    """MCAP: topic of the channel, with or without its leading slash."""
     field: str = ""
-    """MCAP: which number of its messages, such as ``linear_acceleration.0``."""
+    """MCAP: number within a message, such as ``linear_acceleration.0``."""
 
     def __post_init__(self) -> None:
         """Check that units fit the axis and the quantity."""
@@ -257,20 +258,20 @@ class RecordedMotion(
         return BLEND_S if self.blend_s is None else self.blend_s
 
     def drift_of(self, quantity: Quantity) -> float:
-        """Below which frequency motion is removed [Hz]."""
+        """Frequency below which motion is removed as drift [Hz]."""
         if self.drift_hz is not None:
             return self.drift_hz
         return 0.0 if quantity == "position" else 0.1
 
     def si_factor(self, units: str | None, quantity: Quantity) -> float:
-        """Return what a value of the file times this is in SI.
+        """Return the factor that turns a value of the file into SI.
 
         Args:
-            units: of the value; None for the default of axis and quantity.
-            quantity: what it is.
+            units: units of the value; None for the default of axis and quantity.
+            quantity: kind of the value.
 
         Raises:
-            ValueError: the units are not of this quantity along this axis.
+            ValueError: the units do not fit this quantity along this axis.
         """
         known = _ANGLES if self.is_rotation else _LENGTHS
         valid = {f"{name}{_PER[quantity]}": size for name, size in known.items()}

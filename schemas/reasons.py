@@ -1,7 +1,7 @@
-"""Why something ended, changed, was refused or was lost: words to decide by.
+"""Reasons why something ended, changed, was refused or was lost, as enums.
 
-What one process tells another is one of these, with a text beside it. The text is for
-people; nothing decides by it.
+A process tells another one of these reasons and a text beside it. Decisions are made by
+the reason alone; the text is for people.
 """
 
 from __future__ import annotations
@@ -11,29 +11,29 @@ from collections.abc import Mapping
 from enum import StrEnum
 
 SIGNALS: tuple[signal.Signals, ...] = (signal.SIGINT, signal.SIGTERM)
-"""What asks a process to end: Ctrl-C, a kill, and a terminal that closes; not the last
-one to a process that was started to outlive it, as by nohup."""
+"""Signals that ask a process to end: Ctrl-C, a kill, and a terminal that closes. The
+last is left out of a process that was started to outlive its terminal (nohup)."""
 if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
     SIGNALS = (*SIGNALS, signal.SIGHUP)
 NONE = "-"
-"""What a table says in place of a figure."""
+"""Text in tables where there is no figure."""
 
 
 class ModeCause(StrEnum):
     """Why a robot's gate is in its mode."""
 
     STARTED = "started"
-    """It has just come up."""
+    """The gate has just started."""
     REQUESTED = "requested"
     """Its commander asked for the mode."""
     RESET = "reset"
     """Its commander reset a fault."""
     HEARD_AGAIN = "heard_again"
-    """Its commander was silent for a moment and goes on."""
+    """The commander goes on after a short silence."""
     SILENCE = "silence"
-    """Its commander sends nothing: HOLD at first, then FAULT."""
+    """The commander is silent: the gate goes to HOLD, then to FAULT."""
     NO_FIRST_COMMAND = "no_first_command"
-    """It was enabled, and no command followed."""
+    """The robot was enabled, and no command followed."""
     LOOP_TOO_SLOW = "loop_too_slow"
     """Commands answered sensors too old to balance with."""
     RELEASED = "released"
@@ -45,7 +45,7 @@ class ModeCause(StrEnum):
     ESTOP = "estop"
     """Somebody pressed the emergency stop."""
     RUN_OVER = "run_over"
-    """The scenario has gone to its end."""
+    """The scenario has ended."""
     FELL = "fell"
     """The robot fell, which ends a run."""
     STOPPED = "stopped"
@@ -60,7 +60,7 @@ class RequestRefusal(StrEnum):
     NONE = "none"
     """It was done."""
     MALFORMED = "malformed"
-    """It cannot be read, or is of another schema version."""
+    """The request cannot be read, or is of another schema version."""
     UNKNOWN_ACTION = "unknown_action"
     """No such action."""
     NO_NAME = "no_name"
@@ -68,7 +68,7 @@ class RequestRefusal(StrEnum):
     LEASE = "lease"
     """Somebody else holds the lease, or nobody does."""
     WRONG_ROBOT = "wrong_robot"
-    """It is meant for another robot, by its description or its instance."""
+    """The request is for another robot: its description or its instance differs."""
     IN_FAULT = "in_fault"
     """The robot is in FAULT; reset it first."""
     IS_OFF = "is_off"
@@ -76,49 +76,49 @@ class RequestRefusal(StrEnum):
     NO_FAULT = "no_fault"
     """There is no fault to reset."""
     PACE = "pace"
-    """The two sides have different paces."""
+    """One side runs in lockstep, the other in real time."""
     BAD_VALUE = "bad_value"
-    """A setting or a push that cannot be done."""
+    """The setting or the push cannot be applied."""
     NOT_SUPPORTED = "not_supported"
-    """This robot or controller has nothing of the kind."""
+    """This robot or controller does not offer such a request."""
     RECORDED = "recorded"
-    """A record is played; nobody can change it."""
+    """A record is being played, which cannot be changed."""
     NO_ANSWER = "no_answer"
-    """Nothing that can be read came back."""
+    """No readable answer came back."""
 
 
 class SensorTrouble(StrEnum):
-    """Why a sensor is not believed."""
+    """Why a sensor is not trusted."""
 
     MISSING = "missing"
-    """No message."""
+    """No message came."""
     NOT_A_NUMBER = "not_a_number"
-    """A NaN or an infinity."""
+    """A reading is NaN or infinite."""
     OUT_OF_RANGE = "out_of_range"
-    """More than it can report."""
+    """A reading is beyond the sensor's range."""
     JUMPED = "jumped"
-    """It changed by more than it can in one tick."""
+    """A reading changed by more than is possible in one tick."""
     FROZEN = "frozen"
-    """It repeats itself to the last bit while others move."""
+    """Readings repeat to the last bit while others move."""
     OVERLOADED = "overloaded"
-    """A foot's force that would be an impact, if it did not last so long."""
+    """A foot's force is as large as an impact, but lasts longer than one."""
     OFFSET = "offset"
-    """A foot's force along the sole that no joint feels; it is taken off."""
+    """A foot's force along the sole is felt by no joint; it is subtracted."""
 
 
 class StabilizerState(StrEnum):
     """What a stabilizer is doing."""
 
     ACTIVE = "active"
-    """It balances, and believes everything."""
+    """It balances, and trusts all sensors."""
     DEGRADED = "degraded"
     """It balances; a sensor is silent, or an ankle's force terms are off."""
     UNSOLVED = "unsolved"
-    """A QP failed: the posture is kept in this tick."""
+    """A QP failed: the posture is kept for this tick."""
     PAUSED = "paused"
     """Somebody asked for a hold: the robot keeps its posture."""
     SOFT_STOP = "soft_stop"
-    """Asked to end: it balances on, with less and less motion."""
+    """It was asked to end: it balances on with less and less motion."""
     FADE_OUT = "fade_out"
     """It gives up: the last motion fades out."""
     HELD = "held"
@@ -131,38 +131,38 @@ class EndReason(StrEnum):
     NONE = "none"
     """It goes on."""
     RUN_OVER = "run_over"
-    """The robot's run has gone to its end."""
+    """The robot's run has ended."""
     FELL = "fell"
     """The robot fell."""
     STOPPED = "stopped"
     """Its process was asked to end."""
     SENSOR_LOST = "sensor_lost"
-    """A sensor is lost that it cannot do without."""
+    """A sensor is lost without which it cannot go on."""
     CONTROLLER_FAILED = "controller_failed"
-    """Its controller answers with what is no posture."""
+    """Its controller's answers are not valid postures."""
     ROBOT_FAULT = "robot_fault"
     """The robot is in FAULT."""
     LEASE_LOST = "lease_lost"
-    """It is not the robot's commander any more."""
+    """It is no longer the robot's commander."""
     ROBOT_ENDED = "robot_ended"
     """The robot ended before its run was over."""
     ROBOT_GONE = "robot_gone"
-    """The robot's process is not there any more."""
+    """The robot's process is gone."""
     ROBOT_SILENT = "robot_silent"
     """The robot is there, but sends no sensors."""
 
 
 class FallCriterion(StrEnum):
-    """How a simulator knows that its robot fell."""
+    """Criteria by which the simulator decides that its robot fell."""
 
     TILT = "tilt"
     """The base leans too far to come back."""
     HEIGHT = "height"
     """The base is too low over the soles."""
     TOUCH = "touch"
-    """A link above the ankles is down at the soles."""
+    """A link above the ankles is as low as the soles."""
     NOT_FINITE = "not_finite"
-    """The state is not a number: the simulation blew up."""
+    """The state is not finite: the simulation diverged."""
 
 
 class Outcome(StrEnum):
@@ -190,20 +190,20 @@ class Outcome(StrEnum):
 
 
 def counted(counts: Mapping[str, int]) -> str:
-    """How often each of some reasons was given; ``none`` for none at all."""
+    """Return how often each reason was given, as text; ``none`` for no reasons."""
     return ", ".join(f"{name} {count}" for name, count in counts.items()) or "none"
 
 
 def given(value: float | None, form: str = "") -> str:
-    """A figure as text; a dash for none."""
+    """Return a figure as text; a dash for None."""
     return NONE if value is None else format(value, form)
 
 
 def plain(reason: StrEnum) -> str:
-    """A reason as people write it: ``run over``."""
+    """Return a reason as plain words: ``run over``."""
     return reason.replace("_", " ")
 
 
 def in_words(reason: StrEnum, detail: str) -> str:
-    """A reason and its detail on one line: ``sensor lost: imu missing``."""
+    """Return a reason and its detail on one line: ``sensor lost: imu missing``."""
     return f"{plain(reason)}: {detail}" if detail else plain(reason)

@@ -1,4 +1,4 @@
-"""Relay plan: what a relay does to the messages between robot and stabilizer."""
+"""Relay plan: faults that a relay adds to the messages between robot and stabilizer."""
 
 from __future__ import annotations
 
@@ -21,26 +21,27 @@ SPEAKERS = {
     "commands": [Direction.TO_ROBOT],
     "all": [Direction.FROM_ROBOT, Direction.TO_ROBOT],
 }
-"""Whose channels a direction means."""
+"""Senders whose channels each direction covers."""
 
 
 class _Fault(FileStruct, frozen=True, kw_only=True):
-    """What all faults share: which channels, and when.
+    """Fields of all faults: channels and times.
 
-    Time counts from the first joint command that passes; before it nothing is touched.
+    Time counts from the first joint command that passes. Before that, no message is
+    changed.
     """
 
     topics: list[str] = []
-    """Names of channels; give these or a direction."""
+    """Names of channels; give either these or a direction."""
     direction: Literal["sensors", "commands", "all"] | None = None
-    """All that the robot says, the joint commands, or both. Services, the reference and
-    what the stabilizer says of itself are meant by name only."""
+    """All messages of the robot, the joint commands, or both. Services, the reference
+    and the stabilizer's own messages are only reached by name."""
     start_s: NonNegative = 0.0
     duration_s: Seconds | None = None
-    """Until the end when absent."""
+    """Duration; until the end when absent."""
 
     def __post_init__(self) -> None:
-        """Check that channels are named once, and exist."""
+        """Check that channels are given one way only, and exist."""
         if bool(self.topics) == (self.direction is not None):
             raise ValueError("give either `topics` or `direction`")
         known = [entry.name for entry in TOPICS]
@@ -52,14 +53,14 @@ class _Fault(FileStruct, frozen=True, kw_only=True):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the channels it acts on."""
+        """Names of the channels that the fault acts on."""
         if self.direction is None:
             return tuple(dict.fromkeys(self.topics))
         speakers = SPEAKERS[self.direction]
         return tuple(entry.name for entry in TOPICS if entry.direction in speakers)
 
     def is_on(self, at_s: float) -> bool:
-        """Return whether it acts on what comes at a time [s]."""
+        """Return whether the fault acts on messages at a time [s]."""
         end_s = math.inf if self.duration_s is None else self.start_s + self.duration_s
         return self.start_s <= at_s < end_s
 
@@ -71,16 +72,16 @@ class DropFault(_Fault, frozen=True, kw_only=True, tag="drop", tag_field="kind")
 
 
 class DelayFault(_Fault, frozen=True, kw_only=True, tag="delay", tag_field="kind"):
-    """Messages come later, in their order."""
+    """Messages are delayed by a fixed time, in order."""
 
     ms: Milliseconds
 
 
 class JitterFault(_Fault, frozen=True, kw_only=True, tag="jitter", tag_field="kind"):
-    """Messages come later by a random time, in their order."""
+    """Messages are delayed by a random time, in order."""
 
     ms: Milliseconds
-    """The longest; all times up to it are equally likely."""
+    """Longest delay; all delays up to it are equally likely."""
 
 
 class DuplicateFault(
@@ -90,7 +91,7 @@ class DuplicateFault(
 
     probability: Probability
     ms: NonNegative = 0.0
-    """How long after the first the second one comes."""
+    """Time from the first copy to the second."""
 
 
 class ReorderFault(_Fault, frozen=True, kw_only=True, tag="reorder", tag_field="kind"):
@@ -98,7 +99,7 @@ class ReorderFault(_Fault, frozen=True, kw_only=True, tag="reorder", tag_field="
 
     probability: Probability
     ms: Milliseconds = 2.5
-    """How long they are kept back."""
+    """Time for which a message is kept back."""
 
 
 class CorruptFault(_Fault, frozen=True, kw_only=True, tag="corrupt", tag_field="kind"):
@@ -106,11 +107,11 @@ class CorruptFault(_Fault, frozen=True, kw_only=True, tag="corrupt", tag_field="
 
     probability: Probability
     bits: Annotated[int, msgspec.Meta(ge=1, le=64)] = 1
-    """How many in each message that is hit."""
+    """Number of bits flipped in each message that is hit."""
 
 
 class CutFault(_Fault, frozen=True, kw_only=True, tag="cut", tag_field="kind"):
-    """Everything is lost for a while."""
+    """All messages are lost for a while."""
 
     def __post_init__(self) -> None:
         """Check that a cut ends."""
@@ -122,10 +123,10 @@ class CutFault(_Fault, frozen=True, kw_only=True, tag="cut", tag_field="kind"):
 class ClockJumpFault(
     _Fault, frozen=True, kw_only=True, tag="clock_jump", tag_field="kind"
 ):
-    """Stamps are off by so much, as after a jump of the sender's clock."""
+    """Time stamps are shifted, as after a jump of the sender's clock."""
 
     seconds: float
-    """Positive: the clock jumped ahead. A stamp never gets below zero."""
+    """Shift; positive: the clock jumped ahead. No stamp gets below zero."""
 
     def __post_init__(self) -> None:
         """Check that the messages have stamps."""

@@ -1,4 +1,4 @@
-"""What a run reports: the object of ``surefoot run --json``."""
+"""Results of a run: the object printed by ``surefoot run --json``."""
 
 from __future__ import annotations
 
@@ -29,97 +29,99 @@ class Distribution(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Histogram(msgspec.Struct, frozen=True, kw_only=True):
-    """How often a time was between two edges."""
+    """Histogram of a time."""
 
     edges_ms: list[float]
-    """Rising [ms]."""
+    """Edges of the bins, rising [ms]."""
     counts: list[int]
-    """One more than edges: below the first one, between them, above the last."""
+    """Counts, one more than edges: below the first edge, between edges, above the
+    last."""
 
 
 NO_TIME = Distribution(median=0.0, p99=0.0, max=0.0)
 
 
 class ModeReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What the robot's gate was doing when its run ended."""
+    """State of the robot's gate when its run ended."""
 
     mode: RobotMode
-    """Its mode."""
+    """Mode of the gate."""
     cause: ModeCause
-    """Why it was in it."""
+    """Why the gate was in this mode."""
     detail: str
     """The same in words."""
     since_s: float
-    """Since when [s]."""
+    """Time since which it was in this mode [s]."""
 
 
 COMMANDED = ModeReport(
     mode=RobotMode.ACTIVE, cause=ModeCause.REQUESTED, detail="", since_s=0.0
 )
-"""Of a robot that was commanded to the end."""
+"""Report of a robot that was commanded to the end."""
 
 
 class RecordedGround(msgspec.Struct, frozen=True, kw_only=True):
     """A recorded motion that the ground followed."""
 
     file: str
-    """Its name, without the folder."""
+    """Name of the file, without its folder."""
     sha256: str
-    """Of the file's content."""
+    """Digest of the file's content."""
     platform: int
-    """Which platform of the scenario, from 0."""
+    """Number of the platform in the scenario, from 0."""
     axis: str
-    """Along or about which axis."""
+    """Axis along or about which the platform moved."""
     stroke: float
-    """From the lowest to the highest place [m, or deg for tilts]."""
+    """Distance from the lowest to the highest place [m, or deg for tilts]."""
     speed_max: float
-    """The largest [m/s or deg/s]."""
+    """Largest speed [m/s or deg/s]."""
     acceleration_max: float
-    """The largest [m/s^2 or deg/s^2]."""
+    """Largest acceleration [m/s^2 or deg/s^2]."""
 
 
 class WalkReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A walk, as the stabilizer knows it."""
+    """A walk, as the stabilizer estimates it."""
 
     steps_done: int
-    """Steps of plans that were set down; bringing the feet together is none."""
+    """Planned steps that were set down, without the one that brings the feet
+    together."""
     steps_planned: int
-    """Steps of the plans that were taken."""
+    """Steps of all accepted plans."""
     is_over: bool
-    """Whether the robot has come to stand after them."""
+    """Whether the robot has come to stand after its steps."""
     dcm_error_rms_mm: Pair
-    """Divergent component of motion against its reference, x and y: root mean square
-    over the walk."""
+    """DCM against its reference, x and y: root mean square over the walk."""
     dcm_error_max_mm: Pair
     """The same: largest."""
     placement_error_max_mm: float
-    """Farthest that a foot was set from where it was meant."""
+    """Largest distance of a foothold from its goal, shifts by step adjustment
+    included."""
     touchdown_late_s: Pair
-    """Earliest and latest touchdown against plan, negative when early."""
+    """Earliest and latest touchdown against the adjusted plan; negative is early."""
     refusal: str = ""
-    """Why the last plan was refused, in words; empty when it was taken."""
+    """Why the last plan was refused, in words; empty when it was accepted."""
 
 
 class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     """What the simulated robot measured of its own truth.
 
-    CoM errors count from 1 s on: x and y against the reference offset from the
-    midpoint of the true soles, z against the reference height in the world. Figures
-    without a word are those of :class:`RunResult`.
+    CoM errors count from 1 s on: x and y against the reference offset from the midpoint
+    of the true soles, z against the reference height in the world. Fields without a
+    text here are those of :class:`RunResult`.
     """
 
     fell: bool
     fell_at_s: float | None
     fall: FallCriterion | None
-    """By which criterion; None when it did not."""
+    """Criterion that detected the fall; None without a fall."""
     fall_detail: str
-    """The same in words, with the link or the figure; empty when it did not."""
+    """The same in words, with the link or the figure; empty without a fall."""
     end: ModeCause
     """Why the run ended."""
     end_detail: str
     """The same in words; may be empty."""
     gate: ModeReport
-    """What the robot's gate was doing at the end."""
+    """State of the robot's gate at the end."""
     duration_s: float
     com_error_rms_mm: Floats3 | None
     com_error_max_mm: Floats3 | None
@@ -142,18 +144,18 @@ class PlantResult(msgspec.Struct, frozen=True, kw_only=True):
     histograms: dict[str, Histogram] = {}
     unrecorded_ticks: int = 0
     distance_m: float | None = None
-    """How far the middle of the true soles has come, in a walk; else None."""
+    """Distance that the middle of the true soles has moved in a walk; else None."""
     touchdown_peak_n: Pair | None = None
     """Largest true normal force within 0.1 s of a touchdown, in a walk; else None."""
 
     @property
     def has_walked(self) -> bool:
-        """Whether its scenario is a walk; it does not know of steps."""
+        """Whether the scenario is a walk; single steps are not known here."""
         return self.distance_m is not None
 
 
 class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What the stabilizer measured of itself; the rest is as in :class:`RunResult`."""
+    """What the stabilizer measured of itself; other fields as in :class:`RunResult`."""
 
     ticks: int
     tick_ms: Distribution
@@ -163,9 +165,9 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     degraded_ticks: int
     lost_sensors: dict[str, SensorTrouble]
     balancing_ticks: int
-    """Ticks answered after the calibration of its start."""
+    """Ticks answered after the calibration at the start."""
     balancing_failures: int
-    """Those of them whose QPs were not solved."""
+    """Ticks among them whose QPs were not solved."""
     end: EndReason
     """Why it ended."""
     end_detail: str
@@ -174,70 +176,71 @@ class ControllerResult(msgspec.Struct, frozen=True, kw_only=True):
     skipped_ticks: int = 0
     slow_ticks: int = 0
     restarts: int = 0
-    """Times it began anew from a held posture: the robot came back, or had held."""
+    """Restarts from a held posture: after a hold, or when the robot came back."""
     histograms: dict[str, Histogram] = {}
     unrecorded_ticks: int = 0
     walk: WalkReport | None = None
-    """Of a robot that was given steps; else None."""
+    """Report of the walk; None without steps."""
 
 
 class RelayResult(msgspec.Struct, frozen=True, kw_only=True):
-    """What a relay between the two did to their messages."""
+    """What a relay did to the messages between robot and stabilizer."""
 
     plan: str
     """Name of the plan."""
     counts: dict[str, dict[str, int]]
     """By channel: messages that ``arrived`` and ``left``, and how many each kind of
-    fault did something to."""
+    fault has changed."""
 
 
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
-    """One run, whole."""
+    """Results of one whole run."""
 
     scenario: str
-    """Its name."""
+    """Name of the scenario."""
     controller: str
-    """Which law."""
+    """Name of the controller."""
     robot: str
-    """Which robot file."""
+    """Name of the robot."""
     seed: int
-    """Of the sensor noise."""
+    """Seed of the sensor noise."""
     mode: Literal["lockstep", "realtime", "inline"]
-    """How the two sides met."""
+    """How robot and controller were connected and timed."""
     outcome: Outcome
-    """How it went; only ``stood`` and ``walked`` are successes."""
+    """How the run went; only ``stood`` and ``walked`` are successes."""
     outcome_detail: str
     """When and why, in words."""
     fell: bool
     """Whether the robot fell."""
     fell_at_s: float | None
-    """When it did; null when it did not."""
+    """Time of the fall; null without a fall."""
     duration_s: float
     """Simulated time, to the end or the fall."""
     com_error_rms_mm: Floats3 | None
-    """CoM against its reference, x y z, true, from 1 s on: root mean square. Null for
-    a run that ended within its first second, like all that counts from there."""
+    """True CoM against its reference, x y z, from 1 s on: root mean square. Null for a
+    run that ended within its first second, like all figures that count from there."""
     com_error_max_mm: Floats3 | None
     """The same: largest."""
     base_tilt_max_deg: float
-    """Farthest the base leaned from upright."""
+    """Largest tilt of the base from upright."""
     force_error_rms_n: Pair | None
-    """Measured against desired normal force, left and right; null when nobody did."""
+    """Measured against desired normal force, left and right; null if none was
+    desired."""
     force_deviation_rms_n: Pair | None
     """True vertical force against half the robot's weight, left and right."""
     force_peak_n: Pair | None
     """Largest true normal force from 0.2 s on, left and right. Null for a run that
     ended before."""
     contact_lost_s: Pair
-    """Time without the ground, left and right, all together."""
+    """Total time without ground contact, left and right."""
     contact_gap_s: Pair
-    """Longest time at a stretch without the ground, left and right."""
+    """Longest uninterrupted time without ground contact, left and right."""
     real_time_factor: float
-    """Simulated time over time taken."""
+    """Simulated time divided by the time taken."""
     tick_ms: Distribution
     """Stabilizer's time from snapshot to command."""
     round_trip_ms: Distribution
-    """Sensors sent to command received, per tick."""
+    """Time from sensors sent to command received, per tick."""
     period_jitter_ms: Distribution
     """Real time only: how late each tick began; zero in lockstep."""
     deadline_misses: int
@@ -245,7 +248,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     qp_failures: int
     """Ticks whose QPs were not solved; the posture was held."""
     degraded_ticks: int
-    """Ticks answered without a sensor, or while giving up."""
+    """Ticks answered without some sensor, or while giving up."""
     lost_sensors: dict[str, SensorTrouble]
     """Sensors that were lost at any time, by channel, and why at first."""
     end: EndReason
@@ -269,31 +272,30 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     settings_changes: list[SettingsChange] = []
     """Changes of settings during the run."""
     end_to_end_ms: Distribution = NO_TIME
-    """Stamp of the sensors to command applied, on the robot's side."""
+    """Time from the sensors' stamp to the command applied, on the robot's side."""
     skipped_ticks: int = 0
-    """The robot's ticks that went by without an answer, in real time."""
+    """Ticks of the robot that got no answer, in real time."""
     slow_ticks: int = 0
     """Answers that took longer than a period to compute."""
     histograms: dict[str, Histogram] = {}
     """Times of both sides, when asked for."""
     unrecorded_ticks: int = 0
-    """Ticks that a ticks file lacks, since the disk was too slow, or full."""
+    """Ticks missing from a ticks file because the disk was too slow or full."""
     relay: RelayResult | None = None
-    """What a relay did to the bus, if there was one."""
+    """What a relay did to the messages, if there was one."""
     steps_done: int | None = None
-    """Steps of the walk that were set down; null without a walk, like all that
-    follows."""
+    """Steps of the walk that were set down; null without a walk, like all fields
+    below."""
     steps_planned: int | None = None
-    """Steps that were asked for."""
+    """Steps that were planned."""
     distance_m: float | None = None
-    """How far the middle of the soles has come, true."""
+    """True distance that the middle of the soles has moved."""
     dcm_error_rms_mm: Pair | None = None
-    """Divergent component of motion against its reference, as estimated, x and y:
-    root mean square over the walk."""
+    """Estimated DCM against its reference, x and y: root mean square over the walk."""
     dcm_error_max_mm: Pair | None = None
     """The same: largest."""
     placement_error_max_mm: float | None = None
-    """Farthest that a foot was set from where it was meant, as estimated."""
+    """Largest estimated distance of a foothold from its goal, shifts included."""
     touchdown_peak_n: Pair | None = None
     """Largest true normal force within 0.1 s of a touchdown, left and right."""
 
@@ -301,7 +303,7 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     def has_walked(self) -> bool:
         """Whether a step was set down.
 
-        CoM errors, against the middle of the feet, and what tells whether both feet
-        stood mean little then.
+        CoM errors against the middle of the feet, and figures on the contact of both
+        feet, mean little then.
         """
         return bool(self.steps_done)

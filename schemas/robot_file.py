@@ -1,4 +1,4 @@
-"""Robot file: what a TOML beside a URDF says about a robot."""
+"""Robot file: the TOML beside a URDF that describes a robot."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Side = Literal["left", "right"]
 
 
 class Imu(FileStruct, frozen=True, kw_only=True):
-    """Where the IMU sits."""
+    """Place of the IMU."""
 
     frame: str
-    """URDF link whose frame the readings are in."""
+    """URDF link in whose frame the readings are."""
 
 
 class Foot(FileStruct, frozen=True, kw_only=True):
@@ -37,62 +37,62 @@ class Foot(FileStruct, frozen=True, kw_only=True):
 
 
 class VirtualForceTorque(FileStruct, frozen=True, kw_only=True):
-    """Ankles without sensors: their wrenches follow from joint efforts and dynamics."""
+    """Ankles without sensors: wrenches are inferred from joint efforts and dynamics."""
 
     cutoff_hz: Positive = 50.0
-    """Of the momentum observer: faster is noisier [Hz]."""
+    """Bandwidth of the momentum observer: a higher one is noisier [Hz]."""
     effort_noise_nm: NonNegative = 0.0
-    """Deviation of one reading of a joint's effort, which the simulator adds [N m]."""
+    """Standard deviation of a joint's effort reading, added by the simulator [N m]."""
 
 
 class ServoProfile(FileStruct, frozen=True, kw_only=True):
     """How a servo's set-point follows the position command."""
 
     velocity_limit_rad_s: Positive
-    """Fastest the set-point moves."""
+    """Largest speed of the set-point."""
     lag_s: NonNegative
-    """Time constant of the first-order lag behind the limit [s]."""
+    """Time constant of the first-order lag after the speed limit [s]."""
 
 
 class Servo(FileStruct, frozen=True, kw_only=True):
-    """Servo profiles and which one is used."""
+    """Servo profiles and the default one."""
 
     profile: str
-    """The one used when no other is asked for."""
+    """Profile used when no other is asked for."""
     profiles: dict[str, ServoProfile]
-    """By name."""
+    """Profiles by name."""
 
 
 class Gate(FileStruct, frozen=True, kw_only=True):
     """Limits of the robot-side command gate."""
 
     step_limit_rad: Positive
-    """Farthest a command may move a joint in one tick."""
+    """Largest change of a joint command in one tick."""
     position_margin_rad: NonNegative = 0.0
-    """Kept free before each end of the joint range."""
+    """Margin kept to each end of the joint range."""
     hold_after_s: Positive = 0.02
     """Silence of the commander after which the last posture is held [s]."""
     fault_after_s: Positive = 1.0
-    """Silence after which the robot goes to fault [s]."""
+    """Silence of the commander after which the robot goes to FAULT [s]."""
     max_command_age_s: Positive | None = None
-    """A command that answers older sensors is refused [s]; ``hold_after_s`` when
-    absent."""
+    """Largest age of the sensors that a command answers; older commands are refused.
+    ``hold_after_s`` when absent [s]."""
     max_loop_delay_s: Positive | None = None
-    """Delay of the loop, from a reading to the tick in which the servos follow its
-    answer, beyond which the robot goes to fault when it is that on average over half a
-    second; ``surefoot margins`` tells what is borne [s]; not watched when absent."""
+    """Largest loop delay, from a reading to the tick in which the servos follow its
+    answer, averaged over half a second. Beyond it the robot goes to FAULT; not watched
+    when absent. ``surefoot margins`` tells what a robot bears [s]."""
     beyond_limits: Literal["clip", "refuse"] = "clip"
-    """What becomes of a command beyond a position, velocity or step limit."""
+    """Treatment of commands beyond a position, velocity or step limit."""
     warn_only: bool = False
-    """For prototypes in simulation: commands beyond a limit are followed, and
-    counted; what is no posture at all, or nobody's, is refused still."""
+    """For prototypes in simulation: commands beyond a limit are followed and counted.
+    Invalid postures and commands without a lease are still refused."""
     first_command_tolerance_rad: Positive = 0.05
-    """How far from the held posture the first command may be, per joint."""
+    """Largest distance of the first command from the held posture, per joint."""
     lease_s: Positive = 1.0
     """A commander silent for longer loses the lease [s]."""
 
     def __post_init__(self) -> None:
-        """Refuse a fault before the hold that leads to it."""
+        """Refuse a fault that would come before the hold."""
         if self.hold_after_s >= self.fault_after_s:
             raise ValueError(
                 f"`hold_after_s` is {self.hold_after_s:g}, expected less than "
@@ -101,10 +101,10 @@ class Gate(FileStruct, frozen=True, kw_only=True):
 
 
 class Joint(FileStruct, frozen=True, kw_only=True):
-    """One actuated joint; its range stands in the URDF."""
+    """One actuated joint; the URDF has its range."""
 
     name: str
-    """Joint of the URDF."""
+    """Name of the joint in the URDF."""
     kp_nm_rad: Positive
     """Stiffness of the servo."""
     kd_nm_s_rad: NonNegative
@@ -116,44 +116,44 @@ class Joint(FileStruct, frozen=True, kw_only=True):
     torque_limit_nm: Positive
     """Largest torque; the same as in the URDF."""
     velocity_limit_rad_s: Positive
-    """Fastest command the gate lets pass and the controller asks for."""
+    """Largest joint velocity that the gate lets pass and the controller asks for."""
     nominal_rad: float
-    """Nominal posture."""
+    """Position in the nominal posture."""
     soft_lower_rad: float | None = None
-    """Lower end of what the controller uses, where tighter than the joint range."""
+    """Lower end of the range the controller uses, if tighter than the joint range."""
     soft_upper_rad: float | None = None
-    """Upper end of what the controller uses, where tighter than the joint range."""
+    """Upper end of the range the controller uses, if tighter than the joint range."""
 
 
 class RobotFile(FileStruct, frozen=True, kw_only=True):
     """A robot: geometry in the URDF it names, the rest here."""
 
     name: str
-    """Shown to people."""
+    """Name shown to people."""
     urdf: str
     """Path of the URDF, relative to this file."""
     namespace: str
-    """Zenoh's namespace: what every key on the bus begins with."""
+    """Zenoh's namespace: the beginning of every key on the bus."""
     rate_hz: Annotated[float, msgspec.Meta(gt=0.0, le=20_000.0)]
-    """Control ticks in a second."""
+    """Control ticks per second."""
     base_link: str
-    """URDF link that floats."""
+    """URDF link of the floating base."""
     nominal_base_height_m: float
-    """Base origin above the ground in the nominal posture."""
+    """Height of the base origin above the ground in the nominal posture."""
     com_travel_m: tuple[float, float] = (-0.1, 0.03)
-    """How far the centre of mass may sink and rise over its feet, from nominal."""
+    """Range of the CoM's height over the feet, from nominal: lowest and highest."""
     imu: Imu
     """Inertial unit."""
     foot: Annotated[list[Foot], msgspec.Meta(min_length=2, max_length=2)]
     """Left, then right."""
     virtual_ft: VirtualForceTorque | None = None
-    """Given where the ankles have no sensors: the ankle channels then carry zeros, and
-    the stabilizer puts what it infers in their place. Efforts must be measured."""
+    """Given if the ankles have no sensors: the ankle channels then carry zeros, and the
+    stabilizer infers their wrenches. Efforts must be measured."""
     servo: Servo
     """Servos."""
     gate: Gate
     """Limits of the command gate."""
     joint: Annotated[list[Joint], msgspec.Meta(min_length=1)]
-    """Their order is the order of every array on the bus."""
+    """Actuated joints, in the order of every array on the bus."""
     keys: dict[str, str] = {}
-    """Channel name to key, where the real bus calls it otherwise."""
+    """Channel name to key, where the real bus uses another key."""

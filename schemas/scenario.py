@@ -37,7 +37,7 @@ else:  # what a file may name are the sensors there are
 
 
 class SensorFault(FileStruct, frozen=True, kw_only=True):
-    """One sensor fails for a while.
+    """Failure of one sensor for a while.
 
     ``drop``: its messages are not sent. ``freeze``: it repeats its last reading.
     ``nan``: it reports no numbers. ``jump``: an offset appears at once. ``range``: it
@@ -45,16 +45,16 @@ class SensorFault(FileStruct, frozen=True, kw_only=True):
     """
 
     sensor: SensorName
-    """Which one fails."""
+    """Sensor that fails."""
     kind: FaultKind
-    """How it fails, see above."""
+    """Kind of failure, see above."""
     start_s: NonNegative
     """When it begins."""
     duration_s: Annotated[float, msgspec.Meta(gt=0.0, le=3600.0)]
     """How long it lasts."""
     size: Positive | None = None
-    """Of a jump: of the positions [rad], the gyroscope [rad/s] or the vertical force
-    [N]; 0.3, 5 or 2500 when absent."""
+    """Size of a jump: of the positions [rad], the gyroscope [rad/s] or the vertical
+    force [N]. Absent: 0.3, 5 or 2500."""
 
     def __post_init__(self) -> None:
         """Check that only a jump has a size."""
@@ -71,46 +71,46 @@ class Platform(FileStruct, frozen=True, kw_only=True):
     """Ground under one foot or both; without motion it stands still."""
 
     foot: Literal["left", "right", "both"]
-    """Which foot stands on it."""
+    """Foot that stands on the platform."""
     motion: list[Motion] = []
-    """They add up."""
+    """Motions of the platform; they add up."""
     size_m: (
         Annotated[list[PositiveNumber], msgspec.Meta(min_length=2, max_length=2)] | None
     ) = None
-    """Along x and y; absent: 0.8 by 0.9 under both feet, 0.6 by 0.4 or so under one.
-    Under one foot it ends at the middle between the feet."""
+    """Size along x and y. Absent: 0.8 by 0.9 under both feet, about 0.6 by 0.4 under
+    one. A platform under one foot ends at the middle between the feet."""
 
 
 class Tile(FileStruct, frozen=True, kw_only=True):
-    """A block of ground that no motion moves, instead of the flat floor at its place.
+    """A fixed block of ground in place of the flat floor.
 
-    Tiles may overlap. Where there are tiles, the floor goes on around them for as far
-    as a walk needs, unless there are platforms.
+    Tiles may overlap. The floor goes on around tiles for as far as a walk needs, unless
+    there are platforms.
     """
 
     center_m: Pair
-    """Middle of its top: x, y in the world; unless [start] says otherwise the
-    robot's base is over 0, 0 and it looks along x."""
+    """Middle of the tile's top, x and y in the world. Unless ``start`` says otherwise,
+    the robot's base is over 0, 0 and looks along x."""
     size_m: Annotated[list[PositiveNumber], msgspec.Meta(min_length=2, max_length=2)]
-    """Along x and y."""
+    """Size along x and y."""
     height_m: Annotated[float, msgspec.Meta(ge=-0.3, le=1.0)] = 0.0
-    """Of the middle of its top, over the floor."""
+    """Height of the middle of its top over the floor."""
     roll_deg: Annotated[float, msgspec.Meta(ge=-45.0, le=45.0)] = 0.0
     """Tilt about x."""
     pitch_deg: Annotated[float, msgspec.Meta(ge=-45.0, le=45.0)] = 0.0
-    """Tilt about y; positive goes down ahead."""
+    """Tilt about y; a positive one slopes down ahead."""
     friction: Positive | None = None
-    """Friction coefficient [1]; that of the scenario when absent."""
+    """Friction coefficient; the scenario's when absent [1]."""
     stiffness_n_m: Annotated[float, msgspec.Meta(ge=5e3, le=1e6)] | None = None
-    """Of soft ground under a whole sole; firm when absent."""
+    """Stiffness of soft ground under a whole sole; firm when absent."""
     damping_n_s_m: NonNegative | None = None
-    """Of soft ground under a whole sole; absent: half of critical for
-    half the robot's mass."""
+    """Damping of soft ground under a whole sole. Absent: half of critical for half the
+    robot's mass."""
     tip_deg: Annotated[float, msgspec.Meta(ge=0.0, le=20.0)] = 0.0
-    """A seesaw: turns under the foot about the middle of its top, to a stop so far
-    either way; 0 for a block that stands fast."""
+    """Angle of a seesaw's stop, either way: it turns under the foot about the middle of
+    its top. 0 for a fixed block."""
     tip_axis: Literal["roll", "pitch"] = "pitch"
-    """What a seesaw turns about: its own x (roll) or y (pitch)."""
+    """Axis of a seesaw: its own x (roll) or y (pitch)."""
 
     def __post_init__(self) -> None:
         """Check that only soft ground has damping."""
@@ -123,8 +123,8 @@ class Tile(FileStruct, frozen=True, kw_only=True):
 class Push(FileStruct, frozen=True, kw_only=True):
     """Force on a body, at its centre of mass.
 
-    Given as a force in world axes, or as a share of the blow that the soles can catch:
-    that fits any robot.
+    Its size is a force in world axes, or a share of the impulse that the soles can
+    catch, which fits any robot.
     """
 
     body: str | None = None
@@ -132,18 +132,18 @@ class Push(FileStruct, frozen=True, kw_only=True):
     force_n: Floats3 | None = None
     """Force in world axes."""
     impulse_share: Positive | None = None
-    """Impulse, in parts of the one whose capture point reaches the edge of the soles
-    [1]: at 1.0 even a foot pressed at its edge only just catches it."""
+    """Impulse, relative to the one whose capture point reaches the edge of the soles
+    [1]. At 1.0 even a foot pressed at its edge only just catches it."""
     direction_deg: float | None = None
-    """Of an ``impulse_share``: 0 ahead, 90 to the left of where the robot looks at the
-    start; ahead when absent."""
+    """Direction of an ``impulse_share``, from where the robot looks at the start: 0
+    ahead, 90 to the left; ahead when absent."""
     start_s: NonNegative
     """When it begins."""
     duration_s: Positive = 0.1
-    """How long it acts."""
+    """Time for which it acts."""
 
     def __post_init__(self) -> None:
-        """Check that its size is given once."""
+        """Check that the size is given in one way only."""
         if (self.force_n is None) == (self.impulse_share is None):
             raise ValueError("expected either `force_n` or `impulse_share`")
         if self.direction_deg is not None and self.force_n is not None:
@@ -151,7 +151,7 @@ class Push(FileStruct, frozen=True, kw_only=True):
 
 
 class Scenario(FileStruct, frozen=True, kw_only=True):
-    """A run: its ground, pushes, sensors and their faults, delays, model errors."""
+    """A run: ground, pushes, sensors and their faults, delays, model errors."""
 
     name: str
     """Shown in tables and kept in results."""
@@ -162,7 +162,7 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     friction: Positive = 0.7
     """Friction coefficient of all ground [1]."""
     platform: list[Platform] = []
-    """Moving ground; firm level ground where there is none."""
+    """Moving ground; without platforms the ground is firm and level."""
     tile: list[Tile] = []
     """Blocks of uneven, soft, slippery or tipping ground."""
     push: list[Push] = []
@@ -172,9 +172,9 @@ class Scenario(FileStruct, frozen=True, kw_only=True):
     payload: list[Payload] = []
     """Masses that the robot carries."""
     start: Start = Start()
-    """How the robot stands at first."""
+    """How the robot stands at the start."""
     sensors: Sensors = Sensors()
-    """Noise and offsets."""
+    """Errors and rates of the sensors."""
     delay: Delay = Delay()
     """Transport delays."""
     model_error: ModelError = ModelError()
@@ -214,7 +214,7 @@ def scenario_from_table(raw: dict[str, Any], *, source: str) -> Scenario:
 def load_scenario(path: Path) -> Scenario:
     """Read a scenario file; see :func:`scenario_from_table`.
 
-    Files it names are relative to it; here they get the path they have from anywhere.
+    Paths in it are relative to the scenario file. They are resolved here.
     """
     scenario = scenario_from_table(read_toml(path), source=str(path))
     folder = path.resolve().parent

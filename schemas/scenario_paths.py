@@ -1,8 +1,8 @@
 """Overrides scenario values by path, such as ``platform.0.motion.1.rate_deg_s``.
 
-Beside the keys of the file there are derived ones, where what one wants to vary is
-not one number of the file: the direction of a push at constant impulse, the peak rate
-of a sine, the rate of a tilt about a diagonal, the pace of everything that moves.
+Beside the file's own keys there are derived ones, for quantities that are not one
+number of the file: the direction of a push at constant impulse, the peak rate of a
+sine, the rate of a tilt about a diagonal, the pace of everything that moves.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Table = dict[str, Any]
 _PACE, _TILT_RATE = "pace", "tilt_rate_deg_s"
 _NOT_SWEPT = ("name", "description")
 _PACED = ("frequency_hz", "rate_m_s", "rate_deg_s", "speed")
-"""Keys of motions that the pace is a factor on."""
+"""Keys of motions that are multiplied by the pace."""
 _TABLES = ("sensors", "delay", "model_error", "start")
 _OPEN: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(
@@ -52,7 +52,7 @@ _OPEN: dict[str, tuple[str, ...]] = {
         )
     },
 }
-"""What may be one number or a table, and the keys that the number stands for."""
+"""Values that may be one number or a table, with the keys the number stands for."""
 _TILTING = ("sine", "ramp", "drop")
 
 
@@ -60,7 +60,7 @@ def override_scenario(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     """Return a scenario with some of its values changed, in the order given.
 
     Args:
-        scenario: to start from; stays as it is.
+        scenario: scenario to start from; it is not changed.
         values: path to new value; see :func:`scenario_paths` for the paths.
 
     Raises:
@@ -114,7 +114,7 @@ def _unknown(path: str, scenario: Scenario, known: list[str]) -> str:
 
 
 def _is_absent(table: Table, path: str) -> bool:
-    """Whether a path leads to a key of the scenario that has no value so far."""
+    """Whether a path leads to a key of the scenario without a value."""
     *parents, name = path.split(".")
     place: Any = table
     for parent in parents:
@@ -130,7 +130,7 @@ def _is_absent(table: Table, path: str) -> bool:
 def _leaves(value: Any, path: str = "") -> Iterable[str]:
     """Yield the paths of all values: lists of numbers, and each number in them.
 
-    Also of what is absent in the tables that every scenario has.
+    Includes values that are absent from the tables every scenario has.
     """
     if isinstance(value, dict):
         if not value:
@@ -198,7 +198,7 @@ def _set_impulse(push: Table, impulse_n_s: float) -> None:
 
 
 def _set_peak_rate(motion: Table, rate: float) -> None:
-    """Set the frequency such that the sine's greatest rate is this."""
+    """Set a sine's frequency for this greatest rate."""
     amplitude = motion["amplitude_deg" if _turns(motion) else "amplitude_m"]
     if amplitude == 0.0:
         raise FileFormatError(
@@ -209,10 +209,10 @@ def _set_peak_rate(motion: Table, rate: float) -> None:
 
 
 def _set_tilt_rate(table: Table, rate: float) -> None:
-    """Set the rate about horizontal axes: of all ramps together, of each sine.
+    """Set the tilt rate about horizontal axes: of all ramps together, of each sine.
 
-    A ramp about a diagonal is one about roll and one about pitch: each gets its share
-    so that both end together and the rates add up, as vectors, to the one asked for.
+    A ramp about a diagonal consists of one about roll and one about pitch. Each gets
+    its share, so that both end together and the rates add up, as vectors, to ``rate``.
     """
     for platform in table["platform"]:
         ramps = [m for m in _horizontal(platform) if m["kind"] in ("ramp", "drop")]
@@ -226,7 +226,7 @@ def _set_tilt_rate(table: Table, rate: float) -> None:
 
 
 def _set_pace(table: Table, factor: float) -> None:
-    """Scale the speed of motions; free falls, seas and records stay as they are."""
+    """Scale the speed of motions, but not of free falls, seas and records."""
     for platform in table["platform"]:
         for motion in platform["motion"]:
             for key in _PACED:

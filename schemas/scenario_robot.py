@@ -1,4 +1,4 @@
-"""What a scenario says of the robot itself, its sensors, and rods that touch it."""
+"""Scenario settings of the robot itself, its sensors, and rods that touch it."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ class Start(FileStruct, frozen=True, kw_only=True):
     """How the robot stands at tick 0."""
 
     yaw_deg: float = 0.0
-    """Where it looks, from x to the left. Platforms under single feet turn along; their
+    """Heading, from x to the left. Platforms under single feet turn with it; their
     motions stay along the world's axes."""
     position_m: Pair = msgspec.field(default_factory=lambda: [0.0, 0.0])
-    """Where its base is, x and y in the world. Platforms are under the feet wherever
-    that is; tiles stay."""
+    """Place of the base, x and y in the world. Platforms move with it, under the feet;
+    tiles stay."""
     posture: dict[str, float] = {}
-    """Joint positions [rad]; those not named are nominal. Its soles must be level."""
+    """Joint positions, nominal unless named here; the soles must be level [rad]."""
     settle_s: Annotated[float, msgspec.Meta(ge=0.0, le=60.0)] = 2.0
-    """How long it holds the posture on still ground before tick 0."""
+    """Time for which the posture is held on still ground before tick 0."""
 
 
 Near3 = Annotated[
@@ -36,46 +36,46 @@ Near3 = Annotated[
 
 
 class Payload(FileStruct, frozen=True, kw_only=True):
-    """A mass on a link that the controller does not know of."""
+    """A mass on a link, unknown to the controller."""
 
     link: str
     """Link of the URDF."""
     mass_kg: Positive
-    """A ball of twice the density of water."""
+    """Mass, as a ball of twice the density of water."""
     offset_m: Near3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
-    """Its middle, in the link's frame, up to 3 m off along each axis."""
+    """Middle of the ball in the link's frame, up to 3 m off along each axis."""
     start_s: NonNegative = 0.0
-    """When it is grasped; carried from before the start when 0."""
+    """Time at which it is grasped; 0: carried from before the start."""
 
 
 class ModelError(FileStruct, frozen=True, kw_only=True):
-    """What the robot is, against what the controller believes."""
+    """Differences between the robot and the controller's model of it."""
 
     mass_scale: Positive = 1.0
-    """The robot's true mass over the believed one."""
+    """True mass of the robot over the modelled one."""
     servo_kp_scale: Positive = 1.0
-    """The servos' true stiffness over the believed one."""
+    """True stiffness of the servos over the modelled one."""
     servo_lag_scale: Positive = 1.0
-    """The servos' true lag over that of their profile."""
+    """True lag of the servos over that of their profile."""
     com_offset_m: Floats3 = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
-    """True centre of mass of the whole robot less the believed one: ahead, left and up.
-    The base link's mass is shifted for it."""
+    """True CoM of the whole robot minus the modelled one: ahead, left and up. The mass
+    of the base link is shifted to get it."""
     backlash_rad: PerJoint = 0.0
-    """Play between servo and joint, from end to end: no torque passes within it. One
+    """Play between servo and joint, end to end, within which no torque passes: one
     number for all joints, or by joint. Encoders sit on the joint's side."""
     joint_friction_nm: PerJoint = 0.0
-    """Dry friction: of all joints, or by joint."""
+    """Dry friction: one number for all joints, or by joint."""
     gravity_m_s2: Annotated[float, msgspec.Meta(ge=1.0, le=30.0)] = 9.81
-    """Of the place; the controller believes in 9.81."""
+    """True gravity; the controller assumes 9.81."""
 
 
 class _Rod(FileStruct, frozen=True, kw_only=True):
-    """What all rods share: they touch a link at its centre of mass."""
+    """Fields of all rods; a rod touches a link at its centre of mass."""
 
     body: str
     """Link of the URDF."""
     direction_deg: float = 0.0
-    """In the ground's plane, the world's axes: 0 along x, 90 along y."""
+    """Horizontal direction in world axes: 0 along x, 90 along y."""
     start_s: NonNegative = 0.0
     """When it begins."""
 
@@ -84,12 +84,12 @@ class _DrivenRod(_Rod, frozen=True, kw_only=True):
     """A rod that follows a course."""
 
     frequency_hz: Positive | None = None
-    """Of a sine that fades in over its first period."""
+    """Frequency of a sine that fades in over its first period."""
     rise_s: Positive | None = None
-    """Instead of a sine: how long it takes to go there, once, and stay."""
+    """Instead of a sine: time in which the rod moves to its end, where it stays."""
 
     def __post_init__(self) -> None:
-        """Check that there is one course."""
+        """Check that exactly one course is given."""
         if (self.frequency_hz is None) == (self.rise_s is None):
             raise ValueError("needs either `frequency_hz` or `rise_s`, not both")
 
@@ -98,31 +98,31 @@ class ForceRod(_DrivenRod, frozen=True, kw_only=True, tag="force", tag_field="ki
     """Pushes and pulls with a given force, wherever the link goes."""
 
     amplitude_n: Positive
-    """Of the force."""
+    """Amplitude of the force."""
 
 
 class DisplacementRod(
     _DrivenRod, frozen=True, kw_only=True, tag="displacement", tag_field="kind"
 ):
-    """Leads the link along a given way, by a stiff spring and a damper."""
+    """Leads the link along a given course, by a stiff spring and a damper."""
 
     amplitude_m: Positive
-    """From where the link was when it began."""
+    """Amplitude, from the link's place when the rod begins."""
     stiffness_n_m: Positive = 1e5
-    """Between rod and link."""
+    """Stiffness between rod and link."""
     damping_n_s_m: NonNegative = 1.5e3
-    """Between rod and link."""
+    """Damping between rod and link."""
 
 
 class StrikeRod(_Rod, frozen=True, kw_only=True, tag="strike", tag_field="kind"):
     """A free mass that meets the link once, with a pad between, as a pendulum does."""
 
     mass_kg: Positive
-    """Of the striker."""
+    """Mass of the striker."""
     speed_m_s: Positive
-    """With which it arrives."""
+    """Speed with which the striker arrives."""
     stiffness_n_m: Positive = 2e4
-    """Of the pad."""
+    """Stiffness of the pad."""
 
 
 Rod = ForceRod | DisplacementRod | StrikeRod
@@ -138,18 +138,18 @@ class Sides(FileStruct, frozen=True, kw_only=True):
     """A value for each side; 0 where it is not given."""
 
     left: Axes = 0.0
-    """Of the left foot."""
+    """Value of the left foot."""
     right: Axes = 0.0
-    """Of the right foot."""
+    """Value of the right foot."""
 
 
 class DeviationSides(FileStruct, frozen=True, kw_only=True):
     """A standard deviation for each side; 0 where it is not given."""
 
     left: DeviationAxes = 0.0
-    """Of the left foot."""
+    """Value of the left foot."""
     right: DeviationAxes = 0.0
-    """Of the right foot."""
+    """Value of the right foot."""
 
 
 Scale = Annotated[float, msgspec.Meta(gt=0.0, le=10.0)]
@@ -161,29 +161,29 @@ class ScaleSides(FileStruct, frozen=True, kw_only=True):
     """A scale for each side; 1 where it is not given."""
 
     left: ScaleAxes = 1.0
-    """Of the left foot."""
+    """Value of the left foot."""
     right: ScaleAxes = 1.0
-    """Of the right foot."""
+    """Value of the right foot."""
 
 
 class SensorDelays(FileStruct, frozen=True, kw_only=True):
     """A delay for each kind of sensor [ms]."""
 
     imu: NonNegative = 0.0
-    """Of the IMU."""
+    """Delay of the IMU."""
     force_torque: NonNegative = 0.0
-    """Of both ankle sensors."""
+    """Delay of both ankle sensors."""
     joints: NonNegative = 0.0
-    """Of positions, velocities and efforts."""
+    """Delay of positions, velocities and efforts."""
 
 
 class Sensors(FileStruct, frozen=True, kw_only=True):
     """Errors and rates of the sensors; without any of it they are exact.
 
-    Errors are a number for all axes and sides, ``[x, y, z]`` in the sensor's own frame,
-    or, for the ankles, ``{ left = ..., right = ... }`` of either. A sensor reports
-    scale x truth + bias + drift x time + noise. A sensor with a rate measures so often,
-    repeats its reading in between, and stamps it with the time it was measured at.
+    An error is one number for all axes and sides, ``[x, y, z]`` in the sensor's own
+    frame, or, for the ankles, ``{ left = ..., right = ... }`` of either. A sensor
+    reports scale x truth + bias + drift x time + noise. A sensor with a rate measures
+    at that rate. In between it repeats its reading, stamped with the time of measuring.
     """
 
     force_noise_n: DeviationAxes | DeviationSides = 0.0
@@ -211,31 +211,31 @@ class Sensors(FileStruct, frozen=True, kw_only=True):
     accel_scale: ScaleAxes = 1.0
     """Accelerometer: reading over truth [1]."""
     force_drift_n_min: Axes | Sides = 0.0
-    """Ankle forces: how the offset grows [N/min]."""
+    """Ankle forces: growth of the offset [N/min]."""
     moment_drift_nm_min: Axes | Sides = 0.0
-    """Ankle moments: how the offset grows [N m/min]."""
+    """Ankle moments: growth of the offset [N m/min]."""
     gyro_drift_rad_s_min: Axes = 0.0
-    """Gyroscope: how the offset grows [rad/s/min]."""
+    """Gyroscope: growth of the offset [rad/s/min]."""
     accel_drift_m_s2_min: Axes = 0.0
-    """Accelerometer: how the offset grows [m/s^2/min]."""
+    """Accelerometer: growth of the offset [m/s^2/min]."""
     encoder_resolution_rad: NonNegative = 0.0
-    """Joint positions come in steps of this size, velocities are low-passed
-    differences of them; exact when 0."""
+    """Step size of the joint position readings. Velocities are low-passed differences
+    of them; exact when 0."""
     encoder_offset_rad: float | dict[str, float] = 0.0
-    """Reading less true position: of all joints, or by joint."""
+    """Reading minus true position: one number for all joints, or by joint."""
     force_torque_rate_hz: Positive | None = None
-    """Ankle sensors; absent: every tick."""
+    """Rate of the ankle sensors; absent: every tick."""
     imu_rate_hz: Positive | None = None
-    """Gyroscope, accelerometer and attitude; absent: every tick. The accelerometer
-    tells the mean since its last reading."""
+    """Rate of gyroscope, accelerometer and attitude; absent: every tick. The
+    accelerometer reports the mean since its last reading."""
     joints_rate_hz: Positive | None = None
-    """Positions, velocities and efforts; absent: every tick."""
+    """Rate of positions, velocities and efforts; absent: every tick."""
 
     def axes(self, key: str, side: Side | None) -> list[float]:
         """Return x, y and z of a key.
 
         Args:
-            key: of this struct.
+            key: name of a field of this struct.
             side: of the foot; None for what belongs to no foot.
         """
         value = getattr(self, key)
@@ -248,13 +248,13 @@ class Delay(FileStruct, frozen=True, kw_only=True):
     """Transport delays, in whole ticks of the robot."""
 
     sensor_ms: NonNegative | SensorDelays = 0.0
-    """From measuring to sending: of all sensors, or ``{ imu = ..., force_torque = ...,
-    joints = ... }``."""
+    """Delay from measuring to sending: one number for all sensors, or ``{ imu = ...,
+    force_torque = ..., joints = ... }``."""
     jitter_ms: NonNegative = 0.0
-    """Each kind of sensor is late by up to so much more, evenly at random; a reading
-    never overtakes the one before."""
+    """Largest additional random delay of each kind of sensor, evenly distributed; a
+    reading never overtakes an earlier one."""
     command_ms: NonNegative | None = None
-    """From a tick's sensors to the servos; absent: one tick of the robot."""
+    """Delay from a tick's sensors to the servos; absent: one tick of the robot."""
 
     def of(self, kind: str) -> float:
         """Return the delay of a kind of sensor [ms].

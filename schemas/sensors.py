@@ -1,7 +1,7 @@
-"""Sensor table: every sensor of a robot, and all that the rest must know of it.
+"""Sensor table: every sensor of a robot and all that other code must know of it.
 
 Topics, snapshot, delivery, health, faults, noise, recorder, relay, digest and
-conformance checks are derived from this table; a further sensor is a further entry.
+conformance checks are derived from this table. A new sensor is a new entry.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from surefoot.schemas import messages
 from surefoot.schemas.robot_file import RobotFile, Side
 
 PER_JOINT = 0
-"""Size of what holds one number per joint."""
+"""Size of a quantity with one number per joint."""
 
 
 class Reach(StrEnum):
-    """What a number is held against, to tell whether it can have been measured."""
+    """Limit by which a number is judged to be possible."""
 
     UNLIMITED = "unlimited"
-    """Nothing but that it is a number."""
+    """No limit; the number must only be finite."""
     SETTING = "setting"
-    """From minus to plus the setting that ``range`` names."""
+    """From minus to plus the value of the setting that ``range`` names."""
     JOINT_RANGE = "joint range"
     """The joint's range, widened at both ends by the setting that ``range`` names."""
     JOINT_SPEED = "joint speed"
@@ -38,23 +38,23 @@ class Loss(StrEnum):
     """What it means to lose a sensor."""
 
     HOLD = "hold"
-    """Nothing works without it: the last posture is held."""
+    """Nothing works without it: the last posture is then held."""
     DEGRADE = "degrade"
-    """A controller that can leave it out goes on without it."""
+    """A controller that can do without it goes on."""
     REPORT = "report"
-    """No controller needs it; that it is lost is told, no more."""
+    """No controller needs it; its loss is only reported."""
 
 
 class Noise(msgspec.Struct, frozen=True, kw_only=True):
-    """How the simulator disturbs a quantity; settings are of a scenario's [sensors]."""
+    """Noise of a quantity in the simulator, set in a scenario's [sensors]."""
 
     stem: str
-    """Begins the names of its settings: ``force`` of ``force_noise_n``."""
+    """Beginning of its settings' names: ``force`` of ``force_noise_n``."""
     unit: str
-    """Ends them: ``n``."""
+    """End of their names: ``n``."""
     stream: int
-    """Number of its random numbers' stream, the sensor's own. To change one changes
-    every noisy run."""
+    """Number of the sensor's own stream of random numbers. Changing one changes every
+    noisy run."""
 
     @property
     def deviation(self) -> str:
@@ -81,58 +81,58 @@ class Quantity(msgspec.Struct, frozen=True, kw_only=True):
     """Numbers of one kind in a sensor's message."""
 
     attribute: str
-    """Of the message."""
+    """Attribute of the message."""
     field: str
-    """Of the snapshot. Quantities that share one stand in it one after the other."""
+    """Field of the snapshot. Quantities that share a field follow one another in it."""
     size: int = PER_JOINT
-    """How many numbers; PER_JOINT for one per joint."""
+    """Count of numbers; PER_JOINT for one per joint."""
     reach: Reach = Reach.UNLIMITED
-    """What it is held against."""
+    """Limit by which it is judged."""
     range: str = ""
-    """Setting of [safety] that ``reach`` speaks of."""
+    """Setting of [safety] that ``reach`` refers to."""
     jump: str = ""
     """Setting of [safety] with the largest change in one tick; empty for none."""
     trembles: bool = True
-    """Whether its last digits move while the sensor lives: when none of these do, the
-    sensor is frozen."""
+    """Whether its last digits change while the sensor works. The sensor is frozen if no
+    such quantity changes."""
     noise: Noise | None = None
-    """How the simulator disturbs it; None for not at all."""
+    """Noise in the simulator; None for none."""
 
 
 class Offset(msgspec.Struct, frozen=True, kw_only=True):
-    """What the fault ``jump`` adds to a reading."""
+    """Offset that the fault ``jump`` adds to a reading."""
 
     attribute: str
-    """Of the message."""
+    """Attribute of the message."""
     axis: int | None = None
-    """Which of its numbers; None for all."""
+    """Index of the number in it; None for all."""
     size: float
-    """How much, in its unit, where the scenario does not say."""
+    """Default size in the attribute's unit, if the scenario gives none."""
 
 
 class Sensor(msgspec.Struct, frozen=True, kw_only=True):
     """One sensor: a channel of the bus and a part of the snapshot."""
 
     name: str
-    """Of its channel."""
+    """Name of the channel."""
     key: str
-    """Of its channel, relative to the robot's namespace."""
+    """Key of the channel, relative to the robot's namespace."""
     description: str
-    """For the table of topics."""
+    """Text for the table of topics."""
     message: type[messages.Message]
-    """What it sends."""
+    """Kind of message that the sensor sends."""
     rate: str = "every tick"
-    """How often."""
+    """How often it sends, in words."""
     frame: str = ""
-    """Where the robot file names the URDF link it sits on; empty for the joints."""
+    """Path in the robot file to the URDF link it sits on; empty for the joints."""
     side: Side | None = None
-    """Of the foot it measures; None for what belongs to no foot."""
+    """Side of the foot it measures; None if it belongs to no foot."""
     loss: Loss
-    """What it means to lose it."""
+    """Consequence of its loss."""
     offset: Offset
-    """What a jump of it touches."""
+    """Attribute that the fault ``jump`` changes."""
     quantities: tuple[Quantity, ...]
-    """What it measures, in the order of the snapshot."""
+    """Its quantities, in the order of the snapshot."""
 
     @property
     def attributes(self) -> tuple[str, ...]:
@@ -263,8 +263,8 @@ SENSORS: tuple[Sensor, ...] = (
         for index, side in enumerate(get_args(Side))
     ),
 )
-"""In the order in which the messages of a tick are sent, and of everything that is
-told per sensor. The joints come first: their stamp is that of the snapshot."""
+"""All sensors. Messages of a tick are sent in this order, and whatever is given per
+sensor follows it. The joints come first: their stamp is the snapshot's."""
 
 SNAPSHOT_FIELDS = tuple(field for sensor in SENSORS for field in sensor.fields)
 """All readings of a snapshot, in order."""

@@ -1,8 +1,8 @@
 """Controller settings: every gain, weight and limit, with its unit and effect.
 
-The defaults are what every published figure was made with. A TOML file may give
-any subset; ``--set tsid.com_kp=40`` overrides one. A single number stands for all
-axes of a setting that has several.
+Every published figure was made with the defaults. A TOML file may give any subset;
+``--set tsid.com_kp=40`` overrides one. A single number stands for all axes of a setting
+that has several.
 """
 
 from __future__ import annotations
@@ -31,57 +31,58 @@ class EstimatorSettings(FileStruct, frozen=True, kw_only=True):
     """Base attitude, velocity and position from the robot's own sensors."""
 
     calibration_s: NonNegative = 0.3
-    """At rest after the start: mean tilt and gyroscope bias are taken, the posture
-    is held [s]."""
+    """Time at rest after the start: mean tilt and gyroscope bias are measured while the
+    posture is held [s]."""
     still_rate_rad_s: Positive = 0.03
-    """A rate that gravity's direction follows, and its change in the meantime, together
-    above this, are ground that turns: only gravity's direction tells the bias then."""
+    """Rate of turn confirmed by gravity's direction, plus its change, above which the
+    ground turns while calibrating. Gravity's direction alone then tells the gyroscope
+    bias."""
     tilt_bandwidth: Positive = 0.5
-    """Correction of roll and pitch by accelerometer and leg velocity [rad/s]."""
+    """Bandwidth of the roll and pitch correction by accelerometer and legs [rad/s]."""
     gyro_bias_gain: NonNegative = 0.02
-    """Learning of the gyroscope bias [1/s^2]."""
+    """Gain with which the gyroscope bias is learnt [1/s^2]."""
     yaw_gain: NonNegative = 1.0
-    """Pull of the yaw to the stance [1/s]."""
+    """Gain that pulls the yaw to the stance [1/s]."""
     accel_bias_memory_s: Positive = 60.0
-    """How long the comparison of accelerometer and feet is remembered, by which the
-    accelerometer's horizontal bias is told from a lean [s]."""
+    """Memory of the comparison of accelerometer and feet, which tells the
+    accelerometer's horizontal bias from a lean [s]."""
     height_bandwidth: Positive = 0.5
-    """Pull of the height to the legs' kinematics while the ground moves [rad/s]:
-    below it the ground is taken to be level on average, above it the accelerometer
+    """Bandwidth of the height's pull to the legs' kinematics while the ground moves
+    [rad/s]. Below it the ground is assumed level on average; above it the accelerometer
     decides."""
     height_damping: Positive = 0.15
-    """Damping ratio of that pull; less damping lets less of the ground through [1]."""
+    """Damping ratio of that pull; less damping lets less ground motion through [1]."""
     height_bias_pull: NonNegative = 0.07
-    """How fast the vertical acceleration's bias follows while the ground moves; on
-    still ground it does so in two seconds [rad/s]."""
+    """Rate at which the bias of the vertical acceleration follows while the ground
+    moves; on still ground it takes two seconds [rad/s]."""
     still_height_bandwidth: Positive = 2.5
-    """The same pull while the ground stands still [rad/s]; its damping is 0.7."""
+    """Bandwidth of the same pull on still ground; its damping ratio is 0.7 [rad/s]."""
     still_speed_m_s: Positive = 0.01
-    """Vertical ground speed that tells still from moving."""
+    """Vertical ground speed that separates still from moving ground."""
     anchor_cutoff_hz: Positive = 5.0
-    """Low-pass of the load share that places the anchor between the feet."""
+    """Low-pass of the load share, which places the anchor between the feet."""
 
 
 class ContactSettings(FileStruct, frozen=True, kw_only=True):
-    """When a foot counts as standing, and how it looks for the ground."""
+    """When a foot counts as standing, and how a lifted foot searches for the ground."""
 
     lost_below_n: NonNegative = 15.0
-    """Normal force under which contact is lost [N]."""
+    """Normal force below which contact is lost [N]."""
     regained_above_n: Positive = 40.0
-    """Normal force over which contact is back [N]."""
+    """Normal force above which contact is regained [N]."""
     lost_after_s: NonNegative = 0.005
-    """Time under the threshold until contact is lost."""
+    """Time below the threshold until contact is lost."""
     regained_after_s: NonNegative = 0.003
-    """Time over the threshold until contact is back."""
+    """Time above the threshold until contact is regained."""
     search_force_n: Positive = 80.0
-    """Normal force a lifted foot reaches for; 0.115 of the robot's weight where that is
+    """Normal force that a lifted foot seeks, or 0.115 of the robot's weight if that is
     more [N]."""
     descent_limit_m_s: Positive = 0.4
-    """Fastest search for the ground."""
+    """Largest speed of a lifted foot that searches for the ground."""
     reload_s: Positive = 0.15
-    """A foot just back takes its full share after this time."""
+    """Time after which a foot that regained contact takes its full share."""
     stiffness_n_m: Positive = 1e7
-    """How stiff one sole and its ground are along its normal, for the margins: hard
+    """Stiffness of one sole and its ground along the normal, for the margins: hard
     ground by default; a rubber sole is far softer [N/m]."""
 
     def __post_init__(self) -> None:
@@ -104,19 +105,19 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     """Plausibility limits of the sensors, and when to stop balancing."""
 
     ft_lost: Literal["degrade", "hold"] = "degrade"
-    """One ankle sensor lost: go on without its force terms, or hold the posture."""
+    """One lost ankle sensor: go on without its force terms, or hold the posture."""
     both_ft_lost: Literal["degrade", "hold"] = "hold"
-    """The same for both of them."""
+    """Both ankle sensors lost: the same choice."""
     bridge_s: Positive = 0.01
-    """Time for which the last good reading bridges missing or impossible ones, until
+    """Time for which the last good reading replaces missing or impossible ones; then
     the sensor is lost [s]."""
     frozen_after_s: Positive = 0.02
-    """Time of identical readings, while others move, until a sensor is lost [s]."""
+    """Time of identical readings, while others change, until a sensor is lost [s]."""
     recover_s: Positive = 0.1
-    """Time for which a lost ankle sensor must be good until it is used again [s]."""
+    """Time of good readings until a lost ankle sensor is used again [s]."""
     force_range_n: Positive = 12000.0
-    """Largest force an ankle sensor can report, each axis [N]. A foot that hits ground
-    coming up at it feels 5000 for some ms."""
+    """Largest force an ankle sensor can report, each axis [N]. A foot hit by rising
+    ground feels 5000 for some ms."""
     moment_range_nm: Positive = 1500.0
     """Largest moment an ankle sensor can report, each axis [N m]."""
     force_jump_n: Positive = 7000.0
@@ -124,14 +125,14 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     moment_jump_nm: Positive = 1000.0
     """Largest change of an ankle moment in one tick, each axis [N m]."""
     overload_n: Positive = 1500.0
-    """Force above which a foot is overloaded: only an impact reaches it. Never less
-    than two of the robot's weights, which a foot may be asked to carry [N]."""
+    """Force above which a foot is overloaded: only an impact reaches it. At least twice
+    the robot's weight, which a foot may be asked to carry [N]."""
     overload_after_s: Positive = 0.03
-    """Time above it after which the sensor is lost; impacts are over sooner [s]."""
+    """Time of overload after which the sensor is lost; impacts are shorter [s]."""
     gyro_range_rad_s: Positive = 35.0
     """Largest rate of turn the IMU can report, each axis [rad/s]."""
     accel_range_m_s2: Positive = 300.0
-    """Largest specific force it can report, each axis [m/s^2]."""
+    """Largest specific force the IMU can report, each axis [m/s^2]."""
     gyro_jump_rad_s: Positive = 4.0
     """Largest change of the rate of turn in one tick, each axis [rad/s]."""
     accel_jump_m_s2: Positive = 200.0
@@ -143,15 +144,15 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
     tilt_limit_rad: Positive = 0.8
     """Tilt from the start beyond which the robot has fallen [rad]."""
     unloaded_n: Positive = 30.0
-    """Load of both feet together below which they carry nothing [N]."""
+    """Total load of both feet below which they count as unloaded [N]."""
     unloaded_after_s: Positive = 1.0
     """Time without load on the feet after which the robot has fallen [s]."""
     ramp_out_s: Positive = 0.05
-    """With a sensor lost or after a fall, the last motion fades out over this time
-    before the posture is held [s]."""
+    """Time in which the last motion fades out, after a lost sensor or a fall, before
+    the posture is held [s]."""
     leave_s: Annotated[float, msgspec.Meta(ge=0.0, le=5.0)] = 0.05
-    """Asked to stop, the controller balances on for this long, with less and less
-    motion, before the posture is held; 0 to hold at once [s]."""
+    """Time for which the controller, asked to stop, balances on with less and less
+    motion before the posture is held; 0 holds at once [s]."""
 
     def __post_init__(self) -> None:
         """Refuse forces in the wrong order."""
@@ -164,52 +165,51 @@ class SafetySettings(FileStruct, frozen=True, kw_only=True):
 
 
 class WalkSettings(FileStruct, frozen=True, kw_only=True):
-    """How the steps of a plan are taken, by any controller that walks."""
+    """How the steps of a plan are taken; for every controller that walks."""
 
     shift_s: Positive = 0.8
-    """First shift of the weight onto one foot, from standing."""
+    """Duration of the first weight shift, from standing onto one foot."""
     settle_s: Positive = 0.6
-    """Last shift of the weight, back between the feet."""
+    """Duration of the last weight shift, back between the feet."""
     preview_steps: Annotated[int, msgspec.Meta(ge=1, le=10)] = 3
-    """Steps ahead that the reference of the DCM looks [1]."""
+    """Number of steps that the DCM reference looks ahead [1]."""
     horizontal_part: Share = 0.85
     """Part of single support in which the swing foot travels [1]."""
     apex_part: Share = 0.45
-    """Part of single support after which it is highest [1]."""
+    """Part of single support after which the swing foot is highest [1]."""
     touchdown_m_s: Positive = 0.05
     """Speed towards the expected ground at the planned touchdown."""
     late_m_s: Positive = 0.3
-    """Speed down where the ground was expected and is not."""
+    """Downward speed when the ground was expected and is not met."""
     late_depth_m: Positive = 0.12
-    """Farthest that a foot goes down below the expected ground [m]."""
+    """Largest depth to which a foot searches below the expected ground [m]."""
     unloaded_share: Fraction = 0.13
-    """A foot may leave the ground when it carries less of the weight [1]."""
+    """Part of the weight below which a foot may leave the ground [1]."""
     unload_wait_s: NonNegative = 0.1
-    """It leaves without having unloaded after so long."""
+    """Longest wait for a foot to unload; then it leaves all the same."""
     touchdown_n: Positive = 40.0
     """Normal force at which a foot in the air has touched down [N]."""
     caught_share: Positive = 0.1
-    """A foot in the air that meets more than this part of the weight on its way, and
-    less from below, is caught at an edge [1]."""
+    """A foot in the air is caught at an edge if the force against its way is more than
+    this part of the weight, and more than the force from below [1]."""
     step_over_m: NonNegative = 0.03
-    """So much higher than planned it then goes on; 0 has it push on [m]."""
+    """Additional height with which a caught foot goes on; 0 makes it push on [m]."""
     landing_s: Positive = 0.12
-    """After touchdown a foot is landing for so long."""
+    """Time after touchdown for which a foot counts as landing."""
     landing_force_n: Positive = 250.0
     """Largest normal force error that a landing foot yields to [N]."""
     bounce_n: NonNegative = 15.0
-    """A landing foot that feels less has bounced [N]."""
+    """Normal force below which a landing foot has bounced [N]."""
     bounce_s: NonNegative = 0.012
-    """And for so long."""
+    """Time below that force until it counts as a bounce."""
     anchor_s: NonNegative = 0.05
-    """The odometry follows a foot until so long after its touchdown."""
+    """Time after touchdown until which the odometry follows the foot."""
     early_share: Fraction = 0.08
     """Part of the weight asked of a foot that touched down early [1]."""
     leaving_margin: Fraction = 0.15
-    """How much more than its planned part of the weight a leaving foot may be asked
-    to carry [1]."""
+    """Part of the weight that a leaving foot may carry beyond its planned part [1]."""
     lead_s: NonNegative = 0.005
-    """Lead of the swing foot's velocity, beside the servos' own lag [s]."""
+    """Lead of the swing foot's velocity in addition to the servos' own lag [s]."""
     swing_gain: Positive = 12.0
     """Second QP: position and orientation gain of the swing foot [1/s]."""
     swing_kp: Positive = 100.0
@@ -217,75 +217,75 @@ class WalkSettings(FileStruct, frozen=True, kw_only=True):
     swing_kd: Positive = 20.0
     """First QP: velocity gain of the swing foot [1/s]."""
     swing_weight: Positive = 0.3
-    """First QP: weight of the swing foot, where the centre of mass has 1 [1]."""
+    """First QP: weight of the swing foot; the CoM has 1 [1]."""
     height_s: Positive = 1.5
     """Time constant with which the height reference follows the feet [s]."""
     climb_s: Positive = 0.15
-    """The same to heights of the plan: of each of three low-passes [s]."""
+    """Time constant of each of three low-passes to planned heights [s]."""
     normal_filter_s: Positive = 0.03
     """Low-pass of the expected ground's normal [s]."""
     normal_agreement: Positive = 0.06
-    """Soles whose normals, or the line between them, disagree by more than this show
-    no common ground [rad]."""
+    """Disagreement of the soles' normals, or of the line between the soles, above which
+    they show no common ground [rad]."""
     adjust: Literal["off", "place", "both"] = "both"
     """Whether a step changes its place, or place and time, when the DCM leaves its
     reference."""
     adjust_dead_m: tuple[NonNegative, NonNegative] = (0.02, 0.015)
-    """Error of the DCM, ahead and sideways, that changes no step [m]."""
+    """DCM error, ahead and sideways, up to which no step is changed [m]."""
     adjust_filter_s: Positive = 0.03
-    """Low-pass of that error: impacts shake it [s]."""
+    """Low-pass of the DCM error, which impacts shake [s]."""
     adjust_growth_m: Positive = 0.13
-    """A step that lasts so long that the DCM gets twice as far counts as much as one
-    that is shifted by this [m]."""
+    """Shift of a step that costs as much as a longer step in which the DCM gets twice
+    as far [m]."""
     adjust_offset_weight: Positive = 5.0
-    """How much a DCM off its place at the end of the step counts more than a step off
-    its own [1]."""
+    """Weight of the DCM's offset at the end of the step, relative to the step's shift
+    [1]."""
     adjust_zmp_share: Fraction = 0.5
-    """Part of the sole in which the ZMP is taken to answer an error of the DCM; over
-    the outer edge of the standing foot all of it [1]."""
+    """Part of the sole in which the ZMP is assumed to answer a DCM error. Over the
+    outer edge of the standing foot it is the whole sole [1]."""
     adjust_wait_s: NonNegative = 0.3
-    """Longest that single support is made longer."""
+    """Longest extension of single support."""
     adjust_pause_m: Positive = 0.05
-    """No foot leaves the ground while the DCM is farther off its reference [m]."""
+    """DCM error above which no foot leaves the ground [m]."""
     adjust_pause_s: NonNegative = 0.8
-    """But each is kept no longer than this."""
+    """Longest time for which a foot is kept down by that."""
     adjust_rate_m_s: Positive = 2.0
-    """Fastest shift of a step."""
+    """Largest speed at which a step is shifted."""
     adjust_limit_m: tuple[Positive, Positive] = (0.25, 0.20)
     """Largest shift of a step, ahead and sideways [m]."""
     adjust_until_s: NonNegative = 0.05
-    """No other shift so long before the planned touchdown."""
+    """Time before the planned touchdown within which the step is not shifted again."""
     cross_ahead_m: NonNegative = 0.42
-    """How far ahead of the standing foot, or behind it, the other one passes on a step
-    that crosses, lest the legs meet; 0, or more than `longest_m`: feet do not cross
-    [m]."""
+    """Distance ahead of the standing foot, or behind it, at which the other foot passes
+    on a crossing step, so that the legs do not meet. 0, or more than `longest_m`: feet
+    do not cross [m]."""
     between_soles_m: NonNegative = 0.015
-    """Least gap between the soles, sideways [m]."""
+    """Least sideways gap between the soles [m]."""
     farthest_m: Positive = 0.45
-    """Largest sideways distance of the middles of the feet [m]."""
+    """Largest sideways distance between the middles of the feet [m]."""
     longest_m: Positive = 0.5
-    """Farthest that a foot may be set ahead of, or behind, the other [m]."""
+    """Largest distance of a foothold ahead of the other foot, or behind it [m]."""
     turn_limit_rad: Positive = 0.6
-    """Largest turn of a foot against the other [rad]."""
+    """Largest turn of one foot against the other [rad]."""
     rise_limit_m: Positive = 0.2
-    """Largest difference of height between two footholds [m]."""
+    """Largest height difference between two footholds [m]."""
 
 
 class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     """All settings of all controllers."""
 
     whole_body: WholeBodySettings = WholeBodySettings()
-    """Which law the whole-body stabilizer follows."""
+    """Variant of the whole-body stabilizer's law."""
     tsid: TsidSettings = TsidSettings()
-    """First QP."""
+    """First QP (TSID)."""
     dik: DikSettings = DikSettings()
-    """Second QP."""
+    """Second QP (DIK)."""
     ground: GroundSettings = GroundSettings()
     """Feed-forward of the ground's motion."""
     sway: SwaySettings = SwaySettings()
     """Swaying with ground that tilts."""
     estimator: EstimatorSettings = EstimatorSettings()
-    """Estimator."""
+    """State estimator."""
     contact: ContactSettings = ContactSettings()
     """Contact of the feet."""
     safety: SafetySettings = SafetySettings()
@@ -293,7 +293,7 @@ class ControllerSettings(FileStruct, frozen=True, kw_only=True):
     zmp: ZmpSettings = ZmpSettings()
     """The ZMP baseline."""
     walk: WalkSettings = WalkSettings()
-    """Steps of the whole-body stabilizer."""
+    """Steps of a walk."""
 
 
 PRESETS: dict[str, dict[str, dict[str, Any]]] = {
@@ -307,13 +307,14 @@ PRESETS: dict[str, dict[str, dict[str, Any]]] = {
         },
     },
 }
-"""What each preset sets, where neither file nor command line says otherwise."""
+"""Values set by each preset, unless the settings file or the command line gives
+them."""
 
 
 def build_settings(
     table: dict[str, Any], *, overrides: list[str], source: str = "settings"
 ) -> ControllerSettings:
-    """Join defaults, a settings table and command-line overrides.
+    """Merge defaults, a settings table and command-line overrides.
 
     Args:
         table: content of a settings file; empty for the defaults.
@@ -348,7 +349,7 @@ def build_settings(
 
 
 def _with_preset(table: dict[str, Any]) -> dict[str, Any]:
-    """Lay the table over the values of the preset that it names."""
+    """Merge the table over the values of the preset that it names."""
     choice = table.get("whole_body")
     name = choice.get("preset") if isinstance(choice, dict) else None
     for section, values in PRESETS.get(str(name), {}).items():
@@ -396,7 +397,7 @@ def setting_names() -> list[str]:
 
 
 def _near_settings(key: str, known: list[str]) -> str:
-    """Return the nearest setting, else those of the section, else the sections."""
+    """Return the nearest setting, else the section's settings, else all sections."""
     near = difflib.get_close_matches(key, known, n=1)
     if near:
         return f"did you mean {near[0]!r}?"

@@ -1,6 +1,6 @@
-"""Signals of a run: what is known at every tick, by name.
+"""Signals of a run: everything that is recorded at every tick, by name.
 
-One table for memory, ticks files, exports, reports and the documentation.
+This table serves memory, ticks files, exports, reports and the documentation.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _TWIST_UNITS = ("m/s",) * 3 + ("rad/s",) * 3
 _SIDES = ("left", "right")
 _POSE_UNITS = ("m",) * 3 + ("1",) * 4
 MISSING = -1
-"""Of whole-number signals: nobody told. Others are NaN then."""
+"""Value of a whole-number signal that nobody reported. Others are NaN then."""
 QP_WORDS = (
     *("ok", "not tried", "sensors not finite", "not finite", "no contact"),
     *(
@@ -56,7 +56,7 @@ QP_WORDS = (
     ),
     *("unsolved", "invalid_settings", "other"),
 )
-"""Status of a QP by its number; the last stands for any word that is not here."""
+"""Words for the status of a QP by its number; the last stands for any other word."""
 
 
 def _per_side(labels: Sequence[str]) -> tuple[str, ...]:
@@ -65,15 +65,15 @@ def _per_side(labels: Sequence[str]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """A row of the table.
+    """A row of the table: one signal.
 
     Attributes:
         name: the same everywhere.
         known_by: who knows it.
-        unit: of all its numbers, or one for each label; ``1`` for numbers without.
+        unit: unit of all its numbers, or one per label; ``1`` for numbers without.
         frame: in which its numbers are given; empty where that means nothing.
         meaning: in a sentence.
-        axes: of one tick's value: labels, or ``JOINTS`` or ``PLATFORMS``.
+        axes: axes of one tick's value: labels, or ``JOINTS`` or ``PLATFORMS``.
         dtype: of its numbers.
         words: what the numbers 0, 1, ... stand for; empty for plain numbers.
     """
@@ -313,27 +313,27 @@ SIGNALS = (
         (PLATFORMS, (*_XYZ, *_QUAT)),
     ),
 )
-"""All signals there are, in the order they are told in."""
+"""All signals, in the order in which they are listed everywhere."""
 WALK_SIGNALS = (
     *("dcm", "dcm_reference", "zmp_reference", "footholds", "foot_goals"),
     *("walk_phase", "foot_state"),
 )
-"""Kept where a scenario has the robot walk, and nowhere else."""
+"""Signals that are kept only if the scenario has the robot walk."""
 BY_NAME = {signal.name: signal for signal in SIGNALS}
 
 
 @dataclass(frozen=True, slots=True)
 class SignalLayout:
-    """A signal of a robot in a scenario: every number has its label.
+    """A signal for one robot and scenario: every number has its label.
 
     Attributes:
         name: as in the table.
         known_by: who knows it.
-        units: one per label.
+        units: unit of each label.
         frame: in which its numbers are given; empty where that means nothing.
         meaning: in a sentence.
-        shape: of one tick's value.
-        labels: of its numbers in C order; one empty label for a single number.
+        shape: shape of one tick's value.
+        labels: labels of its numbers in C order; one empty label for a single number.
         dtype: of its numbers.
         words: what the numbers 0, 1, ... stand for; empty for plain numbers.
     """
@@ -350,23 +350,23 @@ class SignalLayout:
 
     @property
     def unit(self) -> str:
-        """Its unit; several as ``N, N m``."""
+        """Its unit; several are joined, as ``N, N m``."""
         return ", ".join(dict.fromkeys(self.units))
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of its numbers in tables: ``q.left_knee``, ``F_id.f_z_left``."""
+        """Column names of its numbers in tables: ``q.left_knee``, ``F_id.f_z_left``."""
         return tuple(
             f"{self.name}.{label}" if label else self.name for label in self.labels
         )
 
     @property
     def missing(self) -> float | int:
-        """What stands where nobody told it."""
+        """Value that stands for a missing one."""
         return math.nan if self.dtype == "float64" else MISSING
 
     def metadata(self) -> dict[str, str]:
-        """The layout as texts, such as a file's channel keeps."""
+        """The layout as texts, for a file's channel metadata."""
         return {
             "known_by": self.known_by.value,
             "unit": self.unit,
@@ -381,10 +381,10 @@ class SignalLayout:
 
 
 def layout_from_metadata(name: str, texts: Mapping[str, str]) -> SignalLayout:
-    """Turn what :meth:`SignalLayout.metadata` gave back into a layout.
+    """Build a layout from what :meth:`SignalLayout.metadata` returned.
 
     Raises:
-        SchemaError: the texts are no layout.
+        SchemaError: the texts do not describe a layout.
     """
     try:
         dtype = texts["dtype"]
@@ -424,11 +424,11 @@ def lay_out(name: str, *, joints: Sequence[str], platforms: int = 0) -> SignalLa
 
     Args:
         name: of the signal.
-        joints: names, in the order of the robot file.
-        platforms: how many there are in the scenario, seesaws included.
+        joints: joint names, in the order of the robot file.
+        platforms: number of platforms in the scenario, seesaws included.
 
     Raises:
-        SchemaError: it has no numbers: no platform, or no joint.
+        SchemaError: the signal has no numbers, for lack of platforms or joints.
     """
     signal = BY_NAME[name]
     axes = [_labels(axis, joints, platforms) for axis in signal.axes]

@@ -1,6 +1,6 @@
-"""Reads TOML files into frozen structs; errors name the file, the key and the fix.
+"""Reads TOML files into frozen structs. Errors name the file, the key and the fix.
 
-Writes files of any kind whole, or not at all.
+Also writes files of any kind atomically: whole, or not at all.
 """
 
 from __future__ import annotations
@@ -22,9 +22,10 @@ from surefoot.schemas.validation import explain, find_non_finite, nearest, sugge
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 LARGEST_NUMBER = 1e12
-"""Of any table; no quantity in SI units comes near it, and its square is finite."""
+"""Largest number in any table: no SI quantity comes near it, and its square is
+finite."""
 _MOST_NAMED = 5
-"""Files of a folder that an error names."""
+"""Number of files of a folder that an error names."""
 
 
 class FileStruct(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -67,8 +68,8 @@ def find_toml(
     Args:
         name_or_path: a path ends in .toml.
         shipped: path of each shipped file, by name.
-        what: such a file describes.
-        error: raised when there is none; its message lists the shipped names.
+        what: kind of thing that the file describes, for messages.
+        error: raised when no file is found; its message lists the shipped names.
     """
     path, name = Path(name_or_path), str(name_or_path)
     if path.suffix == ".toml":
@@ -88,7 +89,7 @@ def find_toml(
 
 
 def _inside(folder: Path) -> str:
-    """What of a folder may have been meant."""
+    """Name files of the folder that may have been meant."""
     names = sorted(path.name for path in folder.glob("*.toml"))[:_MOST_NAMED]
     return f"; it holds {', '.join(names)}" if names else ""
 
@@ -110,7 +111,7 @@ def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
             text = f"no such key{suggest_key(field, kind)}"
         place = f"{source}: {field}" if field else source
         raise FileFormatError(f"{place}: {text}", field=field) from error
-    # Whole numbers are floats by now, where the file format has floats.
+    # Whole numbers are floats here wherever the file format has floats.
     _check_numbers(msgspec.to_builtins(converted), source=source)
     return converted
 
@@ -133,7 +134,7 @@ def load(path: Path, kind: type[_T]) -> _T:
 
 
 def toml_text(table: dict[str, Any]) -> str:
-    """Write a table, also with tables and lists of tables in it, as TOML.
+    """Write a table, nested ones included, as TOML.
 
     Args:
         table: texts, numbers, booleans, lists and tables; keys without a value (None)
@@ -162,10 +163,10 @@ def _without_none(value: Any) -> Any:
 def parse_override(
     text: str, *, option: str, example: str = "friction=0.4"
 ) -> tuple[str, Any]:
-    """Take ``KEY=VALUE`` apart; the value is written as in TOML.
+    """Split ``KEY=VALUE``; the value is written as in TOML.
 
     Raises:
-        FileFormatError: there is no ``=``, or the value is no TOML value.
+        FileFormatError: there is no ``=``, or the value is not valid TOML.
     """
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
@@ -176,10 +177,10 @@ def parse_override(
 
 
 def parse_value(text: str, *, what: str) -> Any:
-    """Read one TOML value; a bare word is a text.
+    """Read one TOML value; a bare word counts as a text.
 
     Raises:
-        FileFormatError: neither.
+        FileFormatError: the text is neither.
     """
     try:
         return tomllib.loads(f"value = {text}")["value"]
@@ -197,21 +198,21 @@ def parse_value(text: str, *, what: str) -> Any:
 def atomic_file(
     path: Path, *, overwrite: bool = True, mode: int = 0o666
 ) -> Iterator[IO[bytes]]:
-    """Open a file for writing that takes its name once it is complete.
+    """Open a file for writing that gets its name only once it is complete.
 
-    Until then it has a name of its own, ``NAME.<random>.partial``, so that two writers
-    of one name do not write into one another's file.
+    Until then it is called ``NAME.<random>.partial``, so that two writers of one name
+    do not write into each other's file.
 
     Args:
-        path: its name.
-        overwrite: replace a file of that name.
-        mode: who may read and write it, from the first moment on, less the umask.
+        path: final path of the file.
+        overwrite: replace an existing file of that name.
+        mode: permissions of the file from the first moment on, minus the umask.
 
     Yields:
-        The file, binary, to be written.
+        The open binary file.
 
     Raises:
-        FileExistsError: there is a file of that name now, and it may not be replaced.
+        FileExistsError: a file of that name exists and may not be replaced.
     """
     partial = path.with_name(f"{path.name}.{secrets.token_hex(4)}.partial")
     try:

@@ -16,7 +16,7 @@ _NO_KEY = re.compile(r"[*$?#\s]")
 
 
 class Direction(StrEnum):
-    """Who speaks on a channel."""
+    """Who sends on a channel."""
 
     FROM_ROBOT = "from robot"
     TO_ROBOT = "to robot"
@@ -79,17 +79,17 @@ TOPICS: tuple[Topic, ...] = (
 ALIVE_ROBOT = "alive/robot"
 ALIVE_STABILIZER = "alive/stabilizer"
 ALIVE_OBSERVER = "alive/observer"
-"""Liveliness tokens. Stabilizer and observers append their name, the robot the instance
-of its process and the digest of its description: ``alive/robot/INSTANCE/DIGEST``."""
+"""Liveliness tokens. A stabilizer or observer appends its name. The robot appends its
+process's instance and its description's digest: ``alive/robot/INSTANCE/DIGEST``."""
 
 SERVICES = (Direction.SERVICE, Direction.STABILIZER_SERVICE)
-"""Of channels that are asked, and carry no messages."""
+"""Directions of services, which answer requests and carry no messages."""
 PUBLISHED = tuple(entry for entry in TOPICS if entry.direction not in SERVICES)
 """Channels that carry messages."""
 ALL_CHANNELS = tuple(entry.name for entry in PUBLISHED)
-"""Their names."""
+"""Names of the channels that carry messages."""
 TICK_SENSORS = tuple(entry.name for entry in SENSORS)
-"""Channels that make up one snapshot, in the order they are sent."""
+"""Channels that make up one snapshot, in the order in which they are sent."""
 COMMAND = "joint_command"
 URGENT = (*TICK_SENSORS, COMMAND)
 """Channels of the control loop, sent before everything else."""
@@ -108,12 +108,12 @@ def topic(name: str) -> Topic:
 
 
 def is_key(text: str) -> bool:
-    """Whether a text is a key, or the beginning of keys: parts with slashes between."""
+    """Whether a text is a key, or a prefix of keys: parts separated by slashes."""
     return all(text.split("/")) and not _NO_KEY.search(text)
 
 
 def resolve_keys(overrides: dict[str, str]) -> dict[str, str]:
-    """Return the keys of all channels, with a robot file's own keys put in.
+    """Return the keys of all channels, after a robot file's overrides.
 
     Args:
         overrides: channel name to key; a leading slash (as ROS writes it) is

@@ -1,4 +1,4 @@
-"""What is wrong with a message or table: where, what came, what would be valid."""
+"""Explains what is wrong with a message or table: place, value, valid values."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def find_non_finite(
     """Find the first NaN or infinity at any depth.
 
     Args:
-        value: a number, struct, list or dict; other types hold no numbers.
-        path: where ``value`` itself stands, put before what is found.
-        largest: what is larger is taken for infinite; of structs only their default.
+        value: a number, struct, list or dict; other types contain no numbers.
+        path: path of ``value`` itself, put before the path that is found.
+        largest: a larger number counts as infinite; for structs only the default works.
 
     Returns:
         The first one found, or None when every number is finite.
@@ -69,7 +69,7 @@ def _first(places: Iterable[tuple[str, Any]], largest: float) -> NonFinite | Non
 
 
 def _surely_finite(message: msgspec.Struct) -> bool:
-    """Check by sums, since a finite sum has finite terms: a microsecond per message."""
+    """Check by sums (a finite sum has finite terms): one microsecond per message."""
     fields = _float_fields(type(message))
     if fields is None:
         return False
@@ -90,7 +90,7 @@ class _FloatFields(NamedTuple):
 
 @cache
 def _float_fields(kind: type[msgspec.Struct]) -> _FloatFields | None:
-    """Return fields with floats; None when some are deeper than a list."""
+    """Return the fields with floats; None when some are nested deeper than a list."""
     numbers, lists = [], []
     for field in msgspec.structs.fields(kind):
         info = msgspec.inspect.type_info(field.type)
@@ -120,7 +120,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     """Word a hint for an unknown name.
 
     Returns:
-        ``; did you mean 'standing'?`` when a known name is near; otherwise nothing.
+        ``; did you mean 'standing'?`` when a known name is near, otherwise "".
     """
     near = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean {near[0]!r}?" if near else ""
@@ -142,7 +142,7 @@ def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
 
     Args:
         field: its path, such as ``platform[0].motion[1].frequency``.
-        kind: the struct the whole file should have been.
+        kind: struct that the whole file was to be.
 
     Returns:
         ``; did you mean 'frequency_hz'?`` when a valid key of the same table is
@@ -155,11 +155,11 @@ def suggest_key(field: str, kind: type[msgspec.Struct]) -> str:
 
 
 def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
-    """Return the texts that a field may hold, if they are limited.
+    """Return the valid texts of a field, if they are limited.
 
     Args:
         field: its path, such as ``platform[0].motion[1].axis``.
-        kind: the struct the whole should have been.
+        kind: struct that the whole was to be.
 
     Returns:
         The texts in the order of their definition; none for any other field.
@@ -178,7 +178,7 @@ def valid_values(field: str, kind: type[msgspec.Struct]) -> list[str]:
 def required_keys(field: str, kind: type[msgspec.Struct]) -> list[str]:
     """Return the keys that the table around a field must have, in their order.
 
-    None for a table that may be one of several kinds.
+    The list is empty for a table that may be one of several kinds.
     """
     structs, _ = _structs_around(field, kind)
     if len(structs) != 1:
@@ -187,7 +187,7 @@ def required_keys(field: str, kind: type[msgspec.Struct]) -> list[str]:
 
 
 def items_of(field: str, kind: type[msgspec.Struct]) -> str:
-    """Word what a list holds: ``texts``, ``numbers``; empty when that is unknown."""
+    """Name the kind of items in a list: ``texts``, ``numbers``; empty when unknown."""
     structs, name = _structs_around(field, kind)
     infos = [
         member.type
@@ -267,7 +267,7 @@ def _structs(info: msgspec.inspect.Type) -> list[msgspec.inspect.StructType]:
 
 _PLACE = re.compile(r" - at `(?:key` in `)?\$\.?([^`]*)`$")
 _WITHIN = re.compile(r"^at `([^`]+)`: ")
-"""How a check of a whole struct names the field in it that is wrong."""
+"""How a check of a whole struct names the wrong field."""
 _NAMED_FIELD = re.compile(r"field `([^`]+)`")
 _CHOICE = re.compile(r"^Invalid (?:enum )?value ")
 _EXPECTED = re.compile(r"^Expected `([^`]+)`(.*?)(?:, got `[^`]+`)?$")
@@ -277,7 +277,7 @@ _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 def explain(
     error: msgspec.ValidationError, raw: Any, kind: type[msgspec.Struct]
 ) -> tuple[str, str]:
-    """Take a validation error apart.
+    """Split a validation error into place and complaint.
 
     Returns:
         Path of the offending field, such as ``platform[0].motion[1].axis`` (empty
@@ -324,7 +324,7 @@ def _reworded(text: str, path: str, raw: Any, kind: type[msgspec.Struct]) -> str
 
 
 def _missing(path: str, raw: Any, kind: type[msgspec.Struct]) -> str:
-    """Say that a key is missing, and which others are."""
+    """Say that a key is missing, and name the other missing ones."""
     around, _, name = path.rpartition(".")
     table, _ = _value_at(raw, around)
     others = [key for key in required_keys(path, kind) if key not in {name, *table}]

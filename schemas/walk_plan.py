@@ -1,4 +1,4 @@
-"""A walk as it is planned: a list of footsteps, on the bus and in scenario files."""
+"""Plan of a walk: a list of footsteps, on the bus and in scenario files."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from surefoot.schemas.toml_file import FileStruct
 LEAST_SINGLE_S, LEAST_DOUBLE_S, LONGEST_S = 0.2, 0.05, 10.0
 """Least single and double support of a step, and the longest of either [s]."""
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.01, 0.5
-"""How high a foot may be lifted [m]."""
+"""Least and largest height to which a foot may be lifted [m]."""
 LONGEST_WALK_S = 3600.0
-"""No scenario is longer."""
+"""Longest scenario [s]."""
 MOST_STEPS = round(LONGEST_WALK_S / (LEAST_SINGLE_S + LEAST_DOUBLE_S))
-"""As many are taken in an hour, at most."""
+"""Most steps that fit into the longest scenario."""
 FASTEST_M_S, FASTEST_DEG_S = 10.0, 360.0
-"""What nobody who walks comes near."""
+"""Bounds of speed that no walk comes near [m/s, deg/s]."""
 SingleS = Annotated[float, msgspec.Meta(ge=LEAST_SINGLE_S, le=LONGEST_S)]
 DoubleS = Annotated[float, msgspec.Meta(ge=LEAST_DOUBLE_S, le=LONGEST_S)]
 Position2 = Annotated[list[float], msgspec.Meta(min_length=2, max_length=2)]
@@ -31,50 +31,50 @@ StepHeight = Annotated[float, msgspec.Meta(ge=LEAST_HEIGHT_M, le=MOST_HEIGHT_M)]
 Speed = Annotated[float, msgspec.Meta(ge=-FASTEST_M_S, le=FASTEST_M_S)]
 YawRate = Annotated[float, msgspec.Meta(ge=-FASTEST_DEG_S, le=FASTEST_DEG_S)]
 SINGLE_S = 0.6
-"""Single support of a step, where nothing else is said [s]."""
+"""Default single support of a step [s]."""
 DOUBLE_S = 0.2
-"""Double support after it [s]."""
+"""Default double support after a step [s]."""
 HEIGHT_M = 0.05
-"""Height of the swing foot over the ground [m]."""
+"""Default height of the swing foot over the ground [m]."""
 
 
 class Step(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One foot set to one place, in the odometry frame.
+    """A footstep: one foot is set to one place, in the odometry frame.
 
-    That frame is the stance frame of the first stance: origin midway between the
-    soles, x ahead, z up. It stays where it was while the robot walks on.
+    The odometry frame is the stance frame of the first stance: origin midway between
+    the soles, x ahead, z up. It stays in place while the robot walks on.
     """
 
     id: Count
-    """Grows from step to step, also from plan to plan."""
+    """Number of the step; it grows within a plan and from plan to plan."""
     side: Side
     """The foot that is moved."""
     position: Floats3
-    """Sole's centre when it is set down [m]. Of z only the rise against the other
+    """Centre of the sole at touchdown [m]. Only the rise of z against the other
     foothold counts."""
     yaw: float
     """Heading of the sole [rad]."""
     single_s: SingleS
-    """Time on the other foot alone."""
+    """Single support: time on the other foot alone."""
     double_s: DoubleS
-    """Time on both feet that follows."""
+    """Double support that follows: time on both feet."""
     height_m: StepHeight
-    """How high the foot is lifted over the higher of its two footholds [m]."""
+    """Height to which the foot is lifted over the higher of its two footholds [m]."""
 
 
 class WalkPlan(Message, frozen=True, kw_only=True):
-    """What a planner wants walked; ``tick`` is the robot's tick it was made at.
+    """Plan of a walk from a planner, made at the robot's tick ``tick``.
 
-    It takes the place of all steps that have not begun; steps that have are passed
-    over by their ``id``, and a plan that ends before the last of these is refused.
-    Without steps the robot brings its feet together and stands.
+    It replaces all steps that have not begun. Its steps that have begun are skipped by
+    their ``id``; a plan that ends before the last of these is refused. Without steps
+    the robot brings its feet together and stands.
     """
 
     begin_tick: Count
-    """The first step's weight shift begins at this tick of the robot, or at once
-    where it has gone by."""
+    """The robot's tick at which the first step's weight shift begins; at once if it has
+    passed."""
     steps: Annotated[list[Step], msgspec.Meta(max_length=MOST_STEPS)]
-    """In order; left and right take turns."""
+    """Steps in order; left and right alternate."""
 
     def __post_init__(self) -> None:
         """Check order of ids and sides."""
@@ -121,55 +121,56 @@ def joined(messages: Iterable[WalkPlan]) -> list[WalkPlan]:
 
 
 Place = Annotated[list[float], msgspec.Meta(min_length=4, max_length=4)]
-"""x, y, z [m] and yaw [rad] of a sole, odometry frame."""
+"""Place of a sole: x, y, z [m] and yaw [rad], odometry frame."""
 MOST_AHEAD = 11
-"""Steps to come that are told of, at most."""
+"""Most coming steps that are reported."""
 
 
 class WalkStatus(Message, frozen=True, kw_only=True):
-    """How a walk goes: what a planner needs to go on."""
+    """Progress of a walk, from which a planner can go on."""
 
     phase: str
     """``stand``, ``shift``, ``single``, ``double`` or ``settle``."""
     phase_s: float
-    """Time in it [s]."""
+    """Time in the phase [s]."""
     moved: str
-    """The foot moved last, or on its way: ``left`` or ``right``; empty before the first
-    walk. While the weight shifts, ``shift``, the foot that it goes onto: on the way it
-    is always the other one's turn."""
+    """Foot that was moved last or is moving: ``left`` or ``right``; empty before the
+    first walk. In phase ``shift`` it is the foot onto which the weight goes, so that
+    the other foot always comes next."""
     last_step: int
     """Largest id of a step that has begun; -1 before the first."""
     steps_done: Count
-    """Steps of plans that were set down."""
+    """Planned steps that were set down."""
     steps_planned: Count
-    """Steps of all plans that were taken."""
+    """Steps of all accepted plans."""
     foot_left: str
     """``planted``, ``leaving``, ``swing``, ``landing`` or ``relanding``."""
     foot_right: str
     """The same of the right foot."""
     foothold_left: Place
-    """Where the left foot was set down, or is."""
+    """Place where the left foot was set down, or is now."""
     foothold_right: Place
     """The same of the right foot."""
     goal_left: Place
-    """The same, but of a foot in the air where it is being set."""
+    """Like ``foothold_left``; for a foot in the air, the place where it is being
+    set."""
     goal_right: Place
     """The same of the right foot."""
     ahead: Annotated[list[Place], msgspec.Meta(max_length=MOST_AHEAD)]
-    """Where the feet go after that, in turns; the step that brings them together
+    """Places of the next steps, alternating; the step that brings the feet together is
     included."""
     shift: Position2
-    """Of the step under way, by step adjustment [m]."""
+    """Shift of the present step by step adjustment [m]."""
     dcm: Position2
-    """Estimated divergent component of motion [m]."""
+    """Estimated DCM [m]."""
     dcm_reference: Position2
-    """Where it should be [m]."""
+    """Reference of the DCM [m]."""
     zmp_reference: Position2
-    """Wanted zero-moment point [m]."""
+    """Desired ZMP [m]."""
     plan_stamp_ns: Count
     """``stamp_ns`` of the last plan."""
     refusal: str
-    """Why it was refused, in words; empty when it was taken."""
+    """Why the last plan was refused, in words; empty when it was accepted."""
 
 
 class WalkStep(FileStruct, frozen=True, kw_only=True):
@@ -178,21 +179,22 @@ class WalkStep(FileStruct, frozen=True, kw_only=True):
     side: Side
     """The foot that is moved."""
     position_m: Position2
-    """Sole's centre, x ahead and y to the left of where the robot stands at first."""
+    """Centre of the sole, x ahead and y to the left of where the robot stands at
+    first."""
     yaw_deg: float = 0.0
-    """Heading of the sole, against that at first."""
+    """Heading of the sole, relative to the initial one."""
     rise_m: float = 0.0
-    """Height of the foothold over the ground the robot stands on at first."""
+    """Height of the foothold over the ground on which the robot stands at first."""
     step_s: SingleS | None = None
-    """Single support; the walk's when absent."""
+    """Single support; that of the walk when absent."""
     double_s: DoubleS | None = None
-    """Double support after it; the walk's when absent."""
+    """Double support after the step; that of the walk when absent."""
     height_m: StepHeight | None = None
-    """How high the foot is lifted; the walk's when absent."""
+    """Height to which the foot is lifted; that of the walk when absent."""
 
 
 def out_of_turn(sides: Sequence[Side]) -> int | None:
-    """Return which is the first step that moves the foot of the one before it."""
+    """Return the index of the first step that moves the same foot as the one before."""
     for index, (before, side) in enumerate(itertools.pairwise(sides), 1):
         if side == before:
             return index
@@ -200,34 +202,34 @@ def out_of_turn(sides: Sequence[Side]) -> int | None:
 
 
 PLANNED_M_S = 0.5
-"""A planner may have the robot walk as fast."""
+"""Speed that a planner is taken to ask for at most [m/s]."""
 
 
 class Walk(FileStruct, frozen=True, kw_only=True):
-    """Walk instead of stand: with a velocity, or by footsteps; on the spot without."""
+    """Walk instead of stand: with a velocity, by footsteps, or else on the spot."""
 
     velocity_m_s: Speed = 0.0
-    """Ahead; negative for backwards."""
+    """Speed ahead; negative is backwards."""
     lateral_m_s: Speed = 0.0
-    """To the left; negative to the right."""
+    """Speed to the left; negative is to the right."""
     yaw_rate_deg_s: YawRate = 0.0
-    """Counter-clockwise from above."""
+    """Turning speed, counter-clockwise from above."""
     start_s: Annotated[float, msgspec.Meta(ge=0.0, le=LONGEST_WALK_S)] = 2.0
-    """When the weight begins to shift onto the first foot."""
+    """Time at which the weight begins to shift onto the first foot."""
     stop_s: Annotated[float, msgspec.Meta(gt=0.0, le=LONGEST_WALK_S)] | None = None
-    """No step of a velocity begins later, nor after the scenario's end; then the feet
-    come together. Absent: in time to stand for a second at the scenario's end."""
+    """Latest begin of a step of a velocity walk, within the scenario; then the feet
+    come together. Absent: early enough to stand for a second at the scenario's end."""
     step_s: SingleS = SINGLE_S
     """Single support of a step."""
     double_s: DoubleS = DOUBLE_S
     """Double support after it."""
     height_m: StepHeight = HEIGHT_M
-    """How high the swing foot is lifted."""
+    """Height to which the swing foot is lifted."""
     step: Annotated[list[WalkStep], msgspec.Meta(max_length=MOST_STEPS)] = []
-    """Footsteps in place of a velocity; left and right take turns."""
+    """Footsteps in place of a velocity; left and right alternate."""
 
     def __post_init__(self) -> None:
-        """Check that there is one kind of walk, time for it, and turns are taken."""
+        """Check that one kind of walk is given, with time for it, and feet in turns."""
         moves = (self.velocity_m_s, self.lateral_m_s, self.yaw_rate_deg_s)
         if self.step and any(moves):
             raise ValueError("takes a velocity, or [[walk.step]], not both")
@@ -245,11 +247,11 @@ class Walk(FileStruct, frozen=True, kw_only=True):
 
     @property
     def yaw_rate(self) -> float:
-        """Of the walk [rad/s]."""
+        """Turning speed [rad/s]."""
         return math.radians(self.yaw_rate_deg_s)
 
     def reach_m(self, duration_s: float) -> float:
-        """How far from its start a robot may get, by this plan or another's [m]."""
+        """Largest distance from the start, by this plan or a planner's [m]."""
         speed = max(math.hypot(self.velocity_m_s, self.lateral_m_s), PLANNED_M_S)
         written = [math.hypot(*step.position_m) for step in self.step]
         return max(speed * duration_s, *written, 0.0)

@@ -1,1 +1,1 @@
-"""The controller: state from sensors, desired wrenches, commanded joint velocities."""
+"""The stabilizer: snapshot -> observer -> both QPs -> joint positions."""

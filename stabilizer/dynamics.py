@@ -17,7 +17,7 @@ NORMAL = 2
 
 
 def cross(a: Vec3, b: Vec3) -> Vec3:
-    """Return a x b: what numpy's does, bit for bit, in a thirtieth of its time.
+    """Return a x b, bit for bit as numpy does, in a thirtieth of its time.
 
     Args:
         a: (3,).
@@ -36,7 +36,7 @@ class SolesAndCom(Protocol):
     Attributes:
         p_com: (3,) centre of mass in the world [m].
         v_com: (3,) its velocity [m/s].
-        v_sole: (12,) sole twists, sole frames.
+        v_sole: (12,) sole twists, sole frames [m/s, rad/s].
         R_world_sole: rotation of each sole.
         p_sole: position of each sole in the world [m].
     """
@@ -51,9 +51,9 @@ class SolesAndCom(Protocol):
 class Dynamics:
     """Rigid-body quantities at one state, computed by :meth:`update`.
 
-    The arrays are reused: read them before the next update, do not keep or write
-    them. Twists are [linear; angular], wrenches [force; moment]; sole quantities
-    are in the sole frame (LOCAL).
+    The arrays are reused: read them before the next update, and neither keep nor write
+    them. Twists are [linear; angular], wrenches [force; moment]; sole quantities are in
+    the sole frame (LOCAL).
 
     Attributes:
         q: (7 + n_a,) configuration.
@@ -71,9 +71,9 @@ class Dynamics:
         p_sole: position of each sole in the world.
         X: (n_v, 12) H^-1 J_contact^T.
         Lambda_c_inv: (12, 12) inverse contact inertia, J_c H^-1 J_c^T.
-        mobility: (12, 12) the same with locked and narrow joints of the legs held, and
-            where there are such, those above the legs as well: how the soles can yield.
-            Of lower rank where legs cannot do without these joints.
+        mobility: (12, 12) the same with locked and narrow leg joints held, and where
+            there are such, the joints above the legs too: how the soles can yield. Its
+            rank is lower if legs need these joints.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -102,7 +102,7 @@ class Dynamics:
         self._held = N_BASE_V + np.flatnonzero(is_held)
         self.mobility = np.zeros((12, 12)) if self._held.size else self.Lambda_c_inv
         self._below = np.tri(n_v, k=-1, dtype=bool)
-        # Views of what Pinocchio computes: asking for one anew costs more than reading.
+        # Views of Pinocchio's results: requesting one anew costs more than reading.
         data = self._data
         self._Minv, self._nle, self._Jcom = data.Minv, data.nle, data.Jcom
         self._com, self._vcom, self._acom = data.com[0], data.vcom[0], data.acom[0]
@@ -156,7 +156,7 @@ class Dynamics:
         return full
 
     def frame_placement(self, frame_id: int) -> tuple[Mat, Vec3]:
-        """Return where a frame is in the world, which is the stance frame.
+        """Return the pose of a frame in the world, which is the stance frame.
 
         Returns:
             (3, 3) rotation and (3,) position [m]; copies.

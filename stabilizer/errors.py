@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class StabilizerError(RuntimeError):
-    """The stabilizer cannot do what it was asked for."""
+    """The stabilizer cannot do what was asked."""
 
 
 class ControllerError(StabilizerError, ValueError):
@@ -14,20 +14,20 @@ class ControllerError(StabilizerError, ValueError):
 
 
 class QpStatus(StrEnum):
-    """What became of a QP."""
+    """Outcome of a QP."""
 
     OK = "ok"
     """Solved."""
     NOT_TRIED = "not tried"
-    """A step before it failed."""
+    """Not tried, since an earlier step failed."""
     SENSORS_NOT_FINITE = "sensors not finite"
-    """A sensor reported something that is no number: there was nothing to solve."""
+    """Not tried, since a sensor reading was not finite."""
     NO_CONTACT = "no contact"
-    """No foot stands, so there are no wrenches to ask for."""
+    """No foot stands, so there are no contact wrenches."""
     SINGULAR_CONTACT = "singular contact"
     """The standing feet cannot move independently of each other."""
     NOT_FINITE = "not finite"
-    """The problem holds something that is no number."""
+    """The problem contains numbers that are not finite."""
     PRIMAL_INFEASIBLE = "primal infeasible"
     """Its limits contradict each other."""
     DUAL_INFEASIBLE = "dual infeasible"

@@ -1,4 +1,4 @@
-"""Makes controllers by name, with settings that do not contradict each other."""
+"""Makes controllers by name, and checks settings for contradictions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ CONTROLLERS = ("whole-body", "zmp", "hold")
 ENTRY_POINTS = "surefoot.controllers"
 """Entry-point group in which other packages offer controllers by name."""
 _EVERYBODY = ("safety", "estimator.calibration_s")
-"""What the loop around any controller goes by: sections, or settings of one."""
+"""Settings used by the loop around any controller: sections, or settings of one."""
 _READ = {
     "whole-body": (
         *("whole_body", "tsid", "dik", "ground", "sway"),
@@ -45,29 +45,30 @@ _READ = {
     ),
     "hold": (),
 }
-"""What each shipped controller goes by besides."""
+"""Further settings used by each shipped controller."""
 _OF_OTHERS = ("walk",)
-"""What one from outside goes by besides, given no settings: the steps it is told."""
+"""Further settings used by a foreign controller without settings: the steps it is
+told."""
 _UNREAD = {
     "zmp": (
         *("contact.search_force_n", "contact.descent_limit_m_s"),
         *("contact.stiffness_n_m", "walk.climb_s", "walk.landing_force_n"),
     )
 }
-"""But for these."""
+"""Exceptions: settings that are not used."""
 
 
 def check_settings(
     settings: ControllerSettings, robot: Robot, *, duration_s: float | None = None
 ) -> None:
-    """Refuse settings that no robot, this robot or this run can be controlled with.
+    """Refuse settings with which no robot, this robot or this run can be controlled.
 
-    What one section shows by itself was refused when it was read.
+    Contradictions within one section were refused when it was read.
 
     Args:
         settings: resolved.
-        robot: to be controlled.
-        duration_s: of the run; None when it is not known [s].
+        robot: the robot to be controlled.
+        duration_s: duration of the run; None if unknown [s].
 
     Raises:
         FileFormatError: two settings, or a setting and the robot or the run,
@@ -78,7 +79,7 @@ def check_settings(
     _check_forces(settings, weight=RobotModel(robot).weight)
     _check_margin(settings.dik.limit_margin_rad, robot)
     calibration_s = settings.estimator.calibration_s
-    # A run shorter than the usual calibration is no mistake of the settings.
+    # A run shorter than the default calibration is no error of the settings.
     is_asked = calibration_s > EstimatorSettings().calibration_s
     if duration_s is not None and is_asked and calibration_s >= duration_s:
         raise FileFormatError(
@@ -118,7 +119,7 @@ def _check_forces(settings: ControllerSettings, *, weight: float) -> None:
 
 
 def _check_margin(margin: float, robot: Robot) -> None:
-    """Narrow and locked joints, which the usual margin would fill, are no matter."""
+    """Check the margin; narrow and locked joints, which it would fill, do not count."""
     half = 0.5 * (robot.soft_upper - robot.soft_lower)
     half[half <= DikSettings().limit_margin_rad] = np.inf
     index = int(np.argmin(half))
@@ -132,11 +133,11 @@ def _check_margin(margin: float, robot: Robot) -> None:
 
 
 def read_settings(controller: str) -> set[str]:
-    """Names of the settings that a controller goes by, as ``section.name``.
+    """Return the names of the settings that a controller uses, as ``section.name``.
 
     Args:
-        controller: as for :func:`find_controller`. One from outside may read all of
-            them if it is given settings, else those of the loop around it.
+        controller: as for :func:`find_controller`. A foreign one that is given settings
+            may read all of them; otherwise those of the loop around it count.
 
     Raises:
         ControllerError: there is no such controller.
@@ -154,13 +155,13 @@ def read_settings(controller: str) -> set[str]:
 def check_read(
     names: Iterable[str], controllers: Iterable[str], *, option: str = "--set"
 ) -> None:
-    """Refuse settings that nobody would go by: they would change nothing, unsaid.
+    """Refuse settings that no controller uses: they would silently change nothing.
 
     Args:
-        names: settings that were given one by one, as ``section.name`` or
-            ``section.name=value``; unknown ones are left to who resolves them.
-        controllers: all that are to run; one of them that reads it is enough.
-        option: that gave them, for the message.
+        names: settings given one by one, as ``section.name`` or ``section.name=value``.
+            Unknown names are left to the code that resolves them.
+        controllers: all that are to run; it is enough if one reads the setting.
+        option: option that gave them, for the message.
 
     Raises:
         FileFormatError: none of the controllers reads a setting.
@@ -201,13 +202,13 @@ def make_controller(
 
 
 def controller_names() -> list[str]:
-    """Names of all controllers: shipped ones and installed entry points."""
+    """Return the names of all controllers: shipped ones and installed entry points."""
     installed = {entry.name for entry in entry_points(group=ENTRY_POINTS)}
     return [*CONTROLLERS, *sorted(installed - set(CONTROLLERS))]
 
 
 def find_controller(name: str) -> ControllerMaker:
-    """Find what makes a controller.
+    """Find the maker of a controller.
 
     Args:
         name: a shipped controller (``whole-body``), the name of an entry point in
@@ -215,8 +216,8 @@ def find_controller(name: str) -> ControllerMaker:
             ``path/to/file.py:Class``.
 
     Returns:
-        A function of robot and settings. A class from outside is called with as many
-        of the two as its constructor takes.
+        A function of robot and settings. A foreign class is called with as many of the
+        two as its constructor takes.
 
     Raises:
         ControllerError: there is no such controller.
@@ -227,7 +228,7 @@ def find_controller(name: str) -> ControllerMaker:
 
 
 def find_target(name: str) -> Any:
-    """Find the class of a controller from outside, or what else makes one.
+    """Find the class, or another maker, of a foreign controller.
 
     Raises:
         ControllerError: there is no such controller.
@@ -254,7 +255,7 @@ def find_target(name: str) -> Any:
 
 
 def check_controller(name: str) -> None:
-    """Refuse a name that no controller has, without loading the shipped ones.
+    """Refuse an unknown name, without loading the shipped controllers.
 
     Raises:
         ControllerError: there is no such controller.
@@ -264,12 +265,12 @@ def check_controller(name: str) -> None:
 
 
 def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controller:
-    """Hold an object with ``start`` and ``step`` to the controller protocol.
+    """Adapt an object with ``start`` and ``step`` to the controller protocol.
 
-    A controller of ours is given back as it is.
+    A shipped controller is returned unchanged.
 
     Raises:
-        ControllerError: it has no ``start`` or ``step``.
+        ControllerError: the object has no ``start`` or ``step``.
     """
     is_ours = type(controller).__module__.startswith("surefoot.stabilizer.")
     if isinstance(controller, ForeignController) or is_ours:
@@ -279,7 +280,7 @@ def adapt(controller: Any, robot: Robot, *, name: str | None = None) -> Controll
 
 
 def _shipped(name: str) -> ControllerMaker:
-    """Imported only when asked for: Pinocchio takes a while to load."""
+    """Import a shipped controller on demand: Pinocchio takes a while to load."""
     if name == "whole-body":
         from surefoot.stabilizer.control.whole_body import WholeBodyController
 
@@ -294,7 +295,7 @@ def _shipped(name: str) -> ControllerMaker:
 
 
 def maker_of(name: str, target: Any) -> ControllerMaker:
-    """What makes a controller from a class or a function of robot and settings.
+    """Return a maker from a class or a function of robot and settings.
 
     Raises:
         ControllerError: it cannot be called.
@@ -313,7 +314,7 @@ def maker_of(name: str, target: Any) -> ControllerMaker:
 
 
 def _takes(target: Any) -> int:
-    """How many of robot and settings what makes a controller takes."""
+    """Return how many of robot and settings a maker takes."""
     try:
         parameters = inspect.signature(target).parameters.values()
     except (TypeError, ValueError):  # not callable, or does not tell
@@ -341,9 +342,9 @@ def _module(place: str) -> ModuleType:
 
 
 def _module_of_file(path: Path) -> ModuleType:
-    """The module of a file, loaded once per process and findable for pickle.
+    """Return the module of a file, loaded once per process and findable for pickle.
 
-    One that is imported already is taken as it is: twice it would be two classes.
+    A module that is imported already is reused: loaded twice it would have two classes.
     """
     if not path.is_file():
         raise ControllerError(
@@ -371,16 +372,16 @@ def _module_of_file(path: Path) -> ModuleType:
 
 
 def shipped_settings() -> list[str]:
-    """Names of all shipped settings."""
+    """Return the names of all shipped settings."""
     return sorted(path.stem for path in PRESETS_DIR.glob("*.toml"))
 
 
 def find_settings(name_or_path: Path) -> Path:
-    """Path of a settings file.
+    """Return the path of a settings file.
 
     Args:
-        name_or_path: a bare word is the name of shipped settings, unless a file
-            here is called so.
+        name_or_path: a path, or a bare word: the name of shipped settings, unless a
+            file here has that name.
 
     Raises:
         FileFormatError: there are no such settings.

@@ -1,12 +1,12 @@
-"""What the drives of a standing robot do with a command: lag, speed limit, play.
+"""Identifies the drives of a standing robot: lag, speed limit, delay and play.
 
 One joint at a time is moved by a few hundredths of a radian while all others keep the
-posture. What a drive's set-point does shows in its torque, whatever holds the joint:
+posture. The set-point of a drive shows in its torque, whatever holds the joint:
 
     set-point = q + (effort + kd dq) / kp
 
-and it is compared with a set-point L that follows the command at a limited speed, and
-one S behind it with a lag, S += g (L - S), as robot files describe drives.
+It is compared with the model of robot files: a set-point L follows the command at a
+limited speed, and S follows L with a lag, S += g (L - S).
 """
 
 from __future__ import annotations
@@ -27,46 +27,46 @@ from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.qp import QpData
 
 REST_S, SMALL_S, LARGE_S, SLOW_S = 0.2, 0.2, 0.25, 0.8
-"""How long the joint rests, keeps each end of the steps, and sways slowly [s]."""
+"""Times of resting, of each end of the steps, and of the slow sway [s]."""
 SMALL_SHARE = 0.3
-"""Of the small step in the large one: a speed limit tells them apart, a lag not."""
+"""Small step over large one: a speed limit affects them differently, a lag does not."""
 STEP_SHARE = 0.9
-"""Of the largest change of a command that the gate lets through in one tick."""
+"""Part of the largest change of a command that the gate passes in one tick."""
 LAGS_S = np.linspace(0.0, 0.06, 25)
 SPEEDS_RAD_S = np.geomspace(0.8, 30.0, 22)
 HALVES_RAD = np.array([0.0, 0.0003, 0.0008, 0.002, 0.005])
-"""Lags, speed limits and halves of the play that are tried at first."""
+"""Lags, speed limits and half plays that are tried first."""
 MOST_DELAY_TICKS = 6
 FINER = 5
-"""Rounds of the search, each about the best so far and half as wide."""
+"""Rounds of the search, each around the best so far and half as wide."""
 TRIED = 2
-"""So many delays are looked at closely."""
+"""Number of delays that are searched closely."""
 DRIVE_STEP_S = 1e-3
-"""At least so often a drive steps its set-point [s]."""
+"""Longest step with which a drive updates its set-point [s]."""
 SEEN_SHARE = 0.9
-"""Of the ticks of its motion must be answered to tell a joint's drive by [1]."""
+"""Part of a motion's ticks that must be answered to identify a joint's drive [1]."""
 SEEN_S = 0.0025
-"""A speed limit that stretches the large step by less is not seen [s]."""
+"""Time by which a speed limit must stretch the large step to be seen [s]."""
 LEAST_MOTION_RAD = 1e-3
-"""Of set-point against joint, to tell the stiffness [rad]."""
+"""Distance of set-point and joint needed to tell the stiffness [rad]."""
 WORSE = 1.2
-"""A model without speed limit that is worse by less is as good [1]."""
+"""Factor by which a model without speed limit may fit worse and count as equal [1]."""
 
 
 class Drive(msgspec.Struct, frozen=True, kw_only=True):
-    """What one drive was found to do.
+    """Identified properties of one drive.
 
     Attributes:
-        joint: its name.
-        lag_s: of the set-point [s].
-        velocity_limit_rad_s: fastest its set-point moved [rad/s].
-        is_bound: whether that is only a bound from below: no limit showed.
+        joint: name of the joint.
+        lag_s: lag of the set-point [s].
+        velocity_limit_rad_s: largest speed that the set-point reached [rad/s].
+        is_bound: whether that speed is only a lower bound: no limit was seen.
         delay_s: from the tick answered to the one in which it acts, and more [s].
         backlash_rad: play between drive and joint [rad].
-        backlash_is_bound: whether that is only a bound from above: the torque kept its
+        backlash_is_bound: whether that is only an upper bound: the torque kept its
             sign, and an offset of the encoder looks the same.
-        stiffness_scale: true stiffness over the robot file's; None: it did not show.
-        misfit_rad: how far the model is off, root mean square [rad].
+        stiffness_scale: true stiffness over that of the robot file; None if not seen.
+        misfit_rad: root mean square error of the model [rad].
     """
 
     joint: str
@@ -81,7 +81,7 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Samples(NamedTuple):
-    """A joint's commands and readings, a row per tick."""
+    """Commands and readings of a joint, one row per tick."""
 
     ticks: Array
     command: Array
@@ -91,13 +91,13 @@ class Samples(NamedTuple):
 
 
 class IdentifyController:
-    """Moves one joint after the other, the others held; ends when all are done.
+    """Moves one joint after the other while the others are held; then ends.
 
     Attributes:
-        name: for status and results.
+        name: name for status and results.
         is_done: whether all joints have been moved.
-        on_end: called once that is so, at every tick.
-        failure: no QP, so none fails.
+        on_end: called at every tick once that is so.
+        failure: always None: there is no QP.
     """
 
     name = "identify"
@@ -120,12 +120,12 @@ class IdentifyController:
 
     @property
     def duration_s(self) -> float:
-        """How long all motions take [s]."""
+        """Total time of all motions [s]."""
         return len(self._joints) * self._length * self._robot.period_s
 
     @property
     def progress(self) -> float:
-        """Part of the joints that has been moved [1]."""
+        """Part of the joints that have been moved [1]."""
         return sum(bool(rows) for rows in self._rows) / max(1, len(self._joints))
 
     def start(self, snapshot: Snapshot, q_command: Array) -> None:
@@ -136,7 +136,7 @@ class IdentifyController:
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
     ) -> ControllerOutput:
-        """Answer one tick: a joint on its way, all others where they were."""
+        """Answer one tick: one joint on its way, all others in the posture."""
         del reference
         index, at = divmod(snapshot.tick - self._first_tick, self._length)
         np.copyto(self._command, self._held)
@@ -159,7 +159,7 @@ class IdentifyController:
 
     @property
     def unseen(self) -> list[str]:
-        """Joints of whose motion too few ticks were answered to tell the drive by."""
+        """Return joints with too few answered ticks to identify their drives."""
         enough = SEEN_SHARE * self._length
         return [
             self._robot.joint_names[joint]
@@ -168,14 +168,14 @@ class IdentifyController:
         ]
 
     def found(self) -> list[Drive]:
-        """Return what the drives do, in the order of the joints; none is unseen."""
+        """Return the identified drives in joint order; no joint may be unseen."""
         return [
             identify(self._robot, joint, Samples(*np.array(rows).T))
             for joint, rows in zip(self._joints, self._rows, strict=True)
         ]
 
     def _motion(self, joint: int) -> Array:
-        """A joint's way, as fast as the gate lets it and where there is more room."""
+        """Return a joint's way, as fast as the gate allows, to the roomier side."""
         robot = self._robot
         step = min(
             STEP_SHARE * robot.file.gate.step_limit_rad,
@@ -190,7 +190,7 @@ class IdentifyController:
 def motion(amplitude: float, *, largest_step: float, period_s: float) -> Array:
     """Return a joint's way from its posture and back, tick by tick, (n,) [rad].
 
-    A small step and a large one, there and back, then slowly to both sides.
+    It is a small step and a large one, there and back, then slowly to both sides.
     """
 
     def stay(value: float, seconds: float) -> list[float]:
@@ -211,12 +211,12 @@ def motion(amplitude: float, *, largest_step: float, period_s: float) -> Array:
 
 
 def identify(robot: Robot, joint: int, samples: Samples) -> Drive:
-    """Fit a drive's model to what was commanded and measured.
+    """Fit a drive's model to commands and readings.
 
     Args:
-        robot: gains of the drive as the file has them, and the length of a tick.
-        joint: in bus order.
-        samples: of its motion.
+        robot: has the drive's gains by its file, and the length of a tick.
+        joint: index of the joint, bus order.
+        samples: commands and readings of its motion.
     """
     dt, kp = robot.period_s, robot.kp.item(joint)
     torque = samples.effort + robot.kd.item(joint) * samples.dq
@@ -269,16 +269,16 @@ def identify(robot: Robot, joint: int, samples: Samples) -> Drive:
 
 
 class _Fit(NamedTuple):
-    """The best of some models: misfit [N m], lag [s], speed [rad/s], delay in ticks."""
+    """The best of some models: misfit [N m], lag [s], speed [rad/s], delay [ticks]."""
 
     misfit: float
     lag: float
     speed: float
     delay: int
     half: float
-    """Of the play [rad]."""
+    """Half of the play [rad]."""
     free: float
-    """Misfit of the best without speed limit [N m]."""
+    """Misfit of the best model without speed limit [N m]."""
 
 
 def _search(
@@ -291,7 +291,7 @@ def _search(
     delay: int,
     dt: float,
 ) -> _Fit:
-    """Try all models; the stiffness is that which fits each best."""
+    """Try all models, each with its best stiffness."""
     speeds = np.append(speeds, np.inf)
     away = _setpoints(samples.command, lags, speeds, delay, dt)
     away -= samples.q[:, None, None]
@@ -316,8 +316,8 @@ def _search(
 def _setpoints(
     command: Array, lags: Array, speeds: Array, delay: int, dt: float
 ) -> Array:
-    """Return where each model's set-point is at each reading, (n, lags, speeds)."""
-    # Drives step more often than slow robots are commanded.
+    """Return each model's set-point at each reading, (n, lags, speeds) [rad]."""
+    # Drives update more often than slow robots are commanded.
     inner = max(1, round(dt / DRIVE_STEP_S))
     safe = np.maximum(lags, 1e-9)
     gain = np.where(lags > 0.0, -np.expm1(-dt / inner / safe), 1.0)[:, None]
@@ -335,14 +335,14 @@ def _setpoints(
 
 
 def _play(short: Array, torque: Array, *, rest: int) -> tuple[float, bool]:
-    """Play of a drive, and whether that is only a bound.
+    """Return the play of a drive [rad], and whether that is only a bound.
 
-    What the torque falls short of is half the play, to the torque's side.
+    The torque falls short of the set-point by half the play, towards its own side.
 
     Args:
-        short: (n,) set-point less the one that the torque shows [rad].
+        short: (n,) set-point minus the one that the torque shows [rad].
         torque: (n,) [N m].
-        rest: how many readings at the beginning are of a joint at rest.
+        rest: number of readings at the beginning with the joint at rest.
     """
     least = 0.1 * float(np.abs(torque).max())
     up, down = short[torque > least], short[torque < -least]

@@ -1,4 +1,4 @@
-"""The stabilizer's loop: answers the robot's ticks until there is a reason to end."""
+"""The stabilizer's loop: snapshot -> requests -> safety and controller -> command."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ _LOG = logging.getLogger(__name__)
 
 SILENCE_POLL_S = 0.1
 SILENCE_LIMIT_S = 10.0
-"""A robot that is there but sends nothing for so long is given up."""
+"""Time without sensors after which a robot that is there is given up [s]."""
 STATUS_RATE_HZ = 50.0
 LEAVING_LIMIT_S = 1.0
-"""An orderly end may take so long beyond its own ramp, then it is at once."""
+"""Time beyond its own ramp that an orderly end may take; then it is immediate."""
 RETAKE_AFTER_NS = 100_000_000
-"""The robot holds for so long, for commands that came late: start from its posture."""
+"""Time for which the robot holds for late commands until we start anew from there."""
 
 
 class End(NamedTuple):
-    """Why a stay in command ended.
+    """End of a stay in command, and its reason.
 
     Attributes:
-        reason: why.
+        reason: why the stay ended.
         detail: the same in words; may be empty.
-        may_return: whether to take command again when the robot is back: it went
-            away, or gave nobody else the command that our silence cost us.
+        may_return: whether to take command again when the robot is back: it went away,
+            or our silence lost the command and nobody else has it.
     """
 
     reason: EndReason
@@ -78,16 +78,16 @@ class Loop:
         """Join controller and bus.
 
         Args:
-            make_safety: makes a fresh watched controller for a start, with the
-                settings that count then. It takes some ms, so it is only called while
-                the robot holds its posture and waits for nobody.
+            make_safety: makes a fresh watched controller for a start, with the present
+                settings. It takes some ms, so it is only called while the robot holds
+                its posture and does not wait.
             client: in command of the robot.
             telemetry: counts and times the ticks.
-            requests: answers what the stabilizer is asked.
+            requests: answers requests to the stabilizer.
             period_s: from tick to tick [s].
-            leave_s: over which commands fade out when asked to stop [s].
-            failure_file: where the first QP that cannot be solved is kept.
-            walk: steps for the controller that starts first.
+            leave_s: time over which commands fade out when asked to stop [s].
+            failure_file: file for the first QP that cannot be solved.
+            walk: steps for the controller of the first start.
             limits: of a planner's references.
         """
         self._limits = limits
@@ -116,8 +116,8 @@ class Loop:
         """Answer until the end.
 
         Args:
-            q_held: (n_a,) posture the robot holds, to begin from [rad].
-            stop: asks for an end: the commands fade out first.
+            q_held: (n_a,) posture that the robot holds, to begin from [rad].
+            stop: asks for an end; the commands then fade out first.
         """
         heard_s = time.monotonic()
         while not (stop.is_set and self._has_left(stop)):
@@ -137,13 +137,13 @@ class Loop:
         return _stopped(stop)
 
     def _begin_with(self, safety: Safety) -> None:
-        """Have the next snapshot start this controller; it never was before."""
+        """Let the next snapshot start this new controller."""
         self._safety, self._is_started = safety, False
         self._losses_told = 0
         self._requests.serve_controller(safety.controller)
 
     def _has_left(self, stop: StopRequest) -> bool:
-        """Fade the commands out; whether there is nothing more to wait for."""
+        """Fade the commands out; return whether nothing more is to be waited for."""
         if stop.is_urgent or not self._is_started or self._requests.holding:
             return True
         now_s = time.monotonic()
@@ -154,7 +154,7 @@ class Loop:
         return now_s > self._leave_by_s
 
     def _ask_to_hold(self) -> None:
-        """At rest; whoever leaves anyway does not mind a robot that has gone."""
+        """Ask for a hold, at rest; a robot that has gone is no problem by then."""
         try:
             self._client.request_mode("hold")
         except RobotIoError:
@@ -162,13 +162,14 @@ class Loop:
                 raise
 
     def _attend(self, reading: SnapshotReading, q_held: Array) -> bool:
-        """Requests, then the answer; whether it is time to look after the robot."""
+        """Serve requests, then answer; return whether to look after the robot."""
         requests = self._requests
         requests.serve(reading.snapshot.tick)
         if requests.holding:
             return self._hold(reading)
         if requests.q_held is not None:
-            # What came before the hold's end is old: the next snapshot begins anew.
+            # Readings from before the hold's end are old: the next snapshot begins
+            # anew.
             q_held[:], requests.q_held = requests.q_held, None
             self._retire()
             return True
@@ -180,7 +181,7 @@ class Loop:
         return True
 
     def _hold(self, reading: SnapshotReading) -> bool:
-        """Keep command of a robot that keeps its posture."""
+        """Keep command of a robot that holds its posture."""
         self._retire()
         self._requests.keep_lease()
         self._answered += 1
@@ -191,7 +192,7 @@ class Loop:
         return True
 
     def _retire(self) -> None:
-        """Have another controller in place of one that has been started."""
+        """Replace a controller that has been started."""
         if self._is_started:
             self._begin_with(self._make_safety())
 
@@ -252,7 +253,7 @@ class Loop:
         return self._followed
 
     def _take_plan(self) -> WalkPlan | None:
-        """Give the controller new steps, once; a planner's go before those given."""
+        """Give the controller new steps, once; a planner's come before given ones."""
         new, self._given = self._given, None
         plan = self._client.plan()
         if plan is not self._plan:
@@ -264,7 +265,7 @@ class Loop:
         return new
 
     def _keep_failure(self, path: Path) -> None:
-        """Write the failed QP, once; the command has left already."""
+        """Write the failed QP, once; the command has already been sent."""
         self._failure_file = None
         failure = self._safety.controller.failure
         if failure is None:
@@ -298,7 +299,7 @@ class Loop:
             )
 
     def _why_end(self, silence_s: float, q_held: Array) -> End | None:
-        """Why to end; None to go on, from the held posture if the robot holds."""
+        """Return why to end; None to go on, from the held posture in a hold."""
         client = self._client
         status = client.status()
         if status is not None:
@@ -341,10 +342,10 @@ class Loop:
         return self._is_told
 
     def _is_owed_an_answer(self, reading: SnapshotReading | None) -> bool:
-        """Whether a robot that is off has sent ticks after this one, still to be read.
+        """Return whether a robot that is off has sent later ticks, still unread.
 
-        Its last words may overtake our reading: it waits for no answer to its last
-        ticks. Nothing more came when there is no reading at all.
+        Its last status may overtake our reading, since it waits for no answer to its
+        last ticks. Without a reading nothing more came.
         """
         status = self._client.status()
         return (
@@ -355,7 +356,7 @@ class Loop:
         )
 
     def _is_held_too_long(self, status: RobotStatus) -> bool:
-        """Whether the robot holds by itself and does not take up our commands."""
+        """Return whether the robot holds by itself and takes up no commands."""
         if status.mode is not RobotMode.HOLD or self._requests.holding:
             self._hold_since_ns = None
             return False
@@ -365,7 +366,7 @@ class Loop:
         return held_ns > RETAKE_AFTER_NS and self._leave_by_s is None
 
     def _start_anew(self, status: RobotStatus, q_held: Array) -> None:
-        """Have the robot follow again, another controller from what it holds."""
+        """Enable the robot again, with a new controller from its held posture."""
         _LOG.warning(
             "tick %d: the robot holds (%s); starting again from its posture",
             status.tick,
@@ -385,9 +386,9 @@ def _stopped(stop: StopRequest) -> End:
 
 
 def told_end(cause: ModeCause, detail: str) -> tuple[EndReason, str]:
-    """Why a robot that is off ends its stabilizer, and the same in words.
+    """Return why a robot that is off ends its stabilizer, and the same in words.
 
-    A robot that has done its run says so; any other end is the robot's own.
+    A robot that finished its run says so; any other end is the robot's own.
     """
     if cause is ModeCause.RUN_OVER:
         return EndReason.RUN_OVER, detail

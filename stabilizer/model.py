@@ -16,7 +16,7 @@ from surefoot.robot_io.urdf_check import without_shapes
 from surefoot.schemas.arrays import Array, Mat, Vec3
 
 GRAVITY = 9.81
-"""Magnitude of gravity, as the simulator has it [m/s^2]."""
+"""Magnitude of gravity, as in the simulator [m/s^2]."""
 N_BASE_Q = 7
 N_BASE_V = 6
 BASE_JOINT = 1
@@ -25,12 +25,12 @@ LOCKED_RAD = 1e-5
 NARROW_RAD = 0.05
 """A joint with a smaller range cannot be counted on: it is at its end at once."""
 MARGIN_SHARE = 0.25
-"""Most of a joint's range that a margin may take at either end."""
+"""Largest part of a joint's range that a margin may take at either end."""
 
 
 @dataclass(frozen=True)
 class Plate:
-    """What hangs below a force-torque sensor.
+    """The part of the foot below a force-torque sensor.
 
     Attributes:
         mass: [kg].
@@ -44,9 +44,9 @@ class Plate:
 class RobotModel:
     """Static model: everything that does not change from tick to tick.
 
-    Configurations follow Pinocchio: q = (base position, quat_xyzw, q_J) and
-    v = (base twist in base, v_J). Joints are in the order of Pinocchio inside and
-    in the order of the bus outside; ``to_model`` and ``to_bus`` convert.
+    Configurations follow Pinocchio: q = (base position, quat_xyzw, q_J) and v = (base
+    twist in base, v_J). Inside, joints are in Pinocchio's order; outside, in that of
+    the bus. ``to_model`` and ``to_bus`` convert.
 
     Attributes:
         pin_model: Pinocchio's model, with the servos' rotor inertia.
@@ -58,13 +58,13 @@ class RobotModel:
         to_bus: (n_a,) ``q_bus = q_model[to_bus]``.
         sole_ids: frame ids of left and right sole.
         T_sensor_sole: placement of each sole in its sensor frame.
-        plates: what hangs below each sensor.
+        plates: the plate below each sensor.
         half_sizes: half length and half width of left and right sole [m].
-        leg_joints: of left and right leg, (n_a,) whether a joint lies between base
-            and sole.
-        is_leg: (n_a,) whether it does in either.
-        is_locked: (n_a,) whether it cannot move.
-        is_narrow: (n_a,) whether it is locked or can hardly move.
+        leg_joints: for left and right leg, (n_a,) whether a joint lies between base and
+            sole.
+        is_leg: (n_a,) whether a joint belongs to either leg.
+        is_locked: (n_a,) whether a joint cannot move.
+        is_narrow: (n_a,) whether a joint is locked or can hardly move.
         T_base_imu: placement of the IMU in the base.
 
     The base is the base link's body and origin with the axes of the upright frame: in
@@ -75,8 +75,8 @@ class RobotModel:
         """Read the URDF.
 
         Raises:
-            RobotFileError: Pinocchio refuses it, or sees other joints than the robot
-                file lists.
+            RobotFileError: Pinocchio refuses the URDF, or finds other joints than the
+                robot file lists.
         """
         self.robot = robot
         try:
@@ -145,14 +145,14 @@ class RobotModel:
         return is_between
 
     def range_within(self, margin: float) -> Mat:
-        """Return the joint ranges less a margin, which narrow joints have less of.
+        """Return the joint ranges minus a margin, which is smaller for narrow joints.
 
         Args:
             margin: distance to keep from either end [rad].
 
         Returns:
-            (2, n_a) lower and upper ends, model order [rad]; for a locked joint hardly
-            outside its range, since a QP needs room between two limits.
+            (2, n_a) lower and upper ends, model order [rad]. A locked joint gets a
+            range hardly wider than its own, since a QP needs room between two limits.
         """
         fitting = np.minimum(margin, MARGIN_SHARE * (self.upper - self.lower))
         fitting[self.is_locked] = -LOCKED_RAD
@@ -188,7 +188,7 @@ class RobotModel:
 
 
 def _link(model: pin.Model, name: str) -> int:
-    """Frame of a link: a joint may have the same name, and be elsewhere."""
+    """Return the frame of a link; a joint of the same name may be elsewhere."""
     frame_id: int = model.getFrameId(name, pin.FrameType.BODY)
     return frame_id
 
@@ -198,7 +198,8 @@ def _turn_base(model: pin.Model, R_upright_base: Mat) -> None:
 
     Args:
         model: changed in place.
-        R_upright_base: (3, 3) the base link, which has these axes so far, in it.
+        R_upright_base: (3, 3) rotation of the base link, whose axes the joint has so
+            far, in the upright frame.
     """
     if np.array_equal(R_upright_base, np.eye(3)):
         return
@@ -216,8 +217,8 @@ def _turn_base(model: pin.Model, R_upright_base: Mat) -> None:
 def _plate_below(model: pin.Model, sensor_id: int) -> Plate:
     """Return mass and centre of mass of all links fixed below the sensor.
 
-    Pinocchio keeps a fixed link's inertia in the frame of its fixed joint, and that of
-    what a movable joint carries in the joint.
+    Pinocchio keeps a fixed link's inertia in the frame of its fixed joint, and the
+    inertia carried by a movable joint in that joint.
     """
     sensor = model.frames[sensor_id]
     mount_id = sensor.parentFrame
@@ -254,14 +255,14 @@ def _is_below(model: pin.Model, frame_id: int, ancestor_id: int) -> bool:
 
 
 def yaw_from(R: Mat, yaw: float) -> float:
-    """Return how far a frame's x axis, levelled, is turned from a heading.
+    """Return the angle from a heading to a frame's x axis, projected to the level.
 
     Args:
         R: (3, 3) world from frame.
         yaw: the heading [rad].
 
     Returns:
-        Between -pi and pi, counter-clockwise from above [rad].
+        Angle between -pi and pi, counter-clockwise from above [rad].
     """
     return math.remainder(math.atan2(R.item(1, 0), R.item(0, 0)) - yaw, math.tau)
 

@@ -1,4 +1,4 @@
-"""A controller as a process on the bus."""
+"""The stabilizer's process: connects, takes the lease and runs a controller's loop."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _LOG = logging.getLogger(__name__)
 
 CONNECT_TIMEOUT_S = 10.0
 RETURN_PATIENCE_S = 5.0
-"""A robot that is back may refuse us for so long: our former lease may still stand."""
+"""Time for which a returned robot may refuse us: our former lease may still stand."""
 RETURN_PAUSE_S = 0.1
 
 
@@ -59,42 +59,41 @@ def run_stabilizer(
 ) -> ControllerResult:
     """Wait for the robot, take command of it and answer its ticks.
 
-    Every start, also after a hold or a silence, has a controller of its own, made with
-    the settings as they have been changed by then.
+    Every start, also after a hold or a silence, uses a new controller, made with the
+    present settings.
 
-    In lockstep every tick is answered exactly once, in order; in real time the newest
-    one. It ends when the robot does, or takes command away, or on a signal; then the
-    commands come to rest, the lease is given back, and the robot holds its posture. A
-    second signal ends it at once.
+    In lockstep every tick is answered exactly once, in order; in real time only the
+    newest one. It ends when the robot ends, when the robot takes command away, or on a
+    signal. Then the commands come to rest, the lease is given back, and the robot holds
+    its posture. A second signal ends it at once.
 
-    With ``reconnect``, it waits for a robot that went away, or lost sight of us, and
-    takes command again as at first: new lease, a new controller started from the held
-    posture. It never does after a fault, when somebody else has taken command,
-    when somebody asked it to hold, or when the run is over.
+    With ``reconnect``, it waits for a robot that went away or lost contact, and takes
+    command again as at first: new lease, new controller from the held posture. It never
+    does so after a fault, another commander, a requested hold, or the run's end.
 
     Args:
-        make_controller: makes what answers, for each start.
-        robot: what its files say; the same as on the robot's side.
-        endpoints: where to dial.
-        pace: the robot's.
-        identity: one word, unique on the bus; made up when None.
-        connect_timeout_s: how long the robot may take to appear at first [s].
-        reconnect: wait for a robot that went away, for as long as it takes.
-        histogram: whether the result holds one of the ticks' times.
-        failure_file: where the first QP that cannot be solved is kept (.npz).
-        settings: to begin with; None for defaults.
-        stop: ends the run from outside, besides signals.
-        ticks: gets the controller's signals of every tick; None keeps none.
-        walk: steps to take, given to the first controller: one that begins anew
-            stands elsewhere. None to stand.
+        make_controller: makes the controller of each start.
+        robot: content of the robot's files; the same as on the robot's side.
+        endpoints: locators to dial.
+        pace: pace of the robot.
+        identity: one word, unique on the bus; None: one is made up.
+        connect_timeout_s: time that the robot may take to appear at first [s].
+        reconnect: whether to wait for a robot that went away, for as long as it takes.
+        histogram: whether the result has a histogram of the ticks' times.
+        failure_file: file for the first QP that cannot be solved (.npz).
+        settings: initial settings; None for the defaults.
+        stop: ends the run from outside, in addition to signals.
+        ticks: receives the controller's signals of every tick; None keeps none.
+        walk: steps for the first controller only: a later one stands elsewhere. None to
+            stand.
 
     Returns:
         Figures of the run and why it ended.
 
     Raises:
         EndpointError: a locator is malformed.
-        RobotUnreachableError: no robot there, or it does not answer.
-        RequestRefusedError: somebody else commands it, or it is in fault.
+        RobotUnreachableError: there is no robot, or it does not answer.
+        RequestRefusedError: somebody else commands the robot, or it is in FAULT.
     """
     node = _Node(
         make_controller,
@@ -114,14 +113,14 @@ def run_stabilizer(
 
 
 def _made_up_identity(controller_name: str) -> str:
-    """One word: a controller from a file is called by its class."""
+    """Return one word; a controller from a file is called by its class."""
     host = socket.gethostname().split(".")[0]
     law = re.sub(r"[^\w-]+", "-", controller_name.rpartition(":")[2])
     return f"{law}-{host}-{os.getpid()}"
 
 
 class _Node:
-    """One stay in command of the robot after the other."""
+    """Successive stays in command of the robot."""
 
     def __init__(
         self,
@@ -139,7 +138,8 @@ class _Node:
     ) -> None:
         self._walk = walk
         self._make, self._robot = make_controller, robot
-        # The first one is made now: what cannot be made is told before dialing.
+        # The first controller is made now, so that a failure is reported before
+        # dialing.
         first = make_controller(settings)
         self._first: Controller | None = first
         self._endpoints, self._pace = endpoints, pace
@@ -160,11 +160,11 @@ class _Node:
 
     @property
     def changes(self) -> list[SettingsChange]:
-        """All changes of settings, in all stays."""
+        """All changes of settings in all stays."""
         return [] if self._requests is None else self._requests.changes
 
     def run(self, *, connect_timeout_s: float, reconnect: bool) -> End:
-        """Stay in command until there is no coming back; see run_stabilizer."""
+        """Stay in command, with returns, until a final end; see run_stabilizer."""
         with self._stop.on_signals():
             end = self._stay(connect_timeout_s)
             while reconnect and end.may_return and not self._stop.is_set:
@@ -174,7 +174,7 @@ class _Node:
         return end
 
     def _return(self) -> End:
-        """Take command again, as soon as there is a robot that allows it."""
+        """Take command again as soon as there is a robot that allows it."""
         self._refused_since_s = math.inf
         while True:
             try:
@@ -191,7 +191,7 @@ class _Node:
     def _stay(self, timeout_s: float) -> End:
         """Connect, take command and answer until something ends it."""
         self._stays += 1
-        # A new name each time: what is left of the last stay must not be taken for it.
+        # A new name each time keeps remains of the last stay from being taken for it.
         suffix = f"-{self._stays}" if self._stays > 1 else ""
         with RobotClient(
             self._robot,
@@ -202,7 +202,7 @@ class _Node:
         ) as client:
             if not client.connect(timeout_s=timeout_s):
                 return End(EndReason.STOPPED, self._stop.cause)
-            # All that takes time comes before the robot waits for the first answer.
+            # All slow work comes before the robot waits for the first answer.
             with quiet_interpreter():
                 requests = self._requests_at(client)
                 loop = self._loop(client, requests)
@@ -212,7 +212,7 @@ class _Node:
                 return end
 
     def _take_command(self, client: RobotClient) -> Array:
-        """The posture the robot holds, now ours to change."""
+        """Take command; return the posture that the robot holds."""
         robots_pace = client.take_lease().pace
         if robots_pace != self._pace:
             raise RequestRefusedError(

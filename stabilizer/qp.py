@@ -3,11 +3,10 @@
     minimise   1/2 x^T P x + q_lin^T x
     subject to G x <= h_u,  x_l <= x <= x_u
 
-P is positive definite in both of our problems. So the unconstrained minimum, one
-Cholesky factorisation away, is the answer whenever it keeps all constraints, as it
-does on most ticks; only otherwise a solver runs: PIQP, or any other
-:class:`QpSolver`. Both ways meet the same optimality conditions, which
-:meth:`QpSolution.residuals` measures.
+P is positive definite in both QPs of the controller. So the unconstrained minimum,
+found by one Cholesky factorisation, is the answer whenever it keeps all constraints, as
+on most ticks. Otherwise a solver runs: PIQP, or any other :class:`QpSolver`. Both ways
+meet the same optimality conditions, which :meth:`QpSolution.residuals` measures.
 """
 
 from __future__ import annotations
@@ -26,24 +25,22 @@ from surefoot.stabilizer.errors import QpStatus
 
 _NOTHING: Array = np.zeros(0)
 FEASIBILITY_TOLERANCE = 1e-9
-"""Violation that the unconstrained minimum may have to be taken as feasible."""
+"""Largest violation with which the unconstrained minimum counts as feasible."""
 
 
 class QpResiduals(NamedTuple):
-    """How far a solution is from the conditions that every optimum meets.
+    """Deviation of a solution from the optimality conditions.
 
     With z the multipliers of G x <= h_u, and those of the box split by sign into
     z_u (upper bound) and z_l (lower bound), z_box = z_u - z_l:
 
     Attributes:
-        primal: how much G x exceeds h_u, or x the box.
-        dual: the largest of ``|P x + q_lin + G^T z + z_box|``, of how much a
-            multiplier of G x <= h_u is under zero, and of multipliers of bounds at
-            infinity.
-        duality_gap: ``|z|^T |h_u - G x| + z_u^T |x_u - x| + z_l^T |x - x_l|``: by
-            so much the cost may exceed the least possible one, where the gradient
-            above vanishes. (As a sum of products, since the difference of both costs
-            drowns in rounding.)
+        primal: largest excess of G x over h_u, or of x over the box.
+        dual: the largest of ``|P x + q_lin + G^T z + z_box|``, of the negative part of
+            a multiplier of G x <= h_u, and of multipliers of infinite bounds.
+        duality_gap: ``|z|^T |h_u - G x| + z_u^T |x_u - x| + z_l^T |x - x_l|``: the most
+            by which the cost exceeds the optimum, if the gradient above is zero. (A sum
+            of products, since the difference of both costs drowns in rounding.)
     """
 
     primal: float
@@ -52,21 +49,21 @@ class QpResiduals(NamedTuple):
 
     @property
     def worst(self) -> float:
-        """Largest of the three; NaN if one of them is."""
+        """Largest of the three; NaN if any is."""
         return float(np.max(self))
 
 
 @dataclass(frozen=True, slots=True)
 class QpSolution:
-    """Outcome of one solve; ``x`` and ``z`` are reused by the next.
+    """Outcome of one solve; the next one reuses ``x`` and ``z``.
 
     Attributes:
         x: (n,) minimiser; meaningless unless ``ok``.
         status: ``ok``, or what went wrong.
-        constrained: whether the solver was needed.
+        constrained: whether the solver was needed, not only the factorisation.
         z: (m,) multipliers of G x <= h_u.
         z_box: (n,) multipliers of the box, positive at the upper bound.
-        problem: what was solved, until it is filled anew.
+        problem: the solved problem, until it is filled anew.
     """
 
     x: Array
@@ -82,7 +79,7 @@ class QpSolution:
         return self.status is QpStatus.OK
 
     def residuals(self) -> QpResiduals:
-        """Measure how far this is from an optimum of the problem, as it is now."""
+        """Measure the deviation from an optimum of the problem as it is now."""
         qp, x, z = self.problem, self.x, self.z
         z_u, z_l = np.maximum(self.z_box, 0.0), np.maximum(-self.z_box, 0.0)
         has_u, has_l = np.isfinite(qp.x_u), np.isfinite(qp.x_l)
@@ -101,13 +98,13 @@ class QpSolution:
 
 
 def _largest(*violations: Array) -> float:
-    """Return the largest number of all, zero at least; a NaN stays a NaN."""
+    """Return the largest of all numbers, at least zero; NaN if any is."""
     return float(np.max(np.concatenate(violations), initial=0.0))
 
 
 @dataclass(frozen=True)
 class QpData:
-    """A problem kept for replay after a failure; symbols as above."""
+    """A failed problem, kept for replay; symbols as in the module's text."""
 
     name: str
     status: QpStatus
@@ -120,7 +117,7 @@ class QpData:
 
 
 class SolverAnswer(NamedTuple):
-    """What a solver found: nothing but a status unless it is ``ok``.
+    """Answer of a solver; only a status unless it is ``ok``.
 
     Attributes:
         status: ``ok``, or what went wrong.
@@ -136,14 +133,13 @@ class SolverAnswer(NamedTuple):
 
 
 class QpSolver(Protocol):
-    """Solves the constrained problems of one :class:`DenseQp`, all of one size."""
+    """Solves the problems of one :class:`DenseQp`, all of one size."""
 
     def solve(self, qp: DenseQp) -> SolverAnswer:
         """Solve the problem that the arrays of ``qp`` hold now.
 
         Args:
-            qp: symbols as above, all finite but for bounds at infinity; not to be
-                written.
+            qp: the problem, finite except for infinite bounds; must not be written.
         """
 
 
@@ -201,10 +197,10 @@ class DenseQp:
         """Allocate n variables and m general inequalities.
 
         Args:
-            name: what failures are kept under.
+            name: name under which failures are kept.
             n: number of variables.
             m: number of rows of G.
-            solver: runs where limits press, PIQP unless given; of this problem alone.
+            solver: solver of this problem alone, for active limits; PIQP unless given.
         """
         self.name = name
         self.P: Mat = np.eye(n)
@@ -220,7 +216,7 @@ class DenseQp:
         self._solver = solver or PiqpSolver()
 
     def solve(self) -> QpSolution:
-        """Solve what the arrays hold now."""
+        """Solve the problem that the arrays hold now."""
         # P is symmetric: its transpose is the column-major array LAPACK wants.
         _, x, info = lapack.dposv(self.P.T, self.q_lin, lower=1)
         if info == 0:
@@ -257,13 +253,13 @@ class DenseQp:
         return QpSolution(x, status, True, z, z_box, self)
 
     def failed(self, status: QpStatus) -> QpSolution:
-        """Make the solution that says why there is none."""
+        """Make a solution that only states the failure."""
         return QpSolution(
             self._no_z_box, status, True, self._no_z, self._no_z_box, self
         )
 
     def data(self, status: QpStatus) -> QpData:
-        """Copy the present problem, to be saved and replayed."""
+        """Copy the present problem, for saving and replay."""
         return QpData(
             name=self.name,
             status=status,
@@ -277,10 +273,10 @@ class DenseQp:
 
 
 def save_failure(data: QpData, path: Path) -> None:
-    """Write a problem as .npz, whole or not at all; its names are those of QpData.
+    """Write a problem as .npz atomically; its names are those of QpData.
 
     Raises:
-        OSError: it cannot be written there.
+        OSError: the file cannot be written.
     """
     with atomic_file(path) as file:
         np.savez(file, **asdict(data))

@@ -1,6 +1,6 @@
-"""What a running stabilizer is asked for: a hold, settings that ramp over, steps.
+"""Requests to a running stabilizer: hold and resume, and settings that ramp over.
 
-Of the settings, gains may change while the controller runs; none of the limits.
+Gains may change while the controller runs; limits may not.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from surefoot.schemas.validation import nearest
 from surefoot.stabilizer.control.controller import Controller, Tunable
 
 RAMP_S = 0.5
-"""Length of a ramp [s]: a jump of a gain would make the acceleration jump."""
+"""Length of a ramp: a jump of a gain would make the acceleration jump [s]."""
 EVERY_TICKS = 10
-"""Ticks between two steps of a ramp: each step costs some hundred microseconds."""
+"""Ticks between two steps of a ramp; each step costs some hundred microseconds."""
 RENEW_EVERY_S = 0.25
-"""While holding, the lease is renewed so often."""
+"""Period of renewing the lease while holding [s]."""
 CONTROL_ACTIONS = ("hold", "resume")
 LIVE_SETTINGS = (
     "tsid.com_kp",
@@ -49,13 +49,14 @@ LIVE_SETTINGS = (
     "dik.stance_leak",
     "ground.gain",
 )
-"""Every other setting is read once, when the controller is made."""
+"""Settings that may change during a run. Others are read once, at the controller's
+start."""
 Values = dict[str, list[float]]
 """Setting to its value, one number per axis."""
 
 
 def live_values(settings: ControllerSettings) -> Values:
-    """Return the settings that may change, with their present values."""
+    """Return the present values of the settings that may change."""
     return {name: _numbers(setting_of(settings, name)) for name in LIVE_SETTINGS}
 
 
@@ -63,12 +64,13 @@ def with_values(settings: ControllerSettings, values: Values) -> ControllerSetti
     """Return settings with some values replaced.
 
     Args:
-        settings: where to start from.
-        values: of some of LIVE_SETTINGS: one number for all axes, or one per axis.
+        settings: settings to start from.
+        values: new values of some of LIVE_SETTINGS: one number for all axes, or one per
+            axis.
 
     Raises:
-        FileFormatError: no such setting, one that cannot change during a run, or a
-            value out of range.
+        FileFormatError: a setting is unknown, cannot change during a run, or its value
+            is out of range.
     """
     tables: dict[str, dict[str, Any]] = msgspec.to_builtins(settings)
     for name, numbers in values.items():
@@ -96,8 +98,8 @@ def between(before: Values, after: Values, *, share: float) -> Values:
     """Interpolate between two sets of values.
 
     Args:
-        before: at share 0.
-        after: the same settings at share 1.
+        before: values at share 0.
+        after: values of the same settings at share 1.
         share: from 0 to 1.
     """
     return {
@@ -114,7 +116,7 @@ def _numbers(value: Any) -> list[float]:
 
 
 class SettingsRamp:
-    """Settings of a running controller. Pure: counts ticks, knows no clock."""
+    """Settings of a running controller. Pure: it counts ticks and has no clock."""
 
     def __init__(self, settings: ControllerSettings, *, period_s: float) -> None:
         """Begin with the settings the controller was made with."""
@@ -132,25 +134,25 @@ class SettingsRamp:
 
     @property
     def targets(self) -> Values:
-        """Values of all settings that may change, at the end of the ramp."""
+        """Values at the end of the ramp, of all settings that may change."""
         return {**live_values(self.settings), **self._after}
 
     def begin(
         self, values: Values, *, source: str, tick: int, stamp_ns: int
     ) -> SettingsChange:
-        """Start towards new values, from wherever the settings are now.
+        """Start a ramp to new values from wherever the settings are now.
 
         Args:
             values: as in :func:`with_values`.
-            source: who asked.
+            source: who asked for the change.
             tick: the first tick with a changed setting.
             stamp_ns: monotonic clock [ns].
 
         Returns:
-            What to tell and to record.
+            The change, to be published and recorded.
 
         Raises:
-            FileFormatError: the values cannot be used; nothing has changed then.
+            FileFormatError: the values cannot be used; then nothing has changed.
         """
         if not values:
             raise FileFormatError("settings: got no change", field="changes")
@@ -195,11 +197,11 @@ _LOG = logging.getLogger(__name__)
 
 
 class RequestHandler:
-    """Settings, hold and resume of a running stabilizer.
+    """Serves the requests to a running stabilizer: settings, hold and resume.
 
     Attributes:
         holding: why the robot is held; empty while the controller balances.
-        q_held: posture to start again from, once after a hold; None otherwise.
+        q_held: posture to start again from, given once after a hold; None otherwise.
     """
 
     def __init__(
@@ -209,7 +211,7 @@ class RequestHandler:
         *,
         period_s: float,
     ) -> None:
-        """Answer what comes in on a connection."""
+        """Answer the requests of a connection."""
         self.holding = ""
         self.q_held: Array | None = None
         self._client, self._name = client, ""
@@ -219,16 +221,16 @@ class RequestHandler:
 
     @property
     def settings(self) -> ControllerSettings:
-        """As they are at this tick, with all changes asked for so far."""
+        """Settings at this tick, with all requested changes so far."""
         return self._ramp.settings
 
     def serve_controller(self, controller: Controller) -> None:
-        """Give new gains to this controller from now on, if it can take any."""
+        """Give new gains to this controller from now on, if it takes any."""
         self._name = controller.name
         self._tunable = controller if isinstance(controller, Tunable) else None
 
     def move_to(self, client: RobotClient) -> None:
-        """Go on with the settings as they are, on another connection."""
+        """Keep the present settings, and serve another connection."""
         self._client = client
         self.holding, self.q_held = "", None
         self._renew_at_s = 0.0
@@ -239,7 +241,7 @@ class RequestHandler:
         return self._ramp.changes
 
     def serve(self, tick: int) -> None:
-        """Answer all that has come in, then move the settings on by a tick."""
+        """Answer all waiting requests, then advance the settings by a tick."""
         while (asked := self._client.next_request()) is not None:
             if isinstance(asked.request, SettingsRequest):
                 self._change(asked, asked.request, tick)
@@ -251,11 +253,11 @@ class RequestHandler:
                 self._tunable.retune(settings)
 
     def keep_lease(self) -> None:
-        """While holding: stays the robot's commander.
+        """Renew the lease while holding.
 
         Raises:
-            RequestRefusedError: somebody else is, or the robot is in fault.
-            RobotUnreachableError: no answer.
+            RequestRefusedError: somebody else has the lease, or the robot is in FAULT.
+            RobotUnreachableError: the robot does not answer.
         """
         now_s = time.monotonic()
         if now_s >= self._renew_at_s:
@@ -305,7 +307,7 @@ class RequestHandler:
         _LOG.info("tick %d: %s from %s: %s", tick, request.action, request.source, said)
 
     def _hold_or_resume(self, request: ControlRequest) -> tuple[RequestRefusal, str]:
-        """Why not, and the same in words; ``none`` when done."""
+        """Hold or resume; return the refusal (``none`` when done) and a text."""
         if request.action not in CONTROL_ACTIONS:
             got = f"got action {request.action!r}, expected hold or resume"
             return RequestRefusal.UNKNOWN_ACTION, got
@@ -322,7 +324,7 @@ class RequestHandler:
 
 
 def in_words(change: SettingsChange) -> str:
-    """A change of settings on one line, for the log."""
+    """Return a change of settings on one line, for the log."""
     parts = [
         f"{name} {_text(change.before, name)} -> {_text(change.after, name)}"
         for name in change.after

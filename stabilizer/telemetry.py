@@ -1,4 +1,4 @@
-"""What a stabilizer tells of itself: signals of each tick, status, and its result."""
+"""Reports of a stabilizer: signals of each tick, status messages, and its result."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ _QP_NUMBERS = {word: number for number, word in enumerate(QP_WORDS)}
 _NO_CONTACTS = (MISSING, MISSING)
 TICKS_IN_STATUS = 1024
 TIMING_EVERY_STATUSES = 25
-"""Percentiles take as long as a small QP: not in every status."""
+"""Ticks between percentiles in a status: they take as long as a small QP."""
 SETTLED_S = 1.0
-"""Force errors count from here on, as the robot's own figures do."""
+"""Time from which force errors count, as in the robot's own figures [s]."""
 F_Z = 2
 WRENCH = 6
 GOOD = "ok"
 
 
 class ControllerRecorder:
-    """Takes in a controller's answers; what it does not tell is left out."""
+    """Records a controller's answers; missing quantities are left out."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class ControllerRecorder:
         self._numbers = np.zeros(sum(len(x.labels) for x in others))
 
     def add(self, tick: int, output: ControllerOutput, *, duration_ns: int) -> None:
-        """Take in an answer."""
+        """Record an answer."""
         self._time_s[0] = tick * self._period_s
         left, right = output.in_contact or _NO_CONTACTS
         self._numbers[:] = (
@@ -92,7 +92,7 @@ class ControllerRecorder:
 
 
 def _of_walk(walk: WalkState | None) -> tuple[Array | None, ...]:
-    """What a walk adds."""
+    """Return the signals that a walk adds."""
     if walk is None:
         return (None,) * len(WALK_SIGNALS)
     phase = _PHASES.index(walk.phase)
@@ -111,7 +111,7 @@ def _of_walk(walk: WalkState | None) -> tuple[Array | None, ...]:
 def recorder_to(
     sink: TickSink | None, robot: Robot, *, walks: bool = False
 ) -> ControllerRecorder | None:
-    """A recorder for a robot's controller; None without a sink."""
+    """Return a recorder for a robot's controller; None without a sink."""
     if sink is None:
         return None
     return ControllerRecorder(
@@ -120,7 +120,7 @@ def recorder_to(
 
 
 class ControllerTelemetry:
-    """Counts and times a controller's ticks; the same on the bus and in one process."""
+    """Counts and times a controller's ticks, on the bus and in one process alike."""
 
     def __init__(
         self,
@@ -133,10 +133,10 @@ class ControllerTelemetry:
         """Start empty.
 
         Args:
-            controller_name: as told on status.
-            period_s: of the robot [s].
-            calibration_s: after a start, ticks count as balancing from here on [s].
-            recorder: takes in every answer; None for a run that keeps none.
+            controller_name: name in the status.
+            period_s: time between two ticks of the robot [s].
+            calibration_s: time after a start from which ticks count as balancing [s].
+            recorder: records every answer; None for a run that keeps none.
         """
         self._recorder = recorder
         self._name = controller_name
@@ -161,7 +161,7 @@ class ControllerTelemetry:
 
     @property
     def has_walked(self) -> bool:
-        """Whether a controller has told of a walk: others go by that."""
+        """Whether a controller has reported a walk; other code relies on it."""
         return self._walk is not None
 
     def begin(self) -> None:
@@ -177,9 +177,9 @@ class ControllerTelemetry:
         is_stale: bool,
         skipped: int = 0,
     ) -> None:
-        """Add a tick, a sensor's message of which was missing if it is stale.
+        """Add a tick; it is stale if a sensor's message was missing.
 
-        ``skipped`` of the robot's ticks since the last answer have had none.
+        ``skipped`` ticks of the robot since the last answer have had none.
         """
         if self._recorder is not None:
             self._recorder.add(tick, output, duration_ns=duration_ns)
@@ -216,7 +216,7 @@ class ControllerTelemetry:
         *,
         lost: dict[str, SensorTrouble],
     ) -> None:
-        """Note what the safety layer is doing, once per tick."""
+        """Note the state of the safety layer, once per tick."""
         self._state, self._end, self._detail = state, end, detail
         if lost:
             self._lost = {**lost, **self._lost}
@@ -231,7 +231,7 @@ class ControllerTelemetry:
         stale: tuple[str, ...],
         lost: dict[str, SensorTrouble],
     ) -> StabilizerStatus:
-        """What to tell everyone of the present tick."""
+        """Make the status message of the present tick."""
         if self._statuses % TIMING_EVERY_STATUSES == 0:
             self._recent_ms = self._recent.distribution()
         self._statuses += 1
@@ -264,7 +264,7 @@ class ControllerTelemetry:
     def result(
         self, end: EndReason, detail: str, *, histogram: bool = False
     ) -> ControllerResult:
-        """The whole run."""
+        """Return the result of the whole run."""
         ticks = {"controller tick": self._durations} if histogram else {}
         squares = (self._squares_left, self._squares_right)
         return ControllerResult(
@@ -290,14 +290,14 @@ class ControllerTelemetry:
 
 
 def _numbers(values: Array | None, size: int) -> list[float]:
-    """An array of the output for a message; zeros where there is none."""
+    """Return an array of the output for a message; zeros if there is none."""
     return [0.0] * size if values is None else values.tolist()
 
 
 def _state(
     output: ControllerOutput, stale: tuple[str, ...]
 ) -> tuple[StabilizerState, str]:
-    """What a controller without losses is doing, and why."""
+    """Return the state of a controller without losses, and its reason."""
     if output.qp_status != GOOD:
         return StabilizerState.UNSOLVED, f"QP failed: {output.qp_status}"
     if stale:

@@ -1,1 +1,1 @@
-"""The whole-body controller: tasks, both QPs, force feedback."""
+"""The whole-body controller: tasks, first QP (TSID), wrench law, second QP (DIK)."""

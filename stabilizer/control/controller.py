@@ -1,4 +1,7 @@
-"""What a controller is, what both of ours share, and somebody else's as one."""
+"""Controller protocol, base class of both controllers, and adapter for foreign ones.
+
+Data flow: snapshot -> :class:`Controller` -> joint positions. Safety wraps it.
+"""
 
 from __future__ import annotations
 
@@ -24,31 +27,31 @@ if TYPE_CHECKING:
     from surefoot.stabilizer.walking.feet import WalkState
 
 OPTIONAL = ("retune", "degrade", "undo_overload")
-"""Methods of :class:`Tunable` and :class:`Degradable`, used where they are there."""
+"""Optional methods, of :class:`Tunable` and :class:`Degradable`, used if present."""
 
 
 @dataclass(slots=True)
 class ControllerOutput:
     """Answer to one tick. Arrays are reused by the next one: copy what you keep.
 
-    Only ``q_command`` must be given. What a controller does not know stays None, and is
-    left out of status, plots and ticks files.
+    Only ``q_command`` is required. A field that the controller does not know stays
+    None, and is left out of status, plots and ticks files.
 
     Attributes:
         q_command: (n_a,) joint positions to follow, bus order [rad].
         F_id: (12,) desired wrenches of the ground on left and right sole, sole frames
             [N, N m].
-        F_meas: (12,) measured wrenches there.
+        F_meas: (12,) measured wrenches, in the same frames [N, N m].
         com: (3,) estimated centre of mass in the stance frame [m].
-        com_reference: (3,) where it should be [m].
+        com_reference: (3,) reference of the centre of mass, same frame [m].
         in_contact: whether left and right foot stand.
         base_pose: (7,) estimated base in the stance frame: position [m], quat_xyzw.
-        base_twist: (6,) its twist in the base frame [m/s, rad/s].
+        base_twist: (6,) twist of the base in the base frame [m/s, rad/s].
         r: (12,) desired sole twists, sole frames [m/s, rad/s].
         v_joint: (n_a,) joint velocities of the second QP, bus order [rad/s].
-        wrench_qp: status of the QP that gives F_id; ``ok`` when solved.
-        motion_qp: status of the QP that gives joint velocities; ``ok`` when solved.
-        walk: how the walk goes; None without steps so far.
+        wrench_qp: status of the QP for F_id; ``ok`` when solved.
+        motion_qp: status of the QP for joint velocities; ``ok`` when solved.
+        walk: progress of the walk; None before there were steps.
     """
 
     q_command: Array
@@ -78,8 +81,8 @@ class ControllerOutput:
 class Controller(Protocol):
     """Pure control law: no clock, no I/O, deterministic.
 
-    An object is started once. Whoever has to begin anew makes another one, so that
-    nothing of the last start is left in it.
+    An object is started once. A new start uses a new object, so that nothing is left
+    over from the last one.
     """
 
     name: str
@@ -101,56 +104,56 @@ class Controller(Protocol):
 
         Args:
             snapshot: reading of all sensors.
-            reference: newest word of a planner, if any.
+            reference: a planner's newest reference, if any.
         """
 
 
 ControllerFactory = Callable[[ControllerSettings], Controller]
-"""Makes a fresh controller with the settings that count now."""
+"""Makes a fresh controller with the present settings."""
 
 
 @runtime_checkable
 class Tunable(Protocol):
-    """A controller that takes new gains; one without this keeps those it has."""
+    """A controller that takes new gains; others keep the gains they were made with."""
 
     def retune(self, settings: ControllerSettings) -> None:
         """Use these gains from the next step on.
 
         Args:
-            settings: differ from those in use in LIVE_SETTINGS only.
+            settings: may differ from the present ones in LIVE_SETTINGS only.
         """
 
 
 @runtime_checkable
 class Walks(Protocol):
-    """A controller that takes footsteps; one without this only stands."""
+    """A controller that takes footsteps; others only stand."""
 
     def follow_plan(self, plan: WalkPlan) -> None:
-        """Walk by a plan from the next step on; only called once started.
+        """Follow a plan from the next call of ``step`` on; only called once started.
 
         Args:
-            plan: the newest; its steps replace those that have not begun.
+            plan: the newest plan; its steps replace those that have not begun.
         """
 
 
 class BalanceController(ABC):
-    """A controller that answers what its observer sees.
+    """A controller that works on the state from its observer.
 
-    A subclass makes ``observer`` and says what to command.
+    A subclass makes ``observer`` and computes the command.
 
     Attributes:
         model: the robot.
         stance: reference.
-        com_wanted: (3,) where the centre of mass is to be in this tick [m].
-        observer: tells the robot's state.
+        com_wanted: (3,) reference of the centre of mass in this tick [m].
+        observer: estimates the robot's state.
         failure: the first QP that could not be solved, kept for replay.
     """
 
     observer: Observer
 
     def __init__(self, robot: Robot, settings: ControllerSettings) -> None:
-        """Build the model, and the reference of a robot that stands."""
-        # What a controller is needs no dynamics.
+        """Build the model and the standing reference."""
+        # Imported here: the controller protocol alone needs no dynamics.
         from surefoot.stabilizer.control.reference import standing
         from surefoot.stabilizer.model import RobotModel
 
@@ -170,10 +173,10 @@ class BalanceController(ABC):
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
     ) -> ControllerOutput:
-        """Answer one tick; the posture is held when something fails.
+        """Answer one tick; if something fails, the posture is held.
 
         Returns:
-            Joint command in bus order, and what led to it.
+            Joint command in bus order, and the quantities it was computed from.
         """
         self._tick = snapshot.tick
         state = self.observer.update(snapshot)
@@ -196,12 +199,12 @@ class BalanceController(ABC):
         """Compute the command of this tick.
 
         Returns:
-            What became of the QP for wrenches, and of the one for joint velocities.
+            Status of the wrench QP and of the joint velocity QP.
         """
 
     @abstractmethod
     def _output(self) -> ControllerOutput:
-        """Make the answer as it stands: the command, old or new, and what led to it."""
+        """Make the answer from the present command, old or new, and its quantities."""
 
     def _answer(self, wrench_qp: QpStatus, motion_qp: QpStatus) -> ControllerOutput:
         output, state = self._output(), self.observer.state
@@ -213,7 +216,7 @@ class BalanceController(ABC):
         return output
 
     def _fade(self, state: ObservedState) -> float:
-        """Return the part of the motion carried out: little after the calibration."""
+        """Return the part of the motion to carry out; it grows after calibration."""
         return min(max(state.active_s / self._settings.dik.ramp_in_s, 0.0), 1.0)
 
     def _keep_failure(self, solution: QpSolution) -> None:
@@ -223,7 +226,7 @@ class BalanceController(ABC):
 
 
 class HoldController:
-    """Commands the posture it started from, whatever happens."""
+    """Commands the posture it started from, in every tick."""
 
     name = "hold"
 
@@ -253,13 +256,13 @@ class HoldController:
 class ForeignController:
     """Wraps any object with ``start(snapshot, q_command)`` and ``step(snapshot, ...)``.
 
-    ``step`` may return a bare array of joint positions or a
-    :class:`ControllerOutput`; it may leave out the reference.
+    ``step`` may return a bare array of joint positions or a :class:`ControllerOutput`.
+    It may have no parameter for the reference.
 
     Attributes:
         name: as reported on status.
         inner: the object itself.
-        failure: always None; a controller from outside keeps its own failures.
+        failure: always None; a foreign controller keeps its own failures.
     """
 
     def __init__(self, inner: Any, *, n_a: int, name: str | None = None) -> None:
@@ -323,7 +326,7 @@ class ForeignController:
 
 
 def _takes_two(step: Any) -> bool:
-    """Whether a method can be called with snapshot and reference."""
+    """Return whether a method can be called with snapshot and reference."""
     try:
         inspect.signature(step).bind(None, None)
     except TypeError:

@@ -1,15 +1,14 @@
-"""Second QP: joint velocities that drive the wrenches to F_id.
+"""Second QP (DIK): joint velocities that drive the contact wrenches to F_id.
 
-The task-space differential inverse kinematics QP of the paper's section IV-B.
-In words: find the velocity v of base and joints that moves the soles as the wrench
-law r asks, the centre of mass, base, posture and whatever else there is a task for
-as the tasks ask, within joint velocity and position limits.
+In words: find the velocity v of base and joints that fulfils all tasks as well as
+possible, within joint velocity and position limits. The soles move as the wrench law's
+r asks. Centre of mass, base, posture and further tasks ask for the rest.
 
     r = -Lambda_c^-1 K^-1 e_F,   e_F = F_meas - F_id,   K negative definite
 
-Delta = J_c v - r is eliminated: minimising its norm is the same problem. A foot that
-is pushed too hard gets r_z > 0: it yields. (The paper's final law, in section IV-B,
-has this sign; the relation of sole acceleration and wrench error that closes its
+Delta = J_c v - r is eliminated: minimising its norm is the same problem. A foot that is
+pressed too hard gets r_z > 0: it yields. (The paper's final law, in its section IV-B,
+has this sign. The relation between sole acceleration and wrench error at the end of its
 section III has it flipped.)
 """
 
@@ -41,11 +40,11 @@ class _StackedRows(NamedTuple):
     T: Mat
     t: Array
     roots: Array
-    """(size, 1) of its weights."""
+    """(size, 1) square roots of its weights."""
 
 
 class _SelectedRows(NamedTuple):
-    """A task on some numbers of v: their part of the cost."""
+    """The part of the cost that a task on some entries of v has."""
 
     task: SelectionTask
     y: Array
@@ -79,7 +78,7 @@ class Dik:
         self._per_second = 1.0 / settings.limit_time_s
 
     def _stack(self, tasks: Sequence[Task]) -> None:
-        """Allocate the rows of T and t; what is on v itself needs none."""
+        """Allocate the rows of T and t; tasks on entries of v need none."""
         self._selected: list[_SelectedRows] = []
         dense = []
         for task in tasks:

@@ -1,25 +1,25 @@
-"""Drives that lag: their inverse, and how quick feedback may be with them.
+"""Drives with lag: their inverse, and how fast force feedback may be with them.
 
-A drive is taken as its servo profile says: a set-point L that moves at a limited speed,
-and one S behind it with a lag, S += g (L - S) in every tick. To have S where it is
-wanted in the next tick,
+A drive is modelled by its servo profile: a set-point L that moves at a limited speed,
+and a set-point S behind it with a lag, S += g (L - S) in every tick. To bring S to the
+wanted position in the next tick, the command sent is
 
     L = S + (q_wanted - S) / g
 
-is sent. What the speed limit takes away is given back to q_wanted (back-calculation):
-an inverse that went on asking for it would bounce between its limits.
+The part that the speed limit cuts off is given back to q_wanted (back-calculation).
+Otherwise the inverse would keep asking for it and bounce between its limits.
 
-Feet that bounce want softer drives: while one does, part of the inverse is left out.
+Bouncing feet need softer drives: while a foot bounces, part of the inverse is left out.
 
-A wrench error e moves a sole by Lambda_c^-1 |K|^-1 e, and servos and contact, a spring
-k_s between commanded and real sole, answer with a wrench. The loop is an integrator
-whose fastest mode has the speed k, the largest eigenvalue of k_s Lambda_c^-1 |K|^-1.
-Sampled every dt, with d ticks of delay, it sways from
+A wrench error e moves a sole by Lambda_c^-1 |K|^-1 e. Servos and contact form a spring
+k_s between commanded and real sole, which answers with a wrench. So the loop is an
+integrator. Its fastest mode has the speed k, the largest eigenvalue of k_s Lambda_c^-1
+|K|^-1. Sampled every dt, with d ticks of delay, the loop oscillates for speeds from
 
     k dt = 2 sin(pi / (2 (2 d + 1)))
 
-on. ``needed_stiffness`` is the factor on K that leaves 6 dB to that on every axis; see
-docs/margins.md for what the whole loop makes of it.
+upwards. ``needed_stiffness`` returns the factor on K that leaves a margin of 6 dB to
+this on every axis; docs/margins.md has the margins of the whole loop.
 """
 
 from __future__ import annotations
@@ -38,22 +38,23 @@ from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import N_BASE_V, RobotModel
 
 LEAST_MOTION = 1e-6
-"""Of a sole, for a joint that turns by one radian [m, rad]."""
+"""Least motion of a sole per radian of a joint [m, rad]."""
 MARGIN = 2.12
-"""From the speed at which the fastest mode sways: 6 dB, and 0.5 dB for single axes."""
+"""Oscillating over allowed speed of the fastest mode: 6 dB, and 0.5 for single axes."""
 DAMPED = 1.06
-"""So much slower the servos' damping makes the fastest mode; only what is borne at the
-very most counts on it."""
+"""Slowing of the fastest mode by the servos' damping; only the longest delay that is
+borne makes use of it."""
 ROUNDING_TICKS = 1e-6
 
 
 class DriveInverse:
-    """The drives' model and its inverse, one for all joints.
+    """Model of the drives and its inverse, for all joints.
 
     Attributes:
-        sent: (n_a,) what is commanded to the drives [rad].
-        lead: what is sent goes so many times further than is wanted in a tick [1].
-        reached: (n_a,) where their set-points are with it, by the model [rad].
+        sent: (n_a,) command sent to the drives [rad].
+        lead: how many times farther the command goes than the wanted motion of a tick
+            [1].
+        reached: (n_a,) set-points that the model reaches with it [rad].
     """
 
     def __init__(self, profile: ServoProfile, *, joints: int, period_s: float) -> None:
@@ -74,7 +75,7 @@ class DriveInverse:
 
     @property
     def lags(self) -> bool:
-        """Whether there is anything to make up for."""
+        """Whether the drives have a lag to compensate."""
         return self._gain < 1.0
 
     def take_over(self, q_command: Array) -> None:
@@ -89,9 +90,9 @@ class DriveInverse:
         """Compute what to send in this tick.
 
         Args:
-            q_wanted: (n_a,) where the set-points are wanted [rad]; what is out of
-                reach is taken back in it.
-            share: of the inverse, from none (0) to all of it (1).
+            q_wanted: (n_a,) wanted set-points [rad]; corrected in place by the part out
+                of reach.
+            share: part of the inverse to use, from none (0) to all of it (1).
 
         Returns:
             (n_a,) ``sent``, reused by the next call.
@@ -120,13 +121,13 @@ def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> 
     Args:
         dynamics: at the nominal stance.
         kp: (n_a,) stiffness of the servos, model order [N m/rad].
-        contact_stiffness: of one sole on its ground, along its normal [N/m].
+        contact_stiffness: stiffness of one sole on its ground, along its normal [N/m].
 
     Returns:
         k [1/s].
 
     Raises:
-        RobotFileError: the legs cannot move both soles as they like.
+        RobotFileError: the legs cannot move both soles independently.
     """
     model = dynamics.model
     legs = np.flatnonzero(model.is_leg)
@@ -138,7 +139,7 @@ def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> 
             "directions, and balancing takes all of them: is there a yaw joint at each "
             "hip, or roll below pitch, which turns a foot as well?"
         )
-    # What torques do to the wrenches at once, Gamma_c; then by sole instead of joint.
+    # Immediate effect of torques on the wrenches, Gamma_c; then per sole.
     by_torque = np.linalg.solve(
         dynamics.Lambda_c_inv, J @ (dynamics.H_inv[:, N_BASE_V:] * kp)
     )
@@ -155,7 +156,7 @@ def fastest_mode(dynamics: Dynamics, *, kp: Array, contact_stiffness: float) -> 
 
 
 def _give(normal: float, half_length: float, half_width: float) -> Array:
-    """How far a sole gives way at its corners' springs, x y z roll pitch yaw, (6,)."""
+    """Return the give of a sole on its corner springs, x y z roll pitch yaw, (6,)."""
     roll, pitch = normal * half_width**2, normal * half_length**2
     return 1.0 / np.array([normal, normal, normal, roll, pitch, roll + pitch])
 
@@ -165,7 +166,7 @@ def needed_stiffness(speed: float, *, delay_ticks: int, period_s: float) -> floa
 
     Args:
         speed: of the fastest mode with the default K [1/s].
-        delay_ticks: from a reading to the step its answer acts in.
+        delay_ticks: delay from a reading to the step in which its answer acts.
         period_s: from tick to tick [s].
     """
     sways = 2.0 * math.sin(math.pi / (2.0 * (2.0 * delay_ticks + 1.0)))
@@ -175,7 +176,7 @@ def needed_stiffness(speed: float, *, delay_ticks: int, period_s: float) -> floa
 def borne_delay(robot: Robot, settings: ControllerSettings) -> int:
     """Compute the longest loop delay that leaves the fastest mode calm [ticks].
 
-    K is as large as ``dik.loop_delay_s`` asks for.
+    K is as large as ``dik.loop_delay_s`` requires.
     """
     model = RobotModel(robot)
     dynamics = Dynamics(model)

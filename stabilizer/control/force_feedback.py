@@ -1,16 +1,18 @@
-"""The wrench law: how each sole should move, given what it feels.
+"""Wrench law: desired sole twists from measured and desired wrenches.
 
-The contact constraint of the second QP in the paper's section IV-B.
+It is the contact constraint of the second QP, section IV-B of the paper, and sits
+between the first QP (TSID) and the second (DIK).
 
-A standing foot follows r = -Lambda_c^-1 K^-1 e_F, plus, where switched on, its own
-estimated twist: the ground's motion fed forward, which the paper treats as a
-disturbance. Along the sole and about its normal a leak pulls it back to the stance,
-since a tangential wrench error integrated for ever walks the feet apart. A foot whose
-pressure is wanted at its edge is kept from tipping over that edge. A lifted foot
-descends at a bounded speed, its moment terms frozen, until it finds the ground.
+A standing foot follows r = -Lambda_c^-1 K^-1 e_F. Feed-forward, if switched on, adds
+its estimated twist: the ground's motion, which the paper treats as a disturbance. A
+leak pulls the foot back to the stance, along the sole and about its normal: an
+integrated tangential error would walk the feet apart. A foot with desired pressure at
+its edge is kept from tipping over it. A lifted foot descends at a bounded speed without
+moment terms until it finds the ground.
 
-Locked and narrow joints are held in Lambda_c: asked for twists that the legs cannot do,
-the second QP does others, which answer no error, and the robot shakes itself over.
+Locked and narrow joints are held in Lambda_c. If r asked for twists that the legs
+cannot do, the second QP would do others. Those answer no error, and the robot shakes
+itself over.
 """
 
 from __future__ import annotations
@@ -30,37 +32,38 @@ from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS, Dynamics
 from surefoot.stabilizer.model import yaw_from
 
 FIRM_SHARE = 0.3
-"""Of the weight: a foot that carries so much stands firmly, however light the robot;
-with half of it, it does so on both feet [1]."""
+"""Part of the weight above which a foot stands firmly, however light the robot; with
+half the weight on each, both feet do [1]."""
 SEARCH_SHARE = 0.115
-"""Of the weight: what a lifted foot reaches for at least. The legs of a heavy robot
-take more to go down as fast [1]."""
+"""Least force that a lifted foot seeks, as a part of the weight. The legs of a heavy
+robot need a larger one to descend as fast [1]."""
 
 
 class ForceFeedback:
-    """Wanted sole twists.
+    """Desired sole twists.
 
     Attributes:
         r: (12,) desired twists of left and right sole, sole frames.
-        ground_twist: (12,) low-passed sole twists with the servos' lag made up for,
-            sole frames.
-        firmness: 1 while both feet stand firmly, 0 from the moment that one does not,
-            and slowly back; without lag always 1 [1].
-        inverse: part of the drives' inverse that the commands are to go through: as
-            much as the stand is firm, but no less than ``dik.least_inverse`` [1].
-        stiffness: factor on K that the delay of the loop asks for, 1 or more [1].
+        ground_twist: (12,) low-passed sole twists with the servos' lag compensated,
+            sole frames [m/s, rad/s].
+        firmness: 1 while both feet stand firmly; 0 at once when one does not, then
+            slowly back to 1. Always 1 without lag [1].
+        inverse: part of the drives' inverse to use for commands: ``firmness``, but no
+            less than ``dik.least_inverse`` [1].
+        stiffness: factor on K that the loop delay requires, 1 or more [1].
         minus_K_inv: (12,) diagonal of -K^-1.
-        blend: of the low-pass, per tick.
-        lead: of the feed-forward, in ticks.
-        share: part of the motion of left and right foot that is its ground's: less of
-            one that has bounced [1].
-        landing: whether the left and the right foot feel the impact of a touchdown:
-            their wrench errors then count as no more than ``landing_force_n``.
-        walks: whether steps are under way: then no stand is a firm one, and the ground
-            may be soft.
-        turns: part of the soles' turns that may be their ground's: who walks steps on
-            edges, too, about which a sole tips [1].
-        soft_ground: what the soles do because it is, taken off their motion.
+        blend: coefficient of the low-pass, per tick.
+        lead: lead of the feed-forward [ticks].
+        share: part of each foot's motion that is its ground's, left and right; lower
+            after a bounce [1].
+        landing: whether left and right foot feel the impact of a touchdown; their
+            wrench errors are then limited to ``landing_force_n``.
+        walks: whether steps are under way; no stand is firm then, and the ground may be
+            soft.
+        turns: part of the soles' turns that may be their ground's; 1 in standing, less
+            in walking on edges, about which a sole tips [1].
+        soft_ground: motion of the soles due to soft ground, removed from
+            ``ground_twist``.
     """
 
     def __init__(
@@ -86,12 +89,12 @@ class ForceFeedback:
             half_sizes: half length and half width of left and right sole [m].
             sole_scale: part of them that desired centres of pressure may use [1].
             period_s: time between two updates [s].
-            lag_s: lag of the servos' set-points beside the servo law's own [s]. It is
-                made up for while the feet stand firmly; else K grows with it, since
-                the loop through the feet must be slower than its delays.
-            speed: of the fastest mode with the default K, see
+            lag_s: lag of the servos' set-points in addition to the servo law's own [s].
+                It is compensated while the feet stand firmly. Otherwise K grows with
+                it, since the loop through the feet must be slower than its delays.
+            speed: speed of the fastest mode with the default K, see
                 :func:`surefoot.stabilizer.control.drives.fastest_mode` [1/s].
-            weight: of the robot [N].
+            weight: weight of the robot [N].
             landing_force_n: largest normal force error that a landing foot yields to
                 [N].
         """
@@ -139,18 +142,18 @@ class ForceFeedback:
         self._ground_gain = ground.gain
 
     def expect_age(self, *, forces_s: float, motion_s: float) -> None:
-        """Take readings to be so old from now on: yield less, and look ahead.
+        """Allow for readings of this age from now on: yield less, and look ahead.
 
         Args:
             forces_s: largest age of the force readings [s].
-            motion_s: mean age of what tells the soles' motion [s].
+            motion_s: mean age of the readings that show the soles' motion [s].
         """
         self._forces_s = forces_s
         self._lead_s = self._ground_lead_s + motion_s
         self._set_stiffness()
 
     def suspend_feed_forward(self, side: int) -> None:
-        """Take a foot's motion for its own, not its ground's, until it stood a bit."""
+        """Stop feed-forward for a foot until it has stood for a while."""
         self._low_passed[SOLE_ROWS[side]] = 0.0
         self.share[side] = 0.0
         self._turn_share[side][:] = [0.0, 0.0]
@@ -168,7 +171,7 @@ class ForceFeedback:
 
         Args:
             dynamics: quantities at the present state.
-            stance: where the feet belong.
+            stance: has the places of the feet.
             F_meas: (12,) measured wrenches of the ground on the soles.
             F_id: (12,) desired wrenches.
             in_contact: which feet stand.
@@ -209,7 +212,7 @@ class ForceFeedback:
         return self.r
 
     def _judge_stand(self, F_meas: Array, in_contact: list[bool]) -> None:
-        """Be soft as soon as a foot does not stand firmly, and for a while after."""
+        """Drop the firmness at once when a foot is not firm; raise it slowly."""
         left, right = F_meas.item(NORMAL), F_meas.item(6 + NORMAL)
         stands = all(in_contact) and not self.walks
         if stands and min(left, right) > self._firm_force:
@@ -225,7 +228,7 @@ class ForceFeedback:
             period_s=self._period_s,
         )
         self._firm_K_inv = -1.0 / (self.stiffness * self._k_force)
-        # As stiff as it has to be without the inverse, if it is not already.
+        # Stiff enough to do without the inverse, if it is not already.
         self._soft = max(0.0, self._lag_stiffness / self.stiffness - 1.0)
         self._set_firmness(self.firmness)
 
@@ -240,8 +243,8 @@ class ForceFeedback:
     def _soften(self, e_F: Array) -> None:
         """Scale down the wrench error of a landing foot, in place.
 
-        The impact is over before the servos have answered it: what they did about it
-        would come when the foot has just come to rest.
+        The impact is over before the servos answer it. Their answer would come when the
+        foot has just come to rest.
         """
         normal = abs(e_F.item(NORMAL))
         if normal > self._landing_force:
@@ -250,20 +253,20 @@ class ForceFeedback:
     def _keep_flat(
         self, side: int, F: list[float], F_id: list[float], dynamics: Dynamics
     ) -> None:
-        """Have a foot that is to be pressed at its edge not tip over that edge.
+        """Keep a foot with desired pressure at its edge from tipping over that edge.
 
-        There the centre of pressure stays however far the foot tips, and where it is
-        wanted at the edge as well, no error of the moment shows it: the errors of other
-        axes, which the inertia couples in, turn the foot on and on, and it slaps down
-        when the pressure is wanted elsewhere. So there its own moment alone turns it,
-        and never further over; the point on the ground moves as before.
+        The centre of pressure stays at the edge however far the foot tips. If it is
+        also desired there, the moment error shows nothing. Errors of other axes,
+        coupled in by the inertia, then turn the foot on and on; it slaps down once the
+        pressure is desired elsewhere. So the foot is turned by its own moment alone,
+        and never further over. The pressed point moves as before.
         """
         if F[NORMAL] <= 0.0 or F_id[NORMAL] <= 0.0:
             return
         half_length, half_width = self._half_sizes[side]
         for axis, half in ((3, half_width), (4, half_length)):
             index = 6 * side + axis
-            # Velocity of the pressed point along the normal is v_z + turn * arm.
+            # The pressed point's velocity along the normal is v_z + turn * arm.
             arm = F[axis] / F[NORMAL]
             outward = abs(arm) / half
             if outward <= self._sole_scale:  # most ticks, so at once
@@ -284,13 +287,12 @@ class ForceFeedback:
             self.r[6 * side + NORMAL] += (turn - kept) * min(abs(arm), half)
 
     def _feed_forward(self, side: int, F: list[float]) -> None:
-        """Have a foot that stands firmly move with its ground.
+        """Make a foot that stands firmly move with its ground.
 
-        A foot that bounces does not show the ground's motion but its own, so its
-        share drops at once and returns slowly. The same holds for the rotation of a
-        foot pressed at its edge: it may be tipping over that edge. What is on the
-        ground then is the centre of pressure alone, and only its velocity is the
-        ground's.
+        A bouncing foot shows its own motion, not the ground's, so its share drops at
+        once and returns slowly. The same holds for the rotation of a foot pressed at
+        its edge: it may be tipping over that edge. Only its centre of pressure is on
+        the ground then, and only the velocity of that point is the ground's.
         """
         normal = F[NORMAL]
         firmness = min(max(normal / self._firm_force, 0.0), 1.0)
@@ -312,7 +314,7 @@ class ForceFeedback:
             self.r[start + i] += share * gain[i] * rate
 
     def _turning(self, side: int, axis: int, outward: float) -> float:
-        """Return the part of a rotation that is the ground's: it drops at once.
+        """Return the part of a rotation that is the ground's; it drops at once.
 
         Args:
             side: left or right.
@@ -328,11 +330,11 @@ class ForceFeedback:
         return share
 
     def _search(self, side: int, dynamics: Dynamics, normal: float) -> None:
-        """Have a lifted foot go down, along the world's vertical.
+        """Lower a lifted foot along the world's vertical.
 
-        As fast with slow drives and with old readings as with others: what K grows for
-        is a loop through the ground, and while a foot is in the air the robot tips over
-        the other one.
+        Its speed does not depend on slow drives or old readings: K grows for a loop
+        through the ground, and with a foot in the air the robot tips over the other
+        one.
         """
         self.share[side] = 0.0
         rows = SOLE_ROWS[side]
@@ -359,12 +361,12 @@ class ForceFeedback:
 
 
 def _room(outward: float, *, begins: float, ends: float) -> float:
-    """Return 1 well inside the sole, 0 at its edge, in proportion between.
+    """Return 1 well inside the sole, 0 at its edge, and in proportion between.
 
     Args:
         outward: centre of pressure from the sole's middle (0) to its edge (1).
-        begins: where it is less than 1.
-        ends: where it is 0.
+        begins: position from which the result is less than 1.
+        ends: position at which the result is 0.
     """
     if outward >= ends:
         return 0.0

@@ -1,4 +1,4 @@
-"""The reference: what the controller should keep to, tick by tick.
+"""Reference of centre of mass, base, posture and feet, followed by both QPs.
 
 Without a planner it is the standing stance: nominal posture, centre of mass over the
 middle of the feet, base upright. A planner's :class:`Reference` message replaces it.
@@ -18,36 +18,36 @@ from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import RobotModel, yaw_from
 
 NEAR_M, NEAR_RAD = 0.02, 0.05
-"""So far from its reference a robot may be at a start, to be asked for it at once."""
+"""Largest distance from its reference at which a robot is asked for it at once."""
 APPROACH_RAD_S = 3.5
-"""How fast it is led there otherwise: 97 % in 2 s."""
+"""Rate at which it is led there otherwise: 97 % in 2 s."""
 ARRIVED = 1e-4
-"""Of metre and radian; then it is there."""
+"""Rest of the way, in metres or radians, that counts as arrived."""
 BEYOND_SOLES_M = 0.1
 """No centre of mass can be kept farther from the soles, moving or not [m]."""
 FASTEST_M_S, HARDEST_M_S2 = 3.0, 15.0
 """More than a robot on its feet can be asked for; friction alone bears less."""
 FARTHEST_FOOT_M = 1.0
-"""From between the feet to either [m]."""
+"""From the middle between the feet to either foot [m]."""
 BEYOND_RANGE_RAD = 0.01
-"""A planner may round the end of a joint's range [rad]."""
+"""A planner may round the end of a joint's range by this [rad]."""
 NORMS = (0.9, 1.1)
-"""Of a quaternion that is an attitude."""
+"""Norm of a quaternion that counts as an attitude."""
 
 
 @dataclass
 class Stance:
     """Where centre of mass, base, joints and feet should be, in the stance frame.
 
-    This is the controller's own copy of the reference, in its units and joint order;
-    arrays are written in place.
+    This is the controller's own copy of the reference, in its units and joint order.
+    Its arrays are written in place.
 
     Attributes:
-        com: (3,) centre of mass [m]; its z is held within reach of the feet.
-        com_height: z asked for [m].
+        com: (3,) centre of mass [m]; z is kept within reach of the legs.
+        com_height: height of the centre of mass before that limit [m].
         com_velocity: (3,) [m/s].
         com_acceleration: (3,) [m/s^2].
-        ground_acceleration: (3,) of the ground, which the robot is to go along with
+        ground_acceleration: (3,) acceleration of the ground that the robot follows
             [m/s^2].
         R_base: (3, 3) base rotation.
         posture: (n_a,) joints in model order [rad].
@@ -55,8 +55,7 @@ class Stance:
         yaw_sole: yaw of left and right sole [rad].
         base_error: (3,) rotation from base to reference, base axes [rad].
         com_nominal: height of the centre of mass in the nominal stance [m].
-        load: part of the weight that left and right foot are to carry when both
-            stand [1].
+        load: planned part of the weight on left and right foot while both stand [1].
     """
 
     com: Vec3
@@ -82,7 +81,7 @@ class Stance:
         self.base_error[:] = pin.log3(R_world_base.T.dot(self.R_base))
 
     def follow(self, reference: Reference | None, model: RobotModel) -> None:
-        """Take over a planner's newest reference, joints in bus order, if it is new."""
+        """Take over a planner's reference, joints in bus order, if it is new."""
         if reference is not None and reference is not self._followed:
             self._followed = reference
             self._set(reference, model)
@@ -104,12 +103,12 @@ class Stance:
             )
 
     def approach_ground(self, ground: float, *, highest: float, share: float) -> None:
-        """Have the height asked for follow the ground that a walk has come to.
+        """Let the height follow the ground that a walk has reached.
 
         Args:
             ground: present height of the soles against nominal [m].
-            highest: height against nominal that is to stay in reach [m].
-            share: of the way, in this tick [1].
+            highest: height against nominal that must stay in reach [m].
+            share: part of the way to go in this tick [1].
         """
         wanted = self.com_nominal + min(ground, highest)
         self.com_height += share * (wanted - self.com_height)
@@ -117,7 +116,7 @@ class Stance:
     def limit_height(self, ground: float, *, travel: tuple[float, float]) -> None:
         """Keep the height reference within reach of the legs.
 
-        A leg that is straight, or folded, cannot follow its ground.
+        A straight or fully folded leg cannot follow its ground.
 
         Args:
             ground: present height of the soles against nominal [m].
@@ -129,17 +128,17 @@ class Stance:
 
 
 class Approach:
-    """The way to the reference from where a start finds the robot.
+    """The way from the state at the start to the reference.
 
-    A robot that was held while its ground turned leans, and its centre of mass is off
-    by more than a step may ask for: the foot that it would unload at once would lift.
-    So the reference begins there, with the speed there is and without acceleration, and
-    goes to its own place by a filter of third order. A robot that is where it should
-    be, within a margin, is asked for just that.
+    A robot that was held while its ground turned leans, and its CoM is too far off for
+    a step of the reference: the foot to be unloaded would lift. So the reference begins
+    at the present place and speed, with no acceleration, and goes to its own place
+    through a filter of third order. A robot within a margin of its reference is asked
+    for it at once.
     """
 
     def __init__(self, *, period_s: float) -> None:
-        """Have nothing to do; see :meth:`begin`."""
+        """Begin with nothing to do; see :meth:`begin`."""
         self._dt = period_s
         self._offset, self._rate = np.zeros(6), np.zeros(6)
         self._acceleration = np.zeros(6)
@@ -171,11 +170,11 @@ class Approach:
         self.is_over = bool(np.abs(offset).max() < ARRIVED)
 
     def move(self, stance: Stance, way: float) -> None:
-        """Move the reference to where it is now, or back.
+        """Add the present offset to the reference, or take it off again.
 
         Args:
-            stance: reference, in place; compared with the base.
-            way: 1 there, -1 back.
+            stance: the reference, changed in place; its base error is updated.
+            way: 1 to add the offset, -1 to take it off.
         """
         stance.com += way * self._offset[:3]
         stance.com_velocity += way * self._rate[:3]

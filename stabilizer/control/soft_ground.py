@@ -1,15 +1,16 @@
-"""Ground that gives way: how far a sole turns into it, told from how it turns.
+"""Soft ground: estimates how far it gives way from how a sole turns on it.
 
-A sole on soft ground turns with the moments on it, and sinks under the load. Fed
-forward as the ground's motion, that would be a loop of its own, and a robot on one foot
-falls over it. So what the wrench makes its sole do is taken off: the ground moves by
+On soft ground a sole turns with the moments on it and sinks under the load. If that
+were fed forward as ground motion it would close a loop of its own, and a robot on one
+foot would fall. So the motion caused by the wrench is removed. The ground moves by
 
     v_sole + C dF/dt
 
-along its normal and about its level axes, there over the square of the sole's half
-size. The compliance C is a regression of twists on rates of wrenches, of what is quick
-in them: ground that moves by itself is slower than a step. It counts as far as it
-explains how the sole turns. A sole that firm ground turns is pressed harder, not less.
+along its normal and about its level axes, there divided by the square of the sole's
+half size. The compliance C is a regression of twists on rates of wrenches. Only their
+fast parts count, since ground that moves by itself is slower than a step. C is used as
+far as it explains how the sole turns. Firm ground that turns a sole presses it harder,
+not less.
 """
 
 from __future__ import annotations
@@ -23,43 +24,44 @@ from surefoot.schemas.arrays import Array
 from surefoot.stabilizer.dynamics import NORMAL, SOLE_ROWS
 
 CUTOFF_HZ = 40.0
-"""Of the low-pass on the wrenches, before their rate is taken."""
+"""Cutoff of the low-pass on the wrenches, before their rate is taken."""
 QUICK_HZ = 2.5
-"""Of the high-pass, of second order, on turns and rates that are compared."""
+"""Cutoff of the second-order high-pass on the turns and rates that are compared."""
 MEMORY_S = 0.7
-"""Time on the ground after which what was seen counts by 1/e."""
+"""Time on the ground after which an observation counts by 1/e."""
 LIGHT_N = 60.0
-"""A sole that feels less shows no ground."""
+"""Normal force below which a sole shows no ground."""
 EDGE = 0.9
-"""Nor does one that is pressed farther out: it may tip [1]."""
+"""Centre of pressure beyond which a sole may tip and shows no ground [1]."""
 FAST_N_S = 2000.0
-"""Rates of a moment over half the sole's size beyond this count less: a bounce is none
-of the ground's doing."""
+"""Rate of an edge force (moment over half the sole's size) above which it counts less:
+bounces are not caused by the ground."""
 PRIOR = (0.1 * FAST_N_S) ** 2
-"""Of the squares: so much firmness is assumed at first [N^2/s]."""
+"""Initial sum of the squares of rates: the firmness assumed at first [N^2/s]."""
 STILL_M_S = 1e-3
-"""Speeds of the sole's edges below it are noise."""
+"""Noise of the speed of the sole's edges."""
 EXPLAINED = (0.15, 0.35)
-"""Part of the turns' squares up to which compliance explains nothing, and all [1]."""
+"""Part of the turns' squares explained by compliance: up to the first it is not used,
+from the second on fully [1]."""
 FIRM_M_N, SOFT_M_N = 0.6e-6, 0.9e-6
-"""Up to the first all ground counts as firm, from the second on it gives way."""
+"""Compliance up to which ground counts as firm, and from which on as soft."""
 SOFTEST_M_N = 1.0 / 20e3
-"""No ground is taken to be softer."""
+"""Largest compliance assumed."""
 
 
 class SoftGround:
-    """Compliance of the ground under each sole, and how the soles turn because of it.
+    """Compliance of the ground under each sole, and the sole motion it causes.
 
     Attributes:
         compliance: of the ground under left and right sole, pressed at an edge [m/N].
-        sinking: the same, pressed in the middle, not more than at an edge [m/N].
-        given: (12,) to be added to the soles' twists, for those of the ground.
+        sinking: the same, pressed in the middle; at most ``compliance`` [m/N].
+        given: (12,) twists to add to the soles' to get the ground's [m/s, rad/s].
     """
 
     def __init__(
         self, *, half_sizes: Sequence[tuple[float, float]], period_s: float
     ) -> None:
-        """Take all ground for firm.
+        """Assume firm ground.
 
         Args:
             half_sizes: half length and half width of left and right sole [m].
@@ -73,7 +75,7 @@ class SoftGround:
         self.sinking = [0.0, 0.0]
         self.given: Array = np.zeros(12)
         self._stood = [True, True]
-        # Decaying sums of rate squared, less rate times speed, speed squared.
+        # Decaying sums: rate squared, minus rate times speed, speed squared.
         self._turns = [[PRIOR, 0.0, 0.0], [PRIOR, 0.0, 0.0]]
         self._sinks = [[PRIOR, 0.0, 0.0], [PRIOR, 0.0, 0.0]]
         self._wrench = np.zeros(12)
@@ -89,7 +91,7 @@ class SoftGround:
         Args:
             v_sole: (12,) twists of both soles, sole frames.
             F_meas: (12,) wrenches of the ground on them.
-            stands: which of them stand, the impact of their touchdown over.
+            stands: which soles stand, after the impact of their touchdown.
         """
         rate, quick = self._rate, self._quick
         np.subtract(F_meas, self._wrench, out=rate)
@@ -112,7 +114,7 @@ class SoftGround:
             self._stood[side] = stands[side]
 
     def _expect(self, side: int) -> None:
-        """Expect of a foot that has landed what the other one stands on."""
+        """Assume under a landed foot the ground of the other one."""
         for sums in (self._turns, self._sinks):
             square, product, speed = sums[1 - side]
             share = 2.0 * PRIOR / (square + PRIOR)
@@ -146,7 +148,7 @@ class SoftGround:
     def _regress(
         self, sums: list[float], rate: tuple[float, float], speed: tuple[float, float]
     ) -> float:
-        """Take in a tick, rates of forces and speeds; return the compliance [m/N]."""
+        """Add a tick's force rates and speeds; return the compliance [m/N]."""
         (f_x, f_y), (v_x, v_y) = rate, speed
         square = f_x * f_x + f_y * f_y
         counts = self._dt / (1.0 + square / FAST_N_S**2)
@@ -157,5 +159,5 @@ class SoftGround:
 
 
 def _between(value: float, low: float, high: float) -> float:
-    """Return 0 up to a value, 1 from another one on, in proportion between."""
+    """Return 0 up to ``low``, 1 from ``high`` on, in proportion between."""
     return min(max((value - low) / (high - low), 0.0), 1.0)

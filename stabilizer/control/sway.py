@@ -1,7 +1,7 @@
-"""Swaying with ground that tilts, as people do, instead of standing upright in space.
+"""Sway with tilting ground, as people do, instead of standing upright in space.
 
-People on a slowly tilting platform lean as it tilts, and by several times as much; a
-tilt that stays they stand up against. Off by default; settings ``sway``.
+People on a slowly tilting platform lean with it, by several times its tilt. Against a
+tilt that stays they stand up again. Off by default; settings ``sway``.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from surefoot.stabilizer.walking.footsteps import mean_yaw
 from surefoot.stabilizer.walking.ground import ExpectedGround
 
 REACH = 0.6
-"""Of the way from the middle of the feet to the edge of the soles, which the centre of
-mass is never asked to leave [1]: the rest is for pressure that speeds it up."""
+"""Part of the way from the middle of the feet to the edge of the soles that the CoM may
+use [1]. The rest is for pressure that accelerates it."""
 
 
 class Sway:
-    """The way of the centre of mass from its reference, given by the ground's tilt.
+    """Offset of the CoM from its reference, given by the ground's tilt.
 
-    The ground's normal leans by as much as the ground tilts, so its level part is the
-    input, along both axes of the feet. What of it lasts is taken off, what is too far
-    for the soles is bent, lest the way there be too fast for them, and a low-pass of
-    second order gives place, velocity and acceleration at once. Without common ground
-    under two standing feet the input is zero, and the way leads back.
+    The input is the level part of the ground's normal, which leans as the ground tilts,
+    along both axes of the feet. Its lasting part is subtracted, and what is too far for
+    the soles is bent to their reach. A second-order low-pass gives place, velocity and
+    acceleration. Without common ground under two standing feet the input is zero, and
+    the offset goes back to zero.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Sway:
         self._acceleration: Vec3 = np.zeros(3)
 
     def begin(self, soles: SolesAndCom, stance: Stance) -> None:
-        """Take the present tilt for one that has lasted."""
+        """Take the present tilt as lasting."""
         self._ground.from_both(soles)
         self._lasting[:] = self._tilt(mean_yaw(*stance.yaw_sole))
 
@@ -72,7 +72,7 @@ class Sway:
         Args:
             soles: at the present state.
             stance: reference.
-            stands: whether both feet stand, and are to.
+            stands: whether both feet stand and are meant to.
         """
         settings, dt = self._settings, self._dt
         self._ground.from_both(soles)
@@ -100,11 +100,11 @@ class Sway:
             out[:2] = c * x - s * y, s * x + c * y
 
     def move(self, stance: Stance, way: float) -> None:
-        """Move the reference to where it is now, or back.
+        """Add the present offset to the reference, or take it off again.
 
         Args:
-            stance: reference, in place.
-            way: 1 there, -1 back.
+            stance: the reference, changed in place.
+            way: 1 to add the offset, -1 to take it off.
         """
         stance.com += way * self._offset
         stance.com_velocity += way * self._rate
@@ -126,7 +126,7 @@ class Sway:
 def _within(
     p: float, v: float, a: float, *, reach: float
 ) -> tuple[float, float, float]:
-    """Bend a motion so that it never goes beyond a reach, and has no corner.
+    """Bend a motion smoothly so that it never goes beyond a reach.
 
     Args:
         p: place, from -inf to inf [m].
@@ -135,7 +135,7 @@ def _within(
         reach: largest distance, larger than 0 [m].
 
     Returns:
-        The same of ``reach * tanh(p / reach)``.
+        Place, velocity and acceleration of ``reach * tanh(p / reach)``.
     """
     share = math.tanh(p / reach)
     slope = 1.0 - share * share

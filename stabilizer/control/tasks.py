@@ -1,4 +1,4 @@
-"""What both QPs are asked to do, one class per task.
+"""Tasks of both QPs, one class each.
 
 A task is a number of rows J of the robot's velocity v = (base twist, joint
 velocities). The first QP wants its acceleration, the second its velocity:
@@ -6,7 +6,7 @@ velocities). The first QP wants its acceleration, the second its velocity:
     first QP    |J vdot + Jdot v - y|^2, y from :meth:`Task.acceleration`
     second QP   |J v - y|^2,             y from :meth:`Task.velocity`
 
-each row with its weight. A new task is a subclass of :class:`Task`, given to
+with a weight for each row. A new task is a subclass of :class:`Task`, given to
 ``WholeBodyController(..., extra_tasks=[...])``; examples/hand_task.py is one.
 """
 
@@ -25,14 +25,14 @@ from surefoot.stabilizer.dynamics import Dynamics
 from surefoot.stabilizer.model import GRAVITY, N_BASE_V, RobotModel
 
 BASE_ROTATION = slice(3, N_BASE_V)
-"""The base's angular velocity in v."""
+"""Entries of the base's angular velocity in v."""
 
 
 class Task(ABC):
-    """Rows that both QPs, or one of them, keep to as well as they can.
+    """Rows that both QPs, or one of them, fulfil as well as they can.
 
     Weights and sizes are read once, when the QPs are built. A task computes from its
-    arguments and its gains alone, and keeps nothing from tick to tick.
+    arguments and gains alone, and keeps nothing from tick to tick.
 
     Attributes:
         size: number of rows.
@@ -54,7 +54,8 @@ class Task(ABC):
         """Return the weights in the first QP while feet have lost the ground.
 
         Args:
-            lost: 0 left, 1 right; not those that a step has in the air.
+            lost: feet without ground, 0 left and 1 right; not those in the air by a
+                step.
         """
         del lost
         return self.acceleration_weights
@@ -92,10 +93,10 @@ class Task(ABC):
         raise self._left_out("velocity")
 
     def retune(self, settings: ControllerSettings) -> None:
-        """Take new gains; without any among the settings there is nothing to do.
+        """Take new gains; a task without gains in the settings does nothing.
 
         Args:
-            settings: differ from those in use in LIVE_SETTINGS only.
+            settings: may differ from the present ones in LIVE_SETTINGS only.
         """
         del settings
 
@@ -110,9 +111,9 @@ class Task(ABC):
 
 
 class SelectionTask(Task):
-    """A task on some of the numbers in v themselves: J picks, and does not drift.
+    """A task on some entries of v itself: J selects them, and Jdot is zero.
 
-    Both QPs then copy rows instead of multiplying by J.
+    Both QPs copy rows instead of multiplying by J.
     """
 
     columns: slice
@@ -155,7 +156,7 @@ class ComTask(Task):
         return dynamics.Jdot_v_com
 
     def acceleration(self, dynamics: Dynamics, stance: Stance, out: Array) -> None:
-        """Write a PD law with the reference's and the ground's acceleration [m/s^2]."""
+        """Write a PD law plus the accelerations of reference and ground [m/s^2]."""
         out[:] = (
             stance.com_acceleration
             + self._pull_gain * stance.ground_acceleration
@@ -166,7 +167,7 @@ class ComTask(Task):
     def velocity(
         self, dynamics: Dynamics, stance: Stance, q_command: Array, out: Array
     ) -> None:
-        """Write a P law with the reference's velocity ahead [m/s]."""
+        """Write a P law plus the reference's velocity [m/s]."""
         del q_command
         error = stance.com - dynamics.p_com
         out[:] = stance.com_velocity + self._gain * error
@@ -203,7 +204,7 @@ class BaseOrientationTask(SelectionTask):
 
 
 class PostureTask(SelectionTask):
-    """The joints return to their reference; the legs hardly, to follow the ground."""
+    """The joints return to their reference; the legs weakly, to follow the ground."""
 
     columns = slice(N_BASE_V, None)
 
@@ -216,10 +217,10 @@ class PostureTask(SelectionTask):
         self.retune(settings)
 
     def weights_without(self, lost: Sequence[int]) -> Array:
-        """Have a leg in the air keep its posture, as the arms do.
+        """Return weights with which a leg in the air keeps its posture, as the arms do.
 
-        The second QP swings no leg. A first one that thinks it does believes that the
-        swing holds the robot up.
+        The second QP swings no leg. If the first QP assumed a swing, it would count on
+        the swing to hold the robot up.
         """
         weights: Array = np.array(self.acceleration_weights)
         for foot in lost:
@@ -276,10 +277,10 @@ class SoleTwistTask(Task):
 class LoadTask:
     """The standing feet share the robot's weight as planned, straight up.
 
-    It is a task on wrenches, not on motion, so the first QP alone has it.
+    It is a task on wrenches, not on motion: only the first QP has it.
 
     Attributes:
-        weights: (6,) of one foot's force [N^-2] and moment [(N m)^-2].
+        weights: (6,) for one foot's force [N^-2] and moment [(N m)^-2].
     """
 
     def __init__(self, model: RobotModel, settings: TsidSettings) -> None:
@@ -296,9 +297,9 @@ class LoadTask:
 
         Args:
             dynamics: quantities at the present state.
-            stance: plans how two feet share it: evenly, standing.
-            feet: those that stand.
-            out: (6 n,) for n standing feet; their moments are to be zero already.
+            stance: has the planned load of both feet; equal shares when standing.
+            feet: the standing feet.
+            out: (6 n,) for n standing feet; the caller has set the moments to zero.
         """
         for i, foot in enumerate(feet):
             share = stance.load[foot] if len(feet) > 1 else 1.0

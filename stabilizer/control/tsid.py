@@ -1,19 +1,19 @@
-"""First QP: the contact wrenches the feet should feel.
+"""First QP (TSID): the desired contact wrenches F_id.
 
 The task-space inverse dynamics QP of the paper's section IV-A.
 
-In words: find joint torques that, with the feet at rest, accelerate the centre of
-mass, the base, the posture and whatever else there is a task for as the tasks ask,
-within torque, friction, centre-of-pressure and load limits; the wrenches that go with
-them are F_id.
+In words: find joint torques that, with the feet at rest, give the accelerations that
+the tasks ask for: of the centre of mass, base, posture and further tasks. Limits are
+torque, friction, centre of pressure and load. The wrenches that go with these torques
+are F_id.
 
-The dynamics and the contact constraint are not equalities of the QP: for feet at
-rest the paper's own identities give wrenches and accelerations in terms of tau,
+Dynamics and contact constraint are not equalities of the QP. For feet at rest the
+paper's own identities give wrenches and accelerations in terms of tau,
 
     F   = Gamma_c tau + h_c
     qdd = A tau + b,    A = H^-1 (S^T + J_c^T Gamma_c),   b = H^-1 (J_c^T h_c - c)
 
-so the unknowns are the n_a torques alone.
+so the n_a torques are the only unknowns.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ ROWS_PER_FOOT = 12
 def sole_rows(mu: float, x: float, y: float) -> Mat:
     """Return rows C with C F <= 0, F = [force; moment] in the sole frame, (8, 6).
 
-    Friction pyramid, and centre of pressure inside the rectangle.
+    The rows are a friction pyramid, and the centre of pressure inside the rectangle.
 
     Args:
         mu: friction coefficient along each axis [1].
@@ -69,8 +69,7 @@ def sole_rows(mu: float, x: float, y: float) -> Mat:
 def cone_rows(settings: TsidSettings, half_length: float, half_width: float) -> Mat:
     """Return rows C of the sole's limits, C F <= d, in the sole frame, (12, 6).
 
-    Only the last two rows have a non-zero bound d: the largest and the least normal
-    force.
+    Only the last two rows have a non-zero bound d: largest and least normal force.
 
     Args:
         settings: friction, sole scale.
@@ -102,7 +101,7 @@ class _Rows(NamedTuple):
 
 
 class _SelectedRows(NamedTuple):
-    """The same of a task on some numbers of v, with their rows of A and b."""
+    """Rows of a task on some entries of v, with their rows of A and b."""
 
     task: SelectionTask
     T: Mat
@@ -176,9 +175,9 @@ class Tsid:
     """Builds and solves the first QP.
 
     Attributes:
-        F_id: (12,) wrenches the soles should feel, sole frames; a foot that does
-            not stand has zeros.
-        tau: (n_a,) torques that go with them [N m].
+        F_id: (12,) desired wrenches of the soles, sole frames; zero for a foot that
+            does not stand [N, N m].
+        tau: (n_a,) torques that go with F_id [N m].
     """
 
     def __init__(
@@ -195,9 +194,9 @@ class Tsid:
         Args:
             model: the robot.
             settings: limits and weights.
-            tasks: what to do with the motion; their rows are stacked in this order.
-            swing: for left and right foot, what to do with it in the air, where it is
-                there by plan; none for a robot that only stands.
+            tasks: motion tasks; their rows are stacked in this order.
+            swing: tasks of left and right foot for when it is in the air by plan; none
+                for a robot that only stands.
             solver: makes the solver of each problem.
         """
         self._settings = settings
@@ -255,10 +254,11 @@ class Tsid:
             stance: reference.
             in_contact: which feet stand.
             allowed: (2,) largest normal force of each foot [N].
-            airborne: the foot that is in the air by plan; None when none is.
+            airborne: the foot that is in the air by plan; None for none.
 
         Returns:
-            The QP's solution; ``F_id`` keeps its last value when it failed.
+            The QP's solution. ``F_id`` is zero without contact, and keeps its last
+            value when the QP fails.
         """
         problem = self._problems.get((in_contact[0], in_contact[1]))
         if problem is None:
@@ -335,7 +335,7 @@ class Tsid:
         least = self._settings.normal_force_min_n
         for i, foot in enumerate(problem.feet):
             largest = max(2.0 * least, float(allowed[foot]))
-            # Alone on the ground, a foot must carry what there is to carry.
+            # A foot alone on the ground must carry the whole load.
             if len(problem.feet) == 1:
                 largest = max(largest, 2.0 * self._weight)
             problem.d[ROWS_PER_FOOT * i + 10] = largest

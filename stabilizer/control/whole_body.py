@@ -52,14 +52,14 @@ class WholeBodyController(BalanceController):
         estimator: StateEstimator | None = None,
         solver: Callable[[], QpSolver] = PiqpSolver,
     ) -> None:
-        """Build the model and allocate everything.
+        """Build the model and allocate all arrays.
 
         Args:
-            robot: what its files say.
+            robot: content of the robot's files.
             settings: gains, weights, limits.
-            extra_tasks: beside centre of mass, base and posture.
+            extra_tasks: tasks in addition to centre of mass, base and posture.
             estimator: used in place of the project's own.
-            solver: makes the solver of each QP, where limits press.
+            solver: makes the solver of each QP, for ticks in which limits are active.
         """
         super().__init__(robot, settings)
         self.dynamics = Dynamics(self.model)
@@ -134,7 +134,7 @@ class WholeBodyController(BalanceController):
         self._return_step: Array = np.zeros(self.model.n_a)
 
     def _fastest_mode(self, robot: Robot) -> float:
-        """How fast the feet yield in the nominal stance, by the default K [1/s]."""
+        """Return the speed of the fastest mode with default K, nominal stance [1/s]."""
         dynamics = self.dynamics
         dynamics.update(self.model.nominal_configuration(), np.zeros(self.model.n_v))
         return fastest_mode(
@@ -152,7 +152,7 @@ class WholeBodyController(BalanceController):
     def step(
         self, snapshot: Snapshot, reference: Reference | None = None
     ) -> ControllerOutput:
-        """Answer one tick, with readings as old as they are; see the base class."""
+        """Answer one tick, allowing for the readings' age; see the base class."""
         if snapshot.measured_ns and self._ages.add(snapshot):
             self.law.expect_age(
                 forces_s=self._ages.forces_s, motion_s=self._ages.motion_s
@@ -161,7 +161,7 @@ class WholeBodyController(BalanceController):
         return super().step(snapshot, reference)
 
     def follow_plan(self, plan: WalkPlan) -> None:
-        """Walk by a plan from the next step on; see :class:`Walks`."""
+        """Follow a plan from the next call of ``step`` on; see :class:`Walks`."""
         self.walk.follow(plan)
 
     def degrade(self, lost: tuple[bool, bool]) -> None:
@@ -172,15 +172,15 @@ class WholeBodyController(BalanceController):
     def undo_overload(
         self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
     ) -> None:
-        """Return to a former command, at constant speed and on top of all else.
+        """Return to a former command at constant speed, added to the normal motion.
 
-        What false forces have led to is undone as fast as it was done. Meanwhile the
-        feet concerned do not show their ground's motion, but that return.
+        The effect of false forces is undone as fast as it came about. Meanwhile the
+        feet concerned show that return instead of their ground's motion.
 
         Args:
-            q_command: (n_a,) the command before, bus order [rad].
-            ticks: how long the forces were false.
-            sides: whether those of the left and of the right foot were.
+            q_command: (n_a,) the command before the false forces, bus order [rad].
+            ticks: number of ticks for which the forces were false.
+            sides: whether the forces of the left and of the right foot were false.
         """
         self._return_ticks = ticks
         self._return_step = (q_command[self.model.to_model] - self._q_command) / ticks
@@ -193,7 +193,7 @@ class WholeBodyController(BalanceController):
         self.drives.take_over(q_command)
 
     def _command(self, state: ObservedState) -> tuple[QpStatus, QpStatus]:
-        """Have the reference where it is to be in this tick; solve."""
+        """Move the reference to its place for this tick, and solve."""
         dynamics, stance, walk = self.dynamics, self.stance, self.walk
         walk.update(state, dynamics, stance, law=self.law, tick=self._tick)
         stance.ground_acceleration[:2] = state.ground_acceleration
@@ -210,7 +210,7 @@ class WholeBodyController(BalanceController):
                 shift.move(stance, -1.0)
 
     def _shifts(self, state: ObservedState) -> list[Approach | Sway]:
-        """Advance what moves the reference in this tick, and return it."""
+        """Advance the offsets that move the reference, and return the active ones."""
         dynamics, stance, walk = self.dynamics, self.stance, self.walk
         approach, sway = self._approach, self._sway
         if state.is_calibrating:
@@ -263,7 +263,7 @@ class WholeBodyController(BalanceController):
         return QpStatus.OK, QpStatus.OK
 
     def _integrate(self, v_joint: Array, *, fade: float) -> None:
-        """Add v_J dt to the command: faded in at first, never far from the robot."""
+        """Add v_J dt to the command: faded in at first, kept near the robot."""
         self._q_command += (fade * self._dt) * v_joint
         if self._return_ticks:
             self._return_ticks -= 1
@@ -291,6 +291,6 @@ class WholeBodyController(BalanceController):
 
 
 def _damping_lag(robot: Robot, model: RobotModel) -> float:
-    """By how much a leg's servos lag behind a moving command, kd / kp [s]."""
+    """Return the lag of a leg's servos behind a moving command, kd / kp [s]."""
     lags = (robot.kd / robot.kp)[model.to_model]
     return float(np.median(lags[model.is_leg]))

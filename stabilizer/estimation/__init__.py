@@ -1,1 +1,1 @@
-"""From a snapshot to the state the controllers work with."""
+"""The observer: from a snapshot to the state that controllers work with."""

@@ -1,4 +1,7 @@
-"""Attitude of the IMU from gyroscope, accelerometer and leg kinematics."""
+"""Attitude of the IMU from gyroscope, accelerometer and leg kinematics.
+
+Part of the estimator: readings of a tick in, R_world_imu out.
+"""
 
 from __future__ import annotations
 
@@ -11,56 +14,55 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.stabilizer.model import GRAVITY
 
 FEWEST_READINGS = 20
-"""From fewer readings nobody can tell noise from ground that turns."""
+"""Fewest readings that can tell noise from turning ground."""
 TILT_LEARNING, BIAS_LEARNING = 1.5, 1.0
-"""After a start on turning ground: bandwidths times the time watched [1]."""
+"""Bandwidths times the time watched, after a start on turning ground [1]."""
 LIKELY_BIAS_RAD_S = 0.02
-"""What gyroscopes are off by [rad/s]."""
+"""Likely bias of a gyroscope [rad/s]."""
 DOUBT_RAD_S, DOUBT_SHARE, DOUBT_CHANGE = 0.005, 0.1, 0.3
-"""Of a bias shown by gravity: by noise [rad/s], of the ground's rate [1], and of what
-that rate changes by [1]."""
+"""Doubt of a bias shown by gravity: from noise [rad/s], per rate of the ground [1], and
+per change of that rate [1]."""
 LEVEL_M_S2, ACCELERATES = 0.85, 1.5
-"""By how much ground that is taken for level leans all the same, 5 deg; and by how much
-ground has accelerated on average, against the change of it seen [1]."""
+"""Lean of ground that is taken for level, 5 deg; and mean acceleration of the ground
+over its change as seen [1]."""
 NOISE_S = 0.2
-"""In so short a time noise is most of what the slopes of readings tell [s]."""
+"""Time below which noise makes up most of the slopes of readings [s]."""
 CERTAIN_S = 0.25
-"""Before, noise makes ground at rest look as if it turned [s]."""
+"""Time before which noise makes still ground seem to turn [s]."""
 LEAST_KNOWN_S = 0.3
-"""Shorter times make gains that noise would shake [s]."""
+"""Least time watched: shorter ones make gains that noise would shake [s]."""
 LEARNT_S = 10.0
-"""After a start on turning ground: so long is ground at rest looked for [s]."""
+"""Time after such a start in which rest of the ground is looked for [s]."""
 REST_LAG_S = 0.2
-"""Low-pass by which it is noticed [s]."""
+"""Low-pass by which rest is noticed [s]."""
 RESTLESS_AT_FIRST_RAD_S, RESTLESS_RAD_S = 0.05, 0.01
-"""Ground whose rate changes by more is not at rest; a gyroscope's noise is less."""
+"""Change of rate above which ground is not at rest; a gyroscope's noise is less."""
 FOUND_REST_S = 0.6
-"""Time watched that counts when it comes to rest: the tilt is learnt anew [s]."""
+"""Time watched that counts once ground rests: the tilt is learnt anew [s]."""
 BIAS_LIMIT_RAD_S = 0.1
-"""More than any gyroscope is off by [rad/s]."""
+"""Largest bias of any gyroscope [rad/s]."""
 
 
 class AttitudeFilter:
     """Velocity-aided complementary filter.
 
-    The gyroscope is integrated; the accelerometer, integrated once to a velocity, is
-    compared with the velocity that the legs see. A wrong tilt lets gravity leak into
-    that velocity, so the difference corrects roll and pitch, and slowly the
-    gyroscope's bias. The base's own swaying cancels out of the comparison, as it
-    would not if gravity were read from the accelerometer directly. Yaw is integrated
-    and corrected from outside (:meth:`pull_yaw`).
+    The gyroscope is integrated. The accelerometer is integrated to a velocity, which is
+    compared with that of the legs. A wrong tilt lets gravity leak into the former, so
+    the difference corrects roll and pitch, and slowly the gyroscope's bias. The base's
+    own swaying cancels out; it would not if gravity were read from the accelerometer
+    directly. Yaw is integrated and corrected from outside (:meth:`pull_yaw`).
 
-    With y the velocity difference and d the tilt error, both horizontal:
-    dy/dt = g (d x z) - l_1 y and dd/dt = -(l_2 / g) (z x y), poles at the bandwidth.
-    After a start on turning ground, which hides tilt and bias, both are learnt the
-    quicker, the less time there was so far, and the bias at once when it comes to rest.
+    With y the velocity difference and d the tilt error, both horizontal: dy/dt = g (d x
+    z) - l_1 y and dd/dt = -(l_2 / g) (z x y), poles at the bandwidth. A start on
+    turning ground hides tilt and bias. Both are then learnt faster, the less time has
+    passed, and the bias at once when the ground comes to rest.
 
     Attributes:
         R_world_imu: (3, 3) rotation estimate.
         bias: (3,) gyroscope bias estimate [rad/s].
         rate: (3,) bias-free angular velocity in the IMU frame [rad/s].
         ground_turns: whether the ground was taken to turn while calibrating.
-        surely_turns: whether by more than any gyroscope is off by.
+        surely_turns: whether it turned by more than any gyroscope's bias.
     """
 
     def __init__(
@@ -77,10 +79,10 @@ class AttitudeFilter:
         Args:
             tilt_bandwidth: correction of roll and pitch [rad/s].
             bias_gain: learning of the gyroscope's bias [1/s^2].
-            still_rate: a mean rate and a change of it, together more than this, are
-                no gyroscope's bias, but ground that turns [rad/s].
-            ahead: (3,) direction in the unit's frame that is the world's x, as far as
-                it is level, at the start.
+            still_rate: mean rate plus its change above which the ground turns: no
+                gyroscope's bias is as large [rad/s].
+            ahead: (3,) direction in the IMU frame whose level part is the world's x
+                axis at the start.
             period_s: time between two updates [s].
         """
         self._dt = period_s
@@ -92,8 +94,8 @@ class AttitudeFilter:
         self._ahead = ahead.copy()
         self._count = 0
         self._R_first_imu: Mat = np.eye(3)
-        # Rates, what is felt, and the legs' velocity; their sums, sums times the
-        # reading's number, and times its square.
+        # Rows: rate, felt acceleration, velocity by the legs. Moments: their sums,
+        # times powers 0, 1, 2 of a reading's number.
         self._readings: Mat = np.zeros((3, 3))
         self._moments: Array = np.zeros((3, 3, 3))
         self.ground_turns = self.surely_turns = False
@@ -119,21 +121,21 @@ class AttitudeFilter:
     ) -> None:
         """Take one reading of a robot that keeps its posture.
 
-        The gyroscope is integrated. Seen from there, gravity's direction stays put,
-        unless the gyroscope is biased: then it turns at that rate. On ground that does
-        not turn, by that measure, and keeps its rate, the mean rate is the bias.
+        The gyroscope is integrated. In the resulting frame gravity's direction stays
+        fixed, but turns at the rate of the bias if there is one. If the ground does not
+        turn by that measure, and its rate is steady, the mean rate is the bias.
 
-        A direction that turns faster than a biased gyroscope would have it is no
-        gravity's alone: the ground speeds up sideways, and the less the mean tells
-        what is up, the more the soles are taken to stand level.
+        If the direction turns faster than any bias, it is not gravity's alone: the
+        ground accelerates sideways. The less the mean tells about up, the more the
+        soles are taken to stand level.
 
         Args:
             gyro: (3,) angular velocity in the IMU frame [rad/s].
             accel: (3,) specific force in the IMU frame [m/s^2].
-            accel_bias: (3,) what of it is bias [m/s^2].
+            accel_bias: (3,) bias contained in ``accel`` [m/s^2].
             leg_rate: (3,) angular velocity that the legs see, IMU frame [rad/s].
-            leg_velocity: (3,) velocity of the unit that the legs see if the gyroscope
-                has no bias, world [m/s].
+            leg_velocity: (3,) velocity of the IMU by the legs, world, as for a
+                gyroscope without bias [m/s].
             leg_up: (3,) normal of the soles, IMU frame.
         """
         if self._count:
@@ -156,7 +158,7 @@ class AttitudeFilter:
         if self._level_share:
             up += self._level_share * (leg_up - up)
             up /= np.linalg.norm(up)
-            # As well as it is known: what comes is the ground's motion, too.
+            # Known that much longer: the rest is the ground's motion, too.
             self._known_s /= (1.0 - self._level_share) ** 2
         x_axis = self._ahead - (self._ahead @ up) * up
         x_axis /= np.linalg.norm(x_axis)
@@ -164,24 +166,24 @@ class AttitudeFilter:
         self._rows = self.R_world_imu.tolist()
 
     def start_from(self, leg_velocity: Vec3) -> None:
-        """Take a velocity for the unit's own.
+        """Take a velocity as the IMU's own.
 
         Args:
-            leg_velocity: (3,) that the legs see, world [m/s].
+            leg_velocity: (3,) velocity that the legs see, world [m/s].
         """
         self._v_x, self._v_y = leg_velocity.item(0), leg_velocity.item(1)
 
     def _judge(self) -> tuple[Vec3, Vec3]:
-        """Set the bias by the rates and gravity's directions so far.
+        """Set the bias from the rates and directions of gravity so far.
 
         Returns:
-            (3,) the bias [rad/s] and the mean of what is felt at rest [m/s^2], in the
-            frame of the first reading.
+            (3,) the bias [rad/s] and the mean felt acceleration at rest [m/s^2], both
+            in the frame of the first reading.
         """
         count, R = self._count, self._R_first_imu
         mean, slope, bend = _parabola(self._moments, count)
         rate, rise, turned = mean[0], slope[0], slope[1]
-        # What the unit speeds up by is not gravity.
+        # The IMU's own acceleration is not gravity.
         felt = mean[1] - slope[2] / self._dt
         self.bias[:] = rate
         self.ground_turns = self.surely_turns = False
@@ -199,8 +201,8 @@ class AttitudeFilter:
         self.ground_turns = bool(turns > self._still_rate or is_too_much)
         self.surely_turns = bool(is_too_much or change > BIAS_LIMIT_RAD_S)
         if self.ground_turns:
-            # The faster the ground, the less gravity's direction tells, and less yet
-            # while the rate changes, or when there was little time.
+            # Gravity's direction tells less the faster the ground turns; less still
+            # while the rate changes, or after a short time.
             doubt = DOUBT_RAD_S + DOUBT_SHARE * turns
             if self._is_certain:
                 doubt += DOUBT_CHANGE * change
@@ -219,7 +221,7 @@ class AttitudeFilter:
         return self.surely_turns or self._count * self._dt >= CERTAIN_S
 
     def _believed(self, accel_bias: Vec3) -> Vec3:
-        """Return how much of it to take off: little of what a moment told."""
+        """Return the bias to subtract: little of what a short time has told."""
         if not (self.ground_turns and self._is_certain):
             return accel_bias
         square = (self._count * self._dt) ** 2
@@ -231,8 +233,8 @@ class AttitudeFilter:
         Args:
             gyro: (3,) angular velocity in the IMU frame [rad/s].
             accel: (3,) specific force in the IMU frame [m/s^2].
-            leg_velocity: (3,) velocity of the unit that the legs saw one period
-                ago, world [m/s].
+            leg_velocity: (3,) velocity of the IMU that the legs saw one period ago,
+                world [m/s].
         """
         dt = self._dt
         tilt_gain, velocity_gain, bias_gain = self._gains()
@@ -255,15 +257,15 @@ class AttitudeFilter:
 
     @property
     def looks_for_rest(self) -> bool:
-        """Whether :meth:`rest_on` is wanted: soon after a start on turning ground."""
+        """Whether to call :meth:`rest_on`: soon after a start on turning ground."""
         return self.ground_turns and self._known_s < LEARNT_S
 
     def rest_on(self, leg_rate: Vec3) -> None:
-        """Take the bias from ground that has come to rest.
+        """Learn the bias once turning ground has come to rest.
 
-        Ground that turns hides it, and what gravity's direction told may be wrong by
-        as much as a bias: a robot that still rocks looks so. Once the gyroscope reads
-        the same for a while, and no more than a bias, the ground is at rest.
+        Turning ground hides the bias, and gravity's direction may be wrong by as much:
+        a rocking robot looks the same. The ground is at rest once the gyroscope reads a
+        constant for a while that is no more than a bias.
 
         Args:
             leg_rate: (3,) angular velocity that the legs see, IMU frame [rad/s].
@@ -310,7 +312,7 @@ class AttitudeFilter:
         self.R_world_imu[:] = self._rows
 
     def _rotate(self, step: list[float]) -> None:
-        """Turn R to R exp(skew(step)) by Rodrigues' formula, rows of length one."""
+        """Turn R to R exp(skew(step)) by Rodrigues' formula; rows keep length 1."""
         x, y, z = step
         square = x * x + y * y + z * z
         # Series: the angle of one tick is a few milliradians at most.
@@ -331,15 +333,15 @@ class AttitudeFilter:
 
 
 def _parabola(moments: Array, count: int) -> Array:
-    """Return mean, slope and bend of the parabola through readings number 1, 2, ...
+    """Fit a parabola through readings number 1, 2, ...
 
     Args:
         moments: (3, ...) sums of the readings times the powers 0, 1, 2 of their number.
-        count: of the readings.
+        count: number of readings.
 
     Returns:
-        (3, ...) mean, and c_1 and c_2 of c_0 + c_1 x + c_2 x^2 with x from the middle;
-        zero where there are too few readings.
+        (3, ...) mean, c_1 and c_2 of c_0 + c_1 x + c_2 x^2, with x counted from the
+        middle; c_1 and c_2 are zero for too few readings.
     """
     total, first, second = moments
     middle = 0.5 * (count + 1)

@@ -1,4 +1,4 @@
-"""Which feet stand, by the measured normal forces, and where they were set down."""
+"""Contacts of the feet by measured normal forces, and the places of their footholds."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ class ContactMonitor:
 
     Attributes:
         in_contact: (left, right).
-        allowed: (2,) largest normal force to ask of each foot [N]: all of
-            ``largest_force`` while it stands; after touch-down what it carries,
-            growing to all within ``reload_s``.
-        owned: whether a walk says what a foot does, left and right; what it writes
-            into ``in_contact`` and ``allowed`` is left alone.
+        allowed: (2,) largest normal force to ask of each foot [N]. It is
+            ``largest_force`` while the foot stands; after a touchdown it grows from the
+            present force to that within ``reload_s``.
+        owned: whether a walk controls left and right foot; its entries in
+            ``in_contact`` and ``allowed`` are left alone.
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class ContactMonitor:
 
         Args:
             settings: thresholds and times.
-            largest_force: to be asked of a foot that stands [N].
+            largest_force: largest normal force to ask of a foot that stands [N].
             period_s: time between two updates [s].
         """
         self._largest = largest_force
@@ -46,7 +46,7 @@ class ContactMonitor:
 
         Args:
             normal_left: measured normal force of the left foot [N].
-            normal_right: the same for the right foot [N].
+            normal_right: measured normal force of the right foot [N].
         """
         for side, normal in enumerate((normal_left, normal_right)):
             if not self.owned[side]:
@@ -54,11 +54,11 @@ class ContactMonitor:
 
     @property
     def reload_s(self) -> float:
-        """After a touchdown a foot takes its full share within this time."""
+        """Time after a touchdown in which a foot takes its full share [s]."""
         return self._settings.reload_s
 
     def take_back(self, side: int) -> None:
-        """Watch a foot again that a walk has had; it stands."""
+        """Monitor a foot again that a walk has controlled; it stands."""
         self.owned[side] = False
         self._timer[side] = 0.0
         self._load[side] = min(1.0, float(self.allowed[side]) / self._largest)
@@ -84,19 +84,19 @@ class ContactMonitor:
 class Anchors:
     """Place and heading of each foothold, in the stance frame of the first stance.
 
-    What the odometry hangs on. A robot that only stands has its feet where they are in
-    the nominal stance, for good.
+    The odometry is relative to these. For a robot that only stands they are the feet's
+    places in the nominal stance, unchanged.
 
     Attributes:
         p: x, y, z of left and right foothold [m]; z from the first stance's ground.
         yaw: headings of the soles there [rad].
-        level: heights of the footholds as planned, which the height of the base is told
-            from: those in ``p`` drift on ground that turns [m].
-        carrying: the same of the one that carries, or by load between both [m].
-        planted: whether each foot is where it was set down. The anchor of one that
-            is not follows its foot.
-        by_load: whether the heading is that of the foot that carries, as it is on the
-            way, or the mean of both, as it is standing.
+        level: planned heights of the footholds, to which the base's height refers:
+            those in ``p`` drift on turning ground [m].
+        carrying: planned height of the carrying foothold, or by load between both [m].
+        planted: whether each foot is where it was set down. Otherwise its anchor
+            follows the foot.
+        by_load: whether the heading is that of the carrying foot (walking) or the mean
+            of both (standing).
     """
 
     def __init__(self, soles: Sequence[Vec3], yaws: Sequence[float]) -> None:
@@ -106,7 +106,7 @@ class Anchors:
             soles: (3,) positions of left and right sole there [m].
             yaws: their headings [rad].
         """
-        # Soles are the ground's zero, but for rounding, which must not move a height.
+        # Soles are at zero height but for rounding, which must not move a height.
         self.p = [[float(x), float(y), 0.0] for x, y, _ in soles]
         self.yaw = list(yaws)
         self.level = [0.0, 0.0]
@@ -115,10 +115,10 @@ class Anchors:
         self.by_load = False
 
     def share(self, measured: float) -> float:
-        """Return how much of the base's place hangs on the left foot [1].
+        """Return the part by which the left anchor determines the base's place [1].
 
         Args:
-            measured: left foot's part of the load, filtered.
+            measured: filtered part of the load on the left foot.
         """
         left, right = self.planted
         if left == right:

@@ -1,11 +1,10 @@
 """Floating-base state from the robot's own sensors; ground truth is never read.
 
-The base's attitude comes from the IMU. Its horizontal position comes from
-the legs: an anchor between the soles, weighted by load, is taken to stand where it
-stands nominally, so on moving ground the state says where the robot is relative to
-its feet, which is what balance needs. Its height is a matter of the world: the
-accelerometer is integrated twice and only slowly pulled to the legs' kinematics, so
-a heaving ground is seen as what it is.
+The IMU gives the base's attitude. The legs give its horizontal position: an anchor
+between the soles, weighted by load, is assumed to stay at its nominal place. So on
+moving ground the state is relative to the feet, which is what balance needs. The height
+refers to the world: the accelerometer is integrated twice and only slowly pulled to the
+legs' kinematics, so heaving ground is seen to heave. The observer calls it.
 """
 
 from __future__ import annotations
@@ -30,25 +29,26 @@ from surefoot.stabilizer.model import GRAVITY, RobotModel, yaw_from
 
 _ORIGIN = np.zeros(3)
 LEAST_TRACE = 0.1
-"""Of a rotation whose quaternion has a real part to divide by [1]."""
+"""Least trace of a rotation whose quaternion has a real part to divide by [1]."""
 MIN_TOTAL_FORCE_N = 50.0
-"""Below it the load share keeps its last value [N]."""
+"""Total force below which the load share keeps its last value [N]."""
 FIRM_SHARE = 0.1
-"""Of the weight, on a foot that surely does not hop [1]."""
+"""Part of the weight on a foot that surely does not hop [1]."""
 SAME_TIME_S = 0.0025
-"""Forces are of the end of a tick, accelerations the mean of it. In longer ticks the
-two differ whenever the legs move, and tell about each other at rest only [s]."""
+"""Longest tick in which forces and accelerations are compared in motion: forces refer
+to the end of a tick, accelerations to its mean. In longer ticks they only agree at rest
+[s]."""
 
 
 class Estimator:
-    """Base pose and twist, joints as measured.
+    """Base pose and twist; joints as measured.
 
     Attributes:
         q: (7 + n_a,) configuration in the stance frame, joints in model order.
         v: (6 + n_a,) velocity.
         R_world_base: (3, 3) base rotation.
         height: base height in the world relative to level ground [m].
-        height_rate: its rate [m/s].
+        height_rate: rate of ``height`` [m/s].
         ground_height: height of the anchor between the soles, from nominal [m].
     """
 
@@ -80,7 +80,7 @@ class Estimator:
             [sole.translation for sole in soles],
             [yaw_from(sole.rotation, 0.0) for sole in soles],
         )
-        # Views of what Pinocchio computes: asking for one anew costs more than reading.
+        # Views of Pinocchio's results: requesting one anew costs more than reading.
         self._R_sole = [sole.rotation for sole in soles]
         self._p_sole = [sole.translation for sole in soles]
         self._com_view, self._v_com_view = self._data.com[0], self._data.vcom[0]
@@ -118,10 +118,11 @@ class Estimator:
 
         Args:
             snapshot: reading of all sensors.
-            wrenches: (12,) as last measured at the soles; None: not known.
+            wrenches: (12,) last measured sole wrenches, sole frames [N, N m]; None:
+                unknown.
 
         Returns:
-            Whether the ground surely turns: a robot that is held on it may fall.
+            Whether the ground surely turns: a robot held on it may fall.
         """
         attitude = self._attitude
         attitude.rate[:] = snapshot.angular_velocity
@@ -154,8 +155,8 @@ class Estimator:
 
         Args:
             snapshot: reading of all sensors.
-            wrenches: (12,) as last measured at the soles, sole frames [N, N m]; None:
-                not known.
+            wrenches: (12,) last measured sole wrenches, sole frames [N, N m]; None:
+                unknown.
         """
         self._attitude.update(
             snapshot.angular_velocity,
@@ -185,16 +186,16 @@ class Estimator:
 
     @property
     def ground_acceleration(self) -> list[float]:
-        """Of the ground along the level, (2,) world axes [m/s^2]."""
+        """Horizontal acceleration of the ground, (2,) world axes [m/s^2]."""
         return self._ground.acceleration
 
     @property
     def force_offsets(self) -> list[float]:
-        """What normal forces are too large by, left and right [N]."""
+        """Errors of the normal forces (measured minus true), left and right [N]."""
         return self._felt_motion.offsets
 
     def _read(self, snapshot: Snapshot) -> None:
-        """Fill q and v from joints and attitude, then ask the legs about the base."""
+        """Fill q and v from joints and attitude; then see the base by the legs."""
         model, data, attitude = self._model, self._data, self._attitude
         pin_model = model.pin_model
         q, v = self.q, self.v
@@ -215,7 +216,7 @@ class Estimator:
         p_left, p_right = (p.tolist() for p in self._p_sole)
         self._soles = [(R_left, p_left), (R_right, p_right)]
         self._com, self._v_com = self._com_view.tolist(), self._v_com_view.tolist()
-        # Twists of the soles as if the base stood still but for its rotation.
+        # Twists of the soles for a base that only rotates.
         l_x, l_y, l_z = pin.getFrameVelocity(
             pin_model, data, left, world
         ).linear.tolist()
@@ -246,7 +247,7 @@ class Estimator:
     def _quaternion(self) -> list[float]:
         """Return the base's rotation as x, y, z, w, as Eigen computes it.
 
-        In plain numbers, since the bindings' way takes three objects.
+        Computed in plain numbers: the bindings would need three objects.
         """
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self._rows
         trace = xx + (yy + zz)
@@ -260,10 +261,10 @@ class Estimator:
         return [(zy - yz) * scale, (xz - zx) * scale, (yx - xy) * scale, 0.5 * root]
 
     def _see_unit(self) -> None:
-        """Take the IMU's velocity that the legs see, world [m/s], and a point's height.
+        """Compute the IMU's velocity by the legs, world [m/s], and the point's height.
 
-        The point, whose height is filtered, is half way from the unit to the centre of
-        mass; its lift is over the base's origin.
+        The point, whose height is filtered, is half way from the IMU to the centre of
+        mass. Its lift is relative to the base's origin.
         """
         w_x, w_y, w_z = self.v[3:6].tolist()
         p_x, p_y, p_z = self._p_base_imu
@@ -322,7 +323,7 @@ class Estimator:
         self._left_share = self.anchors.share(self._left_share)
 
     def _follow_feet(self) -> None:
-        """Have the anchors of feet that are not planted follow them."""
+        """Move the anchors of feet that are not planted along with them."""
         anchors, q, soles = self.anchors, self.q, self._soles
         for side, (R, (x, y, z)) in enumerate(soles):
             if anchors.planted[side]:
@@ -345,7 +346,7 @@ class Estimator:
             soles=self._soles,
             wrenches=wrenches,
         )
-        # On the way, impacts and swinging legs tell nothing.
+        # In walking, impacts and swinging legs spoil the comparison.
         tells = is_felt and not self.anchors.by_load
         if tells:
             bias.learn(feet.by_force, feet.by_pressure, self._rows)
@@ -371,13 +372,13 @@ class Estimator:
     def _point_over_ground(self) -> tuple[float, float]:
         """Return height of the filtered point over the ground [m], and its rate.
 
-        It is half way between the inertial unit and the centre of mass.
+        The point is half way between the IMU and the centre of mass.
         """
         over = self._lift - self._anchor[2] + self._level()
         return over, self._lift_rate + self._leg_velocity.item(2)
 
     def _level(self) -> float:
-        """Return the height of the foothold that carries, as planned [m]."""
+        """Return the planned height of the carrying foothold [m]."""
         left, right = self.anchors.level
         return self._left_share * left + (1.0 - self._left_share) * right
 
@@ -386,13 +387,13 @@ class Estimator:
         return self._felt.item(2) - GRAVITY - 0.5 * self._felt_motion.relative[2]
 
     def _take_height(self) -> None:
-        """Set the base's height by the filtered point's."""
+        """Set the base's height from that of the filtered point."""
         self.height = self._vertical.height - self._lift
         self.height_rate = self._vertical.rate - self._lift_rate
         self.anchors.carrying = level = self._level()
         self.ground_height = self._vertical.ground + level
 
     def _pull_yaw(self) -> None:
-        """Keep the mean yaw of the soles at the stance's, since yaw is free."""
+        """Keep the soles' mean yaw at the stance's, since yaw is not observable."""
         turn = -self._settings.yaw_gain * self._dt * self._sole_yaw
         self._attitude.pull_yaw(turn)

@@ -1,9 +1,9 @@
-"""How the feet feel the centre of mass accelerate, and which sensor is off then.
+"""Compares accelerometer and foot forces, and finds which sensor has an offset.
 
-A robot at rest cannot tell a biased accelerometer from a lean by that sensor alone.
-Its feet tell two more things about where up is: the direction of the force they feel,
-and where on the soles they feel it, below the centre of mass. Three witnesses then, of
-three different sensors: whichever is off, the one in the middle is not.
+At rest the accelerometer alone cannot tell its bias from a lean. The feet tell in two
+more ways where up is: by the direction of their force, and by the place on the soles
+where it acts, below the centre of mass. Of these three witnesses from three sensors one
+may be wrong; the one in the middle is right.
 """
 
 from __future__ import annotations
@@ -17,59 +17,59 @@ from surefoot.schemas.arrays import Array, Mat, Vec3
 from surefoot.stabilizer.model import RobotModel
 
 LEAST_SHARE = 0.5
-"""Of the weight that the feet must carry, to tell anything."""
+"""Part of the weight that the feet must carry for a comparison."""
 
 
 OFFSET_SHARES = (0.1, 0.2)
-"""Of the weight: what forces may be off in all, and from where on it is all an offset;
-less is a payload or a model's error [1]."""
+"""Parts of the weight: total error of forces that is not yet an offset, and the one
+from which all of it is; less is a payload or a model error [1]."""
 OFFSET_MEMORY_S = 2.0
-"""Over which they are compared [s]."""
+"""Time over which forces are compared [s]."""
 OFFSET_LAG_S, OFFSET_ODD_S, OFFSET_ANEW_S = 0.1, 0.1, 0.03
-"""Low-pass by which a sudden one is noticed; for how long it must last, as impacts do
-not; how much of it the comparison that begins anew has seen then [s]."""
+"""Low-pass that detects a sudden offset; time for which it must last, unlike impacts;
+time of it that a restarted comparison counts as seen [s]."""
 BIAS_LIMIT_M_S2 = 0.5
-"""More than any accelerometer is off by [m/s^2]; a robot that is pulled at looks so."""
+"""Largest bias of any accelerometer [m/s^2]; a pulled robot seems to have more."""
 GROUND_BANDWIDTH = 15.0
-"""Of the ground's acceleration along the level [rad/s]."""
+"""Bandwidth of the ground's horizontal acceleration [rad/s]."""
 FEIGNED_M_S2 = 0.15
-"""So much may be tilt or bias [m/s^2]."""
+"""Acceleration that may come from tilt or bias [m/s^2]."""
 LASTS_S = 1.0
-"""Ground that has just pulled the other way is believed to go on after so long [s]."""
+"""Time after which ground that just pulled the other way is trusted to go on [s]."""
 KNOWN_S = 0.5
-"""After so long a mean is known, and what is far from it is a push, no bias [s]."""
+"""Time until a mean is known; what is far from it is then a push, no bias [s]."""
 SUDDEN_M_S2 = 0.1
-"""By so much at most a reading counts as off the mean from then on [m/s^2]."""
+"""Largest deviation from a known mean with which a reading counts [m/s^2]."""
 USUAL_MEMORY_S = 60.0
-"""How long a difference takes to be the new usual one."""
+"""Time in which a difference becomes the usual one [s]."""
 USUAL_LAG_S = 0.1
-"""Low-pass by which a sudden one is noticed [s]."""
+"""Low-pass that detects a sudden difference [s]."""
 UNUSUAL_M_S2 = 0.05
-"""No sensor's drift: the robot carries something, is held or hit [m/s^2]."""
+"""More than any drift: the robot carries something, is held or hit [m/s^2]."""
 ODD_FOR_S = 1.0
-"""After so long what came suddenly is the new usual."""
+"""Time after which a sudden difference is the new usual one [s]."""
 FIRST_NOISE_M_S2 = 0.008
-"""By so much noise may be off in the first readings; more is feet that settle."""
+"""Noise of the mean of the first readings; more comes from settling feet [m/s^2]."""
 CALM_FOR_S = 0.3
-"""So long after a sudden difference, and after feet in the air, the next one counts."""
+"""Pause after a sudden difference or feet in the air until the next counts [s]."""
 
 
 class FeltMotion:
     """Compares what the accelerometer feels with what the feet feel.
 
-    Newton, for all of the robot: the sum of the feet's forces is its mass times the
+    Newton's law for the whole robot: the sum of the foot forces is its mass times the
     specific force of its centre of mass. Without spin, that force points from the
-    centre of pressure to the centre of mass. The accelerometer feels the same but for
-    the motion of the one against the other, which the joints tell.
+    centre of pressure to the CoM. The accelerometer feels the same, except for its
+    motion relative to the CoM, which the joints tell.
 
     Attributes:
-        by_force: the accelerometer's specific force less that by the forces,
+        by_force: specific force by the accelerometer minus that by the foot forces,
             world axes [m/s^2].
-        by_pressure: (3,) the same by where the soles are pressed; z is zero.
-        relative: acceleration of the accelerometer against the centre of mass, by
-            the joints [m/s^2].
-        offsets: what the left and the right normal force are too large by: zero
-            unless their sum is off by far [N].
+        by_pressure: (3,) the same by the centre of pressure; z is zero [m/s^2].
+        relative: acceleration of the accelerometer relative to the CoM, by the joints
+            [m/s^2].
+        offsets: error of left and right normal force; zero unless their sum is far off
+            [N].
     """
 
     def __init__(self, model: RobotModel, *, period_s: float) -> None:
@@ -98,20 +98,21 @@ class FeltMotion:
         soles: Sequence[tuple[Mat, Sequence[float]]],
         wrenches: Array | None,
     ) -> bool:
-        """Take one tick, with the base's origin at rest in the world's origin.
+        """Compare one tick, with the base's origin at rest in the world's origin.
 
-        Numbers instead of arrays: of three each, they cost a third.
+        Plain numbers are used: for three each they cost a third of arrays.
 
         Args:
             felt: specific force by the accelerometer, world axes [m/s^2].
             v_imu: velocity of the accelerometer [m/s].
             com: centre of mass [m].
-            v_com: its velocity [m/s].
+            v_com: velocity of the centre of mass [m/s].
             soles: (3, 3) rotation and position of left and right sole [m].
-            wrenches: (12,) measured at the soles, sole frames; None: not known.
+            wrenches: (12,) measured sole wrenches, sole frames [N, N m]; None: unknown.
 
         Returns:
-            Whether anything was felt: ``by_force`` and ``by_pressure`` are new.
+            Whether the feet carry enough, so that ``by_force`` and ``by_pressure`` are
+            new.
         """
         a_x, a_y, a_z = v_imu[0] - v_com[0], v_imu[1] - v_com[1], v_imu[2] - v_com[2]
         b_x, b_y, b_z = self._apart or (a_x, a_y, a_z)
@@ -126,7 +127,7 @@ class FeltMotion:
             g_x, g_y, g_z = R.dot(wrenches[start : start + 3]).tolist()
             m_x, m_y, _ = R.dot(wrenches[start + 3 : start + 6]).tolist()
             f_x, f_y, f_z = f_x + g_x, f_y + g_y, f_z + g_z
-            # Vertical force times its distance, and what the soles' moments add.
+            # Vertical force times its lever, plus the soles' moments.
             turn_x += (com[0] - x) * g_z + m_y + z * g_x
             turn_y += (com[1] - y) * g_z - m_x + z * g_y
             height += z * g_z
@@ -149,17 +150,17 @@ class FeltMotion:
     def learn_offsets(
         self, com: Sequence[float], soles: Sequence[tuple[Mat, Sequence[float]]]
     ) -> None:
-        """Take one tick's comparison for what a force sensor is off by.
+        """Learn the offsets of the force sensors from one tick's comparison.
 
-        The sum of the normal forces tells how much, where they seem to be pressed tells
-        which foot: with b what a foot feels too much and a its distance from the centre
-        of mass along the line between the feet,
+        The sum of the normal forces tells how much is wrong; the place where they seem
+        to act tells on which foot. With b the excess force of a foot and a its distance
+        from the CoM along the line between the feet,
 
             b_left + b_right = excess,   a_left b_left + a_right b_right = aside
 
         Args:
-            com: as for :meth:`compare`.
-            soles: likewise.
+            com: centre of mass, as for :meth:`compare` [m].
+            soles: poses of the soles, as for :meth:`compare`.
         """
         (_, left), (_, right) = soles
         com_x, com_y, com_z = com
@@ -185,9 +186,9 @@ class FeltMotion:
         self.offsets[1] = share * (self._aside - a_left * self._excess)
 
     def _look_for_sudden(self, excess: float) -> None:
-        """Begin the comparison anew when a force is off that was not.
+        """Restart the comparison when a force suddenly gets an offset.
 
-        Two seconds are too long: meanwhile the foot yields to what it does not feel.
+        The usual two seconds are too long: meanwhile the foot yields to a false force.
         """
         gap = excess - self._excess
         self._sudden += self._dt / OFFSET_LAG_S * (gap - self._sudden)
@@ -201,20 +202,20 @@ class FeltMotion:
 
 
 class GroundAcceleration:
-    """How the ground under the feet speeds up along the level.
+    """Horizontal acceleration of the ground under the feet.
 
-    Ground that swings to and fro quickly is better let go under the robot: after each
-    turn it is believed anew, by and by.
+    Ground that swings quickly is better left to move under the robot: after each
+    reversal its acceleration is trusted again only gradually.
 
-    The legs tell the velocity w of the centre of mass over the feet, the accelerometer
-    its acceleration h in the world; what w does not gain, the ground does. An observer
-    of bandwidth b compares them, so that neither is differentiated:
+    The legs tell the velocity w of the CoM over the feet, the accelerometer the CoM's
+    acceleration h in the world. The difference of h and w' is the acceleration a of the
+    ground. An observer of bandwidth b compares them without differentiating:
 
         w' = h - a + 2 b e,   a' = -b^2 e,   e = w_seen - w
 
     Attributes:
-        acceleration: of the ground, world axes; nothing within what tilt and biases
-            may feign [m/s^2].
+        acceleration: acceleration of the ground, world axes; zero within what tilt and
+            bias may cause [m/s^2].
     """
 
     def __init__(self, *, period_s: float) -> None:
@@ -233,8 +234,8 @@ class GroundAcceleration:
 
         Args:
             felt: acceleration of the centre of mass by the accelerometer [m/s^2].
-            seen: its velocity over the feet [m/s].
-            firm: whether the feet stand, so that the legs tell.
+            seen: velocity of the centre of mass over the feet [m/s].
+            firm: whether both feet stand, so that the legs can be trusted.
         """
         if not firm or self._speed is None:
             self._speed = [seen[0], seen[1]]
@@ -260,10 +261,10 @@ class GroundAcceleration:
 class HorizontalBias:
     """Learns the accelerometer's bias along the base's x and y.
 
-    Each witness is a comparison, at every tick, of the specific force that the
-    accelerometer reports with that of the centre of mass as the feet show it. Their
-    means are kept: of all readings at first, later of the last ``memory_s``, in which
-    a drift shows but a push, however hard, does not.
+    Each witness compares, at every tick, the specific force by the accelerometer with
+    that of the CoM as the feet show it. Their means are kept: of all readings at first,
+    later of the last ``memory_s``. A drift shows in these, but a push, however hard,
+    does not.
 
     Attributes:
         bias: (3,) in base axes; z is left to the height [m/s^2].
@@ -273,7 +274,7 @@ class HorizontalBias:
         """Begin without a bias.
 
         Args:
-            memory_s: how long readings count.
+            memory_s: time for which readings count [s].
             period_s: time between two of them [s].
         """
         self._least = period_s / memory_s
@@ -292,9 +293,9 @@ class HorizontalBias:
         """Take one tick's comparison.
 
         Args:
-            by_force: (3,) specific force of the accelerometer less that which the
-                feet's horizontal forces show, world axes [m/s^2].
-            by_pressure: (3,) the same by where the soles are pressed.
+            by_force: (3,) specific force by the accelerometer minus that by the feet's
+                horizontal forces, world axes [m/s^2].
+            by_pressure: (3,) the same by the centre of pressure [m/s^2].
             R_world_base: rows of the base's rotation.
         """
         self._count += 1
@@ -312,22 +313,22 @@ class HorizontalBias:
                     off = min(max(off, -SUDDEN_M_S2), SUDDEN_M_S2)
                 mean[axis] += gain * off
         for axis in (0, 1):
-            # The third witness is the accelerometer: not off at all.
+            # The third witness is the accelerometer itself, at zero.
             middle = sorted((0.0, self._by_force[axis], self._by_pressure[axis]))[1]
             self.bias[axis] = min(max(middle, -BIAS_LIMIT_M_S2), BIAS_LIMIT_M_S2)
 
 
 class UsualDifference:
-    """Tells a difference of the vertical accelerations from what is usual.
+    """Separates a difference of the vertical accelerations from the usual one.
 
-    In what remains, feet and accelerometer may be averaged. Of a bounce all counts or
-    nothing: blows and rests have no effect together, but parts of them would drive the
-    height away. So nothing is told until it has been over for a while.
+    In the rest, feet and accelerometer may be averaged. A bounce must count as a whole
+    or not at all: its blows and rests cancel, but parts of them would drive the height
+    away. So nothing is reported until a bounce has been over for a while.
 
     Attributes:
-        usual: what the accelerometer feels more than the feet as a rule [m/s^2].
-        change: of it in the last tick, by drift, or as far as noise of the first
-            readings may have been off [m/s^2].
+        usual: usual difference, accelerometer minus feet [m/s^2].
+        change: change of ``usual`` in the last tick, by drift, or within the noise of
+            the first readings [m/s^2].
     """
 
     def __init__(self, *, period_s: float) -> None:
@@ -344,13 +345,13 @@ class UsualDifference:
         self.usual = self.change = 0.0
 
     def calibrate(self, difference: float | None) -> None:
-        """Take one of a robot that keeps its posture; None: not known [m/s^2]."""
+        """Take a difference at a kept posture; None: unknown [m/s^2]."""
         self._count += 1
         if difference is not None:
             self.usual += (difference - self.usual) / self._count
 
     def unusual(self, difference: float | None) -> float:
-        """Return what is not usual in a difference, and no bounce either [m/s^2].
+        """Return the unusual part of a difference, without bounces [m/s^2].
 
         Args:
             difference: as for :meth:`calibrate`.

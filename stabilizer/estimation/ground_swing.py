@@ -9,46 +9,46 @@ import numpy as np
 from surefoot.schemas.arrays import Mat
 
 PACE_CUTOFF = 0.4
-"""The pace is read from the ground's way without what is slower, in parts of the pace:
-a drift of the accelerometer's is no swing [1]."""
+"""High-pass on the ground's motion from which the pace is read, in parts of the pace: a
+drift of the accelerometer is no swing [1]."""
 PACE_MEMORY_S = 2.0
-"""Over which it is read."""
+"""Time over which the pace is read [s]."""
 LIKELY_PACE, LEAST_SWING_M_S = 2.0, 1.5e-3
-"""Of ground that has moved by less, summed up twice [rad/s], [m s]."""
+"""Pace assumed below this motion, integrated twice [rad/s], [m s]."""
 SLOWEST, SLOW, FASTEST = 0.9, 1.0, 12.0
-"""Slower ground is none of these, ground slower than the second only in part; none is
-taken to be faster than the last [rad/s]."""
+"""Slower ground is no swing; up to the second pace it is one in part; no pace is
+assumed above the last [rad/s]."""
 PURE_FROM, PURE = 0.85, 0.97
-"""Squared correlation of the way and its acceleration from which ground in part, and
-wholly, swings at one pace: 1 for a sine, less for waves of several lengths [1]."""
+"""Squared correlation of motion and acceleration from which ground counts in part, and
+fully, as a swing: 1 for a sine, less for waves of several lengths [1]."""
 FROM_CYCLES, CYCLES = 0.25, 1.0
-"""After so many it begins to count, and it takes so many more to count wholly [1]."""
+"""Cycles until a swing begins to count, and further ones until it counts fully [1]."""
 LAG_S = 0.5
-"""So gently it comes and goes."""
+"""Time constant with which its share comes and goes [s]."""
 COHERENT_CYCLES = 5.0
-"""For so many a swing goes on as it was."""
+"""Cycles for which a swing keeps its amplitude and phase [1]."""
 COVARIANCE_S = 0.01
-"""How often the gains are made anew."""
+"""Period at which the gains are renewed [s]."""
 ACCELERATION_NOISE, BIAS_WALK = 1e-3, 1.4e-3
-"""Of the acceleration [m/s^2 s^0.5] and of its bias [m/s^2 s^-0.5]."""
+"""Noise of the acceleration [m/s^2 s^0.5] and of its bias [m/s^2 s^-0.5]."""
 FLAT_M, MISFIT_S, CORRELATION_S = 2e-3, 3.0, 0.25
-"""What is no swing: at least so much; as it was over so long; lasting so long."""
+"""Motion that is no swing: least size [m], averaging time [s], correlation time [s]."""
 HEIGHT_M, RATE_M_S, BIAS_M_S2, SWING = 1e-3, 1e-3, 2e-3, 1e-5
 """Standard deviations when ground that stood still begins to move."""
 _SEEN = np.array([1.0, 0.0, 0.0, -1.0, 0.0])
 
 
 class Pace:
-    """At what pace ground swings, and whether it does so at one.
+    """Pace at which ground swings, and whether it has a single one.
 
-    The ground's speed, freed of what is slow, is integrated twice with a leak l:
+    The ground's speed u, without its slow part, is integrated twice with a leak l:
 
         p' = u - l p,   x' = p - l x,   x'' = u - 2 l p + l^2 x
 
-    and of a swing x'' = -pace^2 x, whatever the filters, which all of it passed.
+    For a swing x'' = -pace^2 x, whatever the filters, since both have passed them.
 
     Attributes:
-        value: of the ground [rad/s].
+        value: pace of the ground [rad/s].
         purity: squared correlation of x'' and x [1].
     """
 
@@ -83,23 +83,23 @@ class Pace:
 
 
 class GroundSwing:
-    """Sees ground that swings at one pace for what it is, so that the rest is height.
+    """Estimates the swing of ground with one pace, so that the rest is height.
 
-    What the legs say more than the height's estimate is, on moving ground, mostly that
-    the ground has moved. Pulled to it slowly, the height lets little of this in, but
-    follows a drift of the accelerometer just as slowly. A swing can be foreseen: with g
-    the ground's height, w its pace and T how long it keeps,
+    On moving ground the legs' height differs from the estimate mostly because the
+    ground has moved. A slow pull to it lets little of this in, but follows an
+    accelerometer's drift as slowly. A swing can be predicted: with g the ground's
+    height, w its pace and T the time it keeps,
 
         h' = rate,   rate' = acceleration - bias,   g'' = -w^2 g - 2 / T g',
 
-    the legs see h - g, and a Kalman filter of these five tells h from g by their
-    pace. What does not fit is noise to it: the worse a swing fits, the slower is the
-    pull. Before the ground has swung for a while, and where it does not swing at one
-    pace, the filter's share is none.
+    the legs see h - g, and a Kalman filter of these five states tells h from g by their
+    pace. It treats all else as noise: the worse a swing fits, the slower is the pull.
+    The filter's share is zero until the ground has swung for a while, and while it does
+    not swing at one pace.
 
     Attributes:
-        share: how far its gains are to be used [1].
-        height: of the ground, as far as it swings [m].
+        share: part to which the filter's gains are to be used [1].
+        height: height of the ground by its swing [m].
         gains: k_1, k_2 and k_3 of the height filter.
     """
 
@@ -123,7 +123,7 @@ class GroundSwing:
         self.gains = (0.0, 0.0, 0.0)
 
     def update(self, speed: float) -> None:
-        """Learn the pace, at every tick.
+        """Learn the pace; to be called at every tick.
 
         Args:
             speed: of the ground, without its slow part [m/s].
@@ -131,7 +131,7 @@ class GroundSwing:
         self._pace.update(speed)
 
     def forget(self) -> None:
-        """Take the ground for none that swings, until it has done so again."""
+        """Assume no swing until the ground has swung again."""
         self._moved = False
         self.share = 0.0
 
@@ -139,12 +139,12 @@ class GroundSwing:
         """Advance by a tick on ground that moves.
 
         Args:
-            error: what the legs say more than the height's estimate [m].
-            size: the ground's largest speed lately [m/s].
-            moves: how far the ground moves at all [1].
+            error: height by the legs minus the estimated height [m].
+            size: largest recent speed of the ground [m/s].
+            moves: degree to which the ground counts as moving [1].
 
         Returns:
-            What of the error is no swing, as far as :attr:`share` goes [m].
+            The error without its part of the swing, as far as :attr:`share` goes [m].
         """
         dt, pace = self._dt, self._pace.value
         if not self._moved:
@@ -175,7 +175,7 @@ class GroundSwing:
         self._cycles = self._misfit = self._speed = self.height = self.share = 0.0
 
     def _renew(self, amplitude: float) -> None:
-        """Make the gains by the covariance of height, rate, bias, g and g'."""
+        """Compute the gains from the covariance of height, rate, bias, g and g'."""
         dt, pace, F = self._every * self._dt, self._pace.value, self._F
         half_square = 0.5 * amplitude * amplitude
         damping = _damping(pace)
@@ -198,10 +198,10 @@ class GroundSwing:
 
 
 def _damping(pace: float) -> float:
-    """Return 2 / T, of a swing that keeps for so long [1/s]."""
+    """Return 2 / T for a swing of this pace [1/s]."""
     return pace / (math.pi * COHERENT_CYCLES)
 
 
 def _part(value: float, begins: float, ends: float) -> float:
-    """Return how far a value is from where something begins to where it is whole."""
+    """Return 0 up to ``begins``, 1 from ``ends`` on, in proportion between."""
     return min(max((value - begins) / (ends - begins), 0.0), 1.0)

@@ -1,4 +1,4 @@
-"""Height in the world: accelerations integrated, pulled to what the legs say."""
+"""Height in the world: integrated accelerations, pulled to the legs' kinematics."""
 
 from __future__ import annotations
 
@@ -9,98 +9,100 @@ from surefoot.stabilizer.estimation.felt_motion import UsualDifference
 from surefoot.stabilizer.estimation.ground_swing import GroundSwing
 
 GROUND_SPEED_MEMORY_S = 3.0
-"""How long ground that moved is taken to move still."""
+"""Time for which ground that moved still counts as moving."""
 AT_END_MEMORY_S = 0.5
-"""The same at the stroke's end: ground that moves there no more is left behind."""
+"""The same at the stroke's end: ground that has come to rest there is left behind."""
 GROUND_SPEED_CUTOFF = 0.5
-"""Slower changes of the ground's speed are the accelerometer's drift [rad/s]."""
+"""Cutoff of the ground's speed: slower changes are the accelerometer's drift
+[rad/s]."""
 STILL_DAMPING = 0.7
 """Damping ratio of the pull of the height on still ground."""
 STILL_BIAS_PULL, STILL_LEARNING = 0.5, 5.0
-"""How fast the accelerometer's bias follows on still ground [rad/s]; at first so many
-over the time that it has stood [1]."""
+"""Rate at which the accelerometer's bias follows on still ground [rad/s]; at first this
+number over the time that the ground has stood [1]."""
 STILL_FOR_BIAS = 0.99
-"""Stillness from which an error is the accelerometer's: ground that begins to move is
-not taken for it."""
+"""Stillness from which an error is the accelerometer's; ground that begins to move is
+excluded."""
 MOVES = 0.5
 """Stillness below which the ground moves."""
 STILL_WEIGHT = 50.0
-"""A second of still ground tells as much as so many of ground that moves."""
+"""Weight of still ground against ground that moves, for learning [1]."""
 LEAST_KNOWN_S = 0.3
-"""Shorter times make gains that noise would shake [s]."""
+"""Least time watched: shorter ones make gains that noise would shake [s]."""
 LEARNING, BIAS_LEARNING = 3.0, 0.5
-"""Bandwidths times the time watched, for as long as that is more [1]."""
+"""Bandwidths times the time watched, while that gives more than the settings [1]."""
 KNOWN_S = 5.0
-"""After so long the height is believed; a hundredth of it on ground at rest."""
+"""Time after which the height is trusted; a fiftieth of it on still ground."""
 GROUND_M, GROUND_M_S, LIKELY_BIAS_M_S2 = 0.05, 0.3, 0.05
-"""Of ground that moves at the start: height, speed and the bias not seen yet, standard
-deviations."""
+"""Standard deviations for ground that moves at the start: height, speed, and bias not
+yet seen."""
 GROUND_CORRELATION_S = 0.25
-"""For so long it is as high as it was."""
+"""Time for which moving ground keeps its height."""
 DOUBT = 4.0
-"""The variance of what is learnt counts so many times: ground swings, and is no noise
-[1]."""
+"""Factor on the variance of what is learnt: swinging ground is no random noise [1]."""
 RETURNED_M, RETURNED_M_S = 0.01, 0.01
-"""The ground is back from the stroke's end, and stands [m], [m/s]."""
+"""Distance from level and speed at which the ground has returned from the stroke's end
+[m], [m/s]."""
 SMALL_MEAN_M_S2 = 0.012
-"""Within this a mean at the start may be noise [m/s^2]."""
+"""Mean acceleration at the start that may be noise [m/s^2]."""
 DOUBTED_S, STILL_IN_DOUBT = 0.5, 0.95
-"""A mean that feet and accelerometer share is the ground's if stillness falls below the
-second within the first after the start [s], [1]."""
+"""Time after the start [s] and stillness [1]: if stillness falls below this within the
+time, a mean that feet and accelerometer share was the ground's."""
 AGREE_M_S2 = 0.05
-"""Feet and accelerometer that differ by less agree [m/s^2]."""
+"""Difference up to which feet and accelerometer agree [m/s^2]."""
 GRAVITY_MARGIN_M_S2 = 0.05
-"""Gravity differs by so much from place to place [m/s^2]."""
+"""Difference of gravity from place to place [m/s^2]."""
 CHANGE_M_S, FEWEST_READINGS = 0.015, 50
-"""An acceleration whose change in the time watched, times that time, is more, is the
-ground's [m/s]; so many readings at least."""
+"""An acceleration is the ground's if its change in the time watched, times that time,
+is more [m/s]; and the fewest readings for that."""
 BRAKING_M_S2 = 1.5
-"""The level goes along with ground that nears the stroke's end once stopping it there
-would take this; no platform within the stroke asks for as much [m/s^2]."""
+"""The level follows ground that nears the stroke's end once stopping it there would
+take this deceleration; no platform within the stroke needs as much [m/s^2]."""
 KNOWN_SHARE = 0.9
-"""Of an estimate that is good enough to tell where the stroke's end is [1]."""
+"""Share of an estimate good enough to tell where the stroke's end is [1]."""
 LEAST_ROOM_M = 0.005
-"""From the stroke's end, to stop in [m]."""
+"""Least room to the stroke's end to stop in [m]."""
 LEVEL_MOVES_M_S = 0.02
-"""A level that moves faster is no place that the legs' pull could lead to [m/s]."""
+"""Speed of the level above which the legs' pull cannot lead to it [m/s]."""
 LEVEL_RESTS_S = 0.3
-"""Time constant with which a level that is no longer pushed comes to rest."""
+"""Time constant with which a level comes to rest that is no longer pushed."""
 TAKEN_MEMORY_S = 20.0
-"""How long it counts that the ground has taken the level along."""
+"""Memory of how far the ground has taken the level along."""
 RIDES_FROM, RIDES = 1.0, 2.0
-"""Ground that has taken the level along by so much is ridden in part, and wholly, in
-parts of the legs' stroke [1]."""
+"""Distances, in parts of the legs' stroke, by which ground must have taken the level
+along to be ridden in part, and fully [1]."""
 RIDE_LAG_S = 0.5
-"""Riding begins and ends this gently [s]."""
+"""Time constant with which riding begins and ends [s]."""
 AT_END = 0.2
-"""Part of the pull that is left at the stroke's end: the error tells nothing there."""
+"""Part of the pull left at the stroke's end, where the error tells nothing."""
 
 
 class HeightFilter:
-    """Height and climb of one point of the robot, half way from IMU to CoM.
+    """Height and its rate for one point of the robot, half way from IMU to CoM.
 
-    The mean of what the accelerometer feels and what the feet feel the centre of mass
-    do has less noise and less drift than either. Its integral is pulled to the legs'
-    kinematics, which tell the height over the ground: hard while the ground stands
-    still, softly while it moves. With e what the legs say more,
+    The accelerometer and the foot forces both give the acceleration; their mean has
+    less noise and drift than either. Its integral is pulled to the legs' kinematics,
+    which tell the height over the ground: hard on still ground, softly on moving
+    ground. With e the height by the legs minus the estimate,
 
         h' = rate + k_1 e,   rate' = acceleration - bias + k_2 e,   bias' = -k_3 e
 
     where the roots of s^3 + k_1 s^2 + k_2 s + k_3 are a pair, by bandwidth and damping,
-    and the pull of the bias. After a start on ground that moves, all three are those of
-    a Kalman filter that begins without a clue (:class:`Learnt`) for as long as they are
-    greater, and the robot rides with the ground the more, the less is known.
+    and the pull of the bias. After a start on moving ground the gains of a Kalman
+    filter without prior knowledge (:class:`Learnt`) are used for as long as they are
+    greater. The less is known, the more the robot rides with the ground.
 
-    The ground is taken to be level on average, within the legs' stroke: ground that
-    goes farther takes the level along, gently and from before the stroke's end on; from
-    there the pull leads back without swinging over.
-    Ground that goes on doing so, a ship's deck, is ridden: what counts then is the
-    height over it. Height and rate are those against the level.
+    The ground is assumed level on average, within the legs' stroke. Ground that goes
+    farther takes the level along, gently and from before the stroke's end. From there
+    the pull leads back without overshoot. If this goes on, as on a ship's deck, the
+    ground is ridden: only the height over it counts. Height and rate refer to the
+    level.
 
     Attributes:
         height: over level ground [m].
         rate: its rate [m/s].
-        bias: of the mean acceleration; what is not gravity at this place [m/s^2].
+        bias: bias of the mean acceleration, or gravity's difference at this place
+            [m/s^2].
         ground: height of the ground from level [m].
     """
 
@@ -115,8 +117,7 @@ class HeightFilter:
 
         Args:
             settings: bandwidths and damping.
-            stroke: how far the ground may sink and rise until the legs are at an end,
-                from level [m].
+            stroke: lowest and highest ground, from level, that the legs can follow [m].
             period_s: time between two updates [s].
         """
         self._settings = settings
@@ -153,12 +154,12 @@ class HeightFilter:
 
         Args:
             acceleration: vertical, by the accelerometer [m/s^2].
-            difference: by how much the centre of mass accelerates less by the feet's
-                forces; None: not known [m/s^2].
+            difference: vertical acceleration by the accelerometer minus that by the
+                feet's forces; None: unknown [m/s^2].
             height: of the point over the ground, by the legs [m].
             rate: its rate [m/s].
-            moves: whether the ground turns, so that the mean is no bias alone; a mean
-                that changes shows ground that heaves, too.
+            moves: whether the ground turns, so that the mean is not only bias. A mean
+                that changes shows heaving ground, too.
         """
         self._count += 1
         self._known_s = self._still_s = max(self._count * self._dt, LEAST_KNOWN_S)
@@ -170,8 +171,8 @@ class HeightFilter:
             least = CHANGE_M_S / (self._count * self._dt)
             moves = moves or abs(12.0 * lopsided) > least * self._count**2
         self._feet.calibrate(difference)
-        # Ground that speeds up evenly looks like a bias, but not to the feet. These are
-        # off themselves by what the robot carries: it would be chance if both agreed.
+        # Evenly accelerating ground looks like a bias, but not to the feet. These have
+        # an error by what the robot carries; that both agree by chance is unlikely.
         margin = 0.0 if moves else GRAVITY_MARGIN_M_S2
         if not moves and abs(self._feet.usual) > AGREE_M_S2:
             margin = math.inf
@@ -183,7 +184,7 @@ class HeightFilter:
         self._height, self._rate = height, rate
         self._leg_mean = rate
         self._ground_speed = 0.1 if moves else 0.0
-        # What both feel beyond gravity is the ground or chance: that has to be seen.
+        # What feet and accelerometer share is the ground or chance; time will show.
         self._doubt(LIKELY_BIAS_M_S2 if moves else abs(mean - bias))
 
     def update(
@@ -202,7 +203,7 @@ class HeightFilter:
             difference: as for :meth:`calibrate`.
             over: height of the point over the ground, by the legs [m].
             rate: its rate [m/s].
-            steps: whether the robot walks: it is other ground that swings then.
+            steps: whether the robot walks; its ground changes, so no swing is learnt.
         """
         dt = self._dt
         acceleration -= 0.5 * self._feet.unusual(difference)
@@ -253,19 +254,19 @@ class HeightFilter:
         self.rate = rate + share * (self._rate - self._level_rate - rate)
 
     def _doubt(self, size: float) -> None:
-        """Have a bias that may be so large learnt anew, where that matters [m/s^2]."""
+        """Learn anew a bias that may be so large, where that matters [m/s^2]."""
         self._learnt = Learnt(size) if size > SMALL_MEAN_M_S2 else None
 
     def _near_feet(self, mean: float, margin: float) -> float:
-        """Return what of a mean the feet do not share, and a margin of it [m/s^2]."""
+        """Return what of a mean the feet do not share, within a margin [m/s^2]."""
         usual = self._feet.usual
         return min(max(mean, min(0.0, usual) - margin), max(0.0, usual) + margin)
 
     def _go_along(self, speed: float) -> None:
-        """Have the level go along with ground that nears the stroke's end.
+        """Move the level along with ground that nears the stroke's end.
 
-        It begins to as late as gentle braking allows: legs that come to their end at
-        speed lose the ground.
+        It begins as late as gentle braking allows. Legs that reach their end at speed
+        lose the ground.
 
         Args:
             speed: of the ground [m/s].
@@ -290,7 +291,7 @@ class HeightFilter:
         return self._learnt is None or self._learnt.share > KNOWN_SHARE
 
     def _riding(self) -> float:
-        """Return how much of the ground's motion the robot is to go along with [1]."""
+        """Return the part of the ground's motion that the robot follows [1]."""
         parts = self._taken / (self._stroke[1] - self._stroke[0])
         wanted = min(max((parts - RIDES_FROM) / (RIDES - RIDES_FROM), 0.0), 1.0)
         self._ride += self._dt / RIDE_LAG_S * (wanted - self._ride)
@@ -299,9 +300,9 @@ class HeightFilter:
     def _stillness(self, acceleration: float, leg_rate: float) -> float:
         """Return 1 on ground that stands still, 0 on ground that moves.
 
-        The ground's speed is what the accelerations sum up to and the legs do not see,
-        without its slow part: neither bias nor height enter, which would hold up the
-        very judgement that they depend on.
+        The ground's speed is the integrated acceleration minus the speed by the legs,
+        without its slow part. Neither bias nor height enter: they depend on this very
+        judgement and would hold it up.
         """
         step = self._dt * GROUND_SPEED_CUTOFF
         self._felt_speed += self._dt * acceleration - step * self._felt_speed
@@ -340,24 +341,24 @@ class HeightFilter:
 
 
 class Learnt:
-    """How much is known of ground that moved when the filter began.
+    """Knowledge of the ground when it moved at the filter's start.
 
-    The covariance of height, rate and bias, for ground whose height is noise that keeps
-    for a while: the oftener it was seen, the better its mean is known.
+    Covariance of height, rate and bias. The ground's height is noise that keeps for a
+    while: the more often it is seen, the better its mean is known.
     """
 
     def __init__(self, bias: float) -> None:
-        """Know nothing but what is likely.
+        """Begin with likely values.
 
         Args:
-            bias: standard deviation of what has not been seen of it [m/s^2].
+            bias: standard deviation of the unseen bias [m/s^2].
         """
         self._hh, self._rr, self._bb = GROUND_M**2, GROUND_M_S**2, bias**2
         self._hr = self._hb = self._rb = 0.0
 
     @property
     def share(self) -> float:
-        """Of the estimated height that is to be believed [1]."""
+        """Part of the estimated height to trust [1]."""
         return GROUND_M**2 / (GROUND_M**2 + DOUBT * self._hh)
 
     def step(self, dt: float, *, weight: float) -> tuple[float, float, float]:
@@ -365,7 +366,7 @@ class Learnt:
 
         Args:
             dt: time since the last [s].
-            weight: of what the legs say, more on ground that stands still [1].
+            weight: weight of the legs' height, more on still ground [1].
         """
         hh, hr, hb = self._hh, self._hr, self._hb
         rr, rb, bb = self._rr, self._rb, self._bb

@@ -1,11 +1,9 @@
-"""The observer: from raw sensors to all that a controller knows of its robot.
+"""Observer: from raw sensors to the state that a controller works with.
 
-Ages count from the newest reading of the same snapshot, by the stamps of measuring: a
-delay that all sensors share cannot be seen from here, and is a part of
-``dik.loop_delay_s``.
+Ages count from the newest reading of the same snapshot, by the stamps of measuring. A
+delay that all sensors share cannot be seen here; it is part of ``dik.loop_delay_s``.
 
-Data flows one way: snapshot -> estimator -> kinematics -> sole wrenches -> contacts.
-Every controller has one, so that they all see the same robot.
+Every controller has an observer, so that all see the same robot.
 """
 
 from __future__ import annotations
@@ -29,10 +27,9 @@ from surefoot.stabilizer.estimation.wrenches import WrenchCompensation
 from surefoot.stabilizer.model import GRAVITY, RobotModel
 
 WINDOW_S = 0.1
-"""Ages are gathered over so long: longer than from one reading of a slow sensor to
-its next [s]."""
+"""Time over which ages are gathered: longer than the period of a slow sensor [s]."""
 FORGOTTEN_WINDOWS = 10
-"""So long a larger age counts on."""
+"""Number of such windows for which a larger age counts on."""
 NS_PER_S = 1e9
 
 FORCES = tuple(
@@ -40,11 +37,11 @@ FORCES = tuple(
 )
 MOTION = tuple(index for index in range(len(SENSORS)) if index not in FORCES)
 HURRIED_S = 0.1
-"""On ground that turns fast the calibration may end after so long [s]."""
+"""Time after which calibration may end early on fast turning ground [s]."""
 
 
 class ReadingAges:
-    """Largest age of force readings and mean age of the others, lately.
+    """Recent ages of readings: largest of the forces, mean of the others.
 
     Attributes:
         forces_s: largest age of any force reading in the last second [s].
@@ -52,7 +49,7 @@ class ReadingAges:
     """
 
     def __init__(self, *, period_s: float) -> None:
-        """Begin with readings of the present."""
+        """Begin with age zero."""
         self._ticks = max(1, round(WINDOW_S / period_s))
         self._largest = [0.0] * FORGOTTEN_WINDOWS
         self._count, self._sum = 0, 0.0
@@ -63,7 +60,7 @@ class ReadingAges:
         """Note the ages of a tick's readings.
 
         Returns:
-            Whether what is known of them has changed.
+            Whether the result has changed.
         """
         measured = snapshot.measured_ns
         newest = max(measured)
@@ -85,7 +82,7 @@ class ReadingAges:
 
 
 class StateEstimator(Protocol):
-    """Tells where base and joints are; :class:`Estimator` is one.
+    """Estimates base and joints; :class:`Estimator` is one.
 
     Attributes:
         q: (7 + n_a,) configuration in the stance frame, joints in model order.
@@ -104,11 +101,11 @@ class StateEstimator(Protocol):
 
         Args:
             snapshot: reading of all sensors.
-            wrenches: (12,) of the ground on left and right sole as last measured, sole
-                frames; None before the first, or with a sensor left out [N, N m].
+            wrenches: (12,) last measured wrenches of the ground on left and right sole,
+                sole frames; None before the first, or with a sensor left out [N, N m].
 
         Returns:
-            Whether the robot should not be held for longer than it must.
+            Whether the robot should be held no longer than it must.
         """
 
     def update(self, snapshot: Snapshot, *, wrenches: Array | None) -> None:
@@ -117,17 +114,17 @@ class StateEstimator(Protocol):
 
 @runtime_checkable
 class Odometry(Protocol):
-    """An estimator that goes along when the feet are moved.
+    """An estimator that keeps track when the feet are moved.
 
     Attributes:
-        anchors: where the feet were set down; a walk says which of them are not.
+        anchors: places where the feet were set down; a walk says which are not planted.
     """
 
     anchors: Anchors
 
 
 class SoleKinematics(Protocol):
-    """What a controller computes at a state anyway, its soles' rotations included.
+    """Kinematics that a controller computes anyway, with the soles' rotations.
 
     Attributes:
         R_world_sole: rotation of left and right sole.
@@ -146,20 +143,21 @@ class SoleKinematics(Protocol):
 
 @dataclass(slots=True)
 class ObservedState:
-    """What the observer knows. Reused by the next tick: copy what you keep.
+    """State by the observer. Reused by the next tick: copy what you keep.
 
     Attributes:
         q: (7 + n_a,) configuration in the stance frame, joints in model order.
         v: (6 + n_a,) velocity, base twist in base first.
         R_world_base: (3, 3) base rotation.
         ground_height: height of the ground between the soles, from nominal [m].
-        ground_acceleration: (2,) of the ground along the level, world axes [m/s^2].
+        ground_acceleration: (2,) horizontal acceleration of the ground, world axes
+            [m/s^2].
         F_meas: (12,) measured wrenches of the ground on left and right sole, sole
             frames [N, N m].
         in_contact: whether left and right foot stand.
         allowed: (2,) largest normal force to ask of each foot [N].
-        is_calibrating: whether tilt and gyroscope bias are still being taken.
-        active_s: time since that ended, negative until then [s].
+        is_calibrating: whether tilt and gyroscope bias are still being measured.
+        active_s: time since the end of calibration, negative until then [s].
     """
 
     q: Array
@@ -178,10 +176,10 @@ class Observer:
     """Estimator, sole wrenches and contacts of one robot, from start to end of a run.
 
     Attributes:
-        estimator: tells base and joints.
-        wrenches: takes the weight below the ankle sensors away.
-        contacts: tells which feet stand.
-        state: of the last tick.
+        estimator: estimates base and joints.
+        wrenches: takes off the weight below the ankle sensors.
+        contacts: decides which feet stand.
+        state: state at the last tick.
         lost: whether the left and the right ankle sensor are left out.
     """
 
@@ -199,7 +197,7 @@ class Observer:
 
         Args:
             model: the robot.
-            settings: of estimator and contacts.
+            settings: settings of estimator and contacts.
             kinematics: updated at every tick, as soon as the state is known.
             largest_force: normal force to be asked of a foot that stands [N].
             period_s: time between two ticks [s].
@@ -236,7 +234,7 @@ class Observer:
 
     @property
     def anchors(self) -> Anchors | None:
-        """Where the feet were set down; None of an estimator that knows no steps."""
+        """Places where the feet were set down; None if the estimator knows no steps."""
         return self.estimator.anchors if isinstance(self.estimator, Odometry) else None
 
     def start(self, snapshot: Snapshot) -> None:
@@ -247,8 +245,8 @@ class Observer:
         """Advance by one tick.
 
         Returns:
-            The robot's state, the same object every time; None when a sensor reports
-            something that is no number: then nothing has changed.
+            The robot's state, the same object every time. None when a reading is not
+            finite; then nothing has changed.
         """
         if not _is_finite(snapshot):
             return None
@@ -285,23 +283,23 @@ class Observer:
     def leave_out(self, lost: tuple[bool, bool], *, instead: Array) -> None:
         """Go on without ankle sensors.
 
-        A foot without its sensor is taken to feel what it should, and to carry what
-        the other one does not.
+        A foot without its sensor is assumed to feel its desired wrench, and to carry
+        the load that the other one does not.
 
         Args:
             lost: whether the left and the right sensor are to be left out.
-            instead: (12,) wrenches the feet should feel; read at every tick.
+            instead: (12,) desired wrenches of the feet; read at every tick.
         """
         self.lost, self._instead = lost, instead
 
     def assume_wanted(self) -> None:
-        """Have feet without sensor feel just what they should: no wrench error."""
+        """Set feet without a sensor to their desired wrench: no wrench error."""
         for side, rows in enumerate(SOLE_ROWS):
             if self.lost[side]:
                 self.state.F_meas[rows] = self._instead[rows]
 
     def _assume(self, F_meas: Array) -> None:
-        """Put what may be assumed in the place of what is not measured."""
+        """Replace the wrenches that are not measured by assumed ones."""
         normals = (F_meas.item(NORMAL), F_meas.item(6 + NORMAL))
         self.assume_wanted()
         for side, rows in enumerate(SOLE_ROWS):
@@ -311,7 +309,7 @@ class Observer:
 
 
 def _is_finite(snapshot: Snapshot) -> bool:
-    """Tell whether all readings used are numbers; sums of squares cannot cancel."""
+    """Return whether all readings used are finite; sums of squares cannot cancel."""
     q, dq = snapshot.q, snapshot.dq
     gyro, accel = snapshot.angular_velocity, snapshot.linear_acceleration
     left, right = snapshot.ft_left, snapshot.ft_right

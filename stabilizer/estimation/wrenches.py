@@ -1,4 +1,7 @@
-"""Wrenches at ankles and soles: by sensors, or by joint efforts and dynamics."""
+"""Wrenches at ankles and soles, from sensors or from joint efforts and dynamics.
+
+Order in a tick: virtual wrenches, sensor health, force offsets, compensation.
+"""
 
 from __future__ import annotations
 
@@ -22,18 +25,18 @@ from surefoot.stabilizer.model import (
 )
 
 EFFORT_NM = 1.0
-"""Error of a leg's equation that one reckons with: friction, efforts as reported."""
+"""Assumed error of a leg's equation: friction and errors of the efforts."""
 PRIOR_N, PRIOR_NM = 1000.0, 100.0
-"""Forces and moments at an ankle are of this order: what the joints hardly feel, as the
-load along a straight leg, is not blown up beyond it."""
+"""Expected size of an ankle's forces and moments. It bounds what the joints hardly
+feel, such as the load along a straight leg."""
 OFFSET_EVERY_S, OFFSET_CUTOFF_HZ = 0.02, 5.0
-"""A force along the sole is compared so often, and so slowly followed."""
+"""Period of comparing forces along the sole, and cutoff of following them."""
 OFFSET_MEMORY_S, OFFSET_COUNT = 1.0, 4
-"""Over which it is averaged, and the fewest comparisons that tell."""
+"""Averaging time of the comparison, and fewest comparisons that count."""
 SUDDEN_COUNT = 6
-"""So many in a row that are off the average have it begin anew; impacts are shorter."""
+"""Deviations in a row after which the average restarts; impacts are shorter."""
 OFFSET_SHARE = 0.2
-"""Of the weight: less may be friction in the joints, or the model's error [1]."""
+"""Part of the weight: less may be friction in the joints, or model error [1]."""
 
 
 def wrench_shift(R_sensor_sole: Mat, p_sensor_sole: Vec3) -> Mat:
@@ -57,11 +60,11 @@ def wrench_shift(R_sensor_sole: Mat, p_sensor_sole: Vec3) -> Mat:
 
 
 class WrenchCompensation:
-    """Removes the weight below each sensor and shifts to the soles.
+    """Removes the weight below each sensor and shifts the wrench to the sole.
 
-    The sensor reports the wrench from below on the ankle. Newton for the plate,
-    its acceleration neglected: F_ground = F_sensor - plate weight. Both the shift and
-    the weight's wrench, as a function of where up is, are constant matrices.
+    The sensor reports the wrench from below on the ankle. Newton for the plate, its
+    acceleration neglected: F_ground = F_sensor - plate weight. Both the shift and the
+    weight's wrench, as a function of up, are constant matrices.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -107,12 +110,12 @@ class WrenchCompensation:
 
 
 def foot_offsets(model: RobotModel, mean: Snapshot) -> Array:
-    """Return what both sensors read but for the weight of the foot below them.
+    """Return the offsets of both sensors: their readings without the foot's weight.
 
     Args:
         model: the robot.
-        mean: of readings of a robot at rest, both feet off the ground; the
-            accelerometer tells where up is.
+        mean: mean of readings at rest with both feet off the ground; the accelerometer
+            tells where up is.
 
     Returns:
         (2, 6) [force; moment] of left and right, sensor frames [N, N m].
@@ -123,7 +126,7 @@ def foot_offsets(model: RobotModel, mean: Snapshot) -> Array:
     pin.framesForwardKinematics(model.pin_model, data, q)
     up_in_base = model.T_base_imu.rotation @ mean.linear_acceleration
     up_in_base /= np.linalg.norm(up_in_base)
-    # Only the row of "up" counts: which way a sole looks is no matter for a weight.
+    # Only the row of "up" matters: the weight does not depend on the heading.
     R_world_sole = []
     for sole in model.sole_ids:
         R = np.zeros((3, 3))
@@ -143,28 +146,28 @@ def foot_offsets(model: RobotModel, mean: Snapshot) -> Array:
 
 
 class VirtualWrenches:
-    """A momentum observer over the legs, in a frame that moves with the IMU.
+    """A momentum observer of the legs, in a frame that moves with the IMU.
 
-    The momentum of the leg joints changes by gravity, by their efforts and by the
-    wrenches at the ankles; what the first two do not explain are the last. In a frame
-    that moves with the IMU without turning, gravity is what the accelerometer feels,
-    so neither the base's velocity nor the ground's need be known::
+    The momentum of the leg joints changes by gravity, by their efforts and by the ankle
+    wrenches; what gravity and efforts leave unexplained are the wrenches. In a frame
+    that moves with the IMU without turning, gravity is what the accelerometer feels, so
+    neither the base's nor the ground's velocity is needed::
 
         p = (H v)_legs,  r = K (p - p_0 - integral((C^T v)_legs - g_legs + tau + r) dt)
 
     and r follows J^T F as a first-order low-pass of bandwidth K (De Luca and Mattone,
-    Actuator failure detection and isolation using generalized momenta, ICRA 2003). What
-    hangs below the sensors' place is not part of the model, so that F is what a sensor
-    there would report.
+    Actuator failure detection and isolation using generalized momenta, ICRA 2003). The
+    parts below the sensors' place are not in the model, so F is what a sensor there
+    would report.
 
-    Pure: no clock. Efforts that are all zero are none; then F is no number, which the
-    sensors' health takes for a lost sensor.
+    Pure: no clock. Efforts that are all zero count as missing. F is then not finite,
+    which the sensors' health takes for a lost sensor.
     """
 
     def __init__(
         self, model: RobotModel, settings: VirtualForceTorque, *, period_s: float
     ) -> None:
-        """Take the plates off a copy of the model."""
+        """Remove the plates from a copy of the model."""
         self._model, self._dt = model, period_s
         self._pin = pin.Model(model.pin_model)
         self._data = self._pin.createData()
@@ -197,7 +200,7 @@ class VirtualWrenches:
         self._residual: Array = np.zeros(len(self._rows))
 
     def infer(self, snapshot: Snapshot) -> Snapshot:
-        """Put what the ankles feel in the place of their sensors' readings.
+        """Replace the ankle readings by the inferred wrenches.
 
         Args:
             snapshot: with efforts measured; to be called at every tick.
@@ -225,7 +228,7 @@ class VirtualWrenches:
     def _momentum_and_drive(
         self, snapshot: Snapshot, effort: Array
     ) -> tuple[Array, Array]:
-        """Momentum of the leg joints, and what but the ankles changes it; fills J."""
+        """Return the leg joints' momentum and its drive without the ankles; fill J."""
         model, robot, data, rows = self._pin, self._model, self._data, self._rows
         q, v = self._q, self._v
         q[N_BASE_Q:] = snapshot.q[robot.to_model]
@@ -249,15 +252,15 @@ class VirtualWrenches:
 
 
 class ForceOffsets:
-    """Takes off what ankle sensors report along their soles and no joint feels.
+    """Removes offsets of the ankle sensors along the soles, which no joint feels.
 
-    Two feet that push against each other move nothing, so neither accelerometer nor
-    attitude tells whether such a force is there. The legs' efforts do, less exactly
-    than a sensor, but for what fells a robot: provided that they explain the load on
-    the feet, as efforts do that a driver reports in newton metres.
+    Two feet that push against each other move nothing, so accelerometer and attitude do
+    not show such a force. The legs' efforts do: less exactly than a sensor, but well
+    enough for an error that fells a robot. The efforts must explain the load on the
+    feet, as those do that a driver reports in newton metres.
 
     Attributes:
-        found: (2,) whether the left and the right sensor have had an offset.
+        found: whether left and right sensor have had an offset.
     """
 
     def __init__(self, model: RobotModel) -> None:
@@ -276,7 +279,7 @@ class ForceOffsets:
         self.found = [False, False]
 
     def correct(self, snapshot: Snapshot) -> Snapshot:
-        """Take off what was found; the same object where nothing was.
+        """Subtract the offsets found; without any the same object is returned.
 
         Args:
             snapshot: with efforts measured; to be called at every tick.
@@ -303,7 +306,7 @@ class ForceOffsets:
         self._count += 1
         self._gap += max(1.0 / self._count, self._least_gain) * (gap - self._gap)
         normals = (self._gap * self._normals).sum(axis=1)
-        # Efforts that do not explain the load explain nothing else either.
+        # Efforts that do not explain the load explain nothing else.
         if self._count < OFFSET_COUNT or np.abs(normals).max() > self._limit:
             return
         for side, normal in enumerate(normals.tolist()):
@@ -314,10 +317,10 @@ class ForceOffsets:
                 self._offset[side, :3] = along
 
     def _look_for_sudden(self, change: Array) -> None:
-        """Begin the average anew when a force along a sole is off that was not.
+        """Restart the average when a force along a sole suddenly gets an offset.
 
         Args:
-            change: (2, 3) of a comparison against the average [N].
+            change: (2, 3) deviation of a comparison from the average [N].
         """
         normals = (change * self._normals).sum(axis=1)
         along = change - normals[:, np.newaxis] * self._normals

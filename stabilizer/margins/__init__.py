@@ -1,1 +1,1 @@
-"""How far a robot's loops are from swaying, told before it stands."""
+"""Stability margins of a robot's loops, computed before it stands."""

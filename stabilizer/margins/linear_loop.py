@@ -1,23 +1,22 @@
-"""The whole loop, linear: both QPs, the wrench law and the robot on its feet.
+"""The whole loop, linearised: both QPs, the wrench law and the robot on its feet.
 
-Small motions about the nominal stance: rigid bodies, servos, and soles on hard ground
-that stands still. Servos and contacts are stepped as the simulator steps them, damping
-implicitly, at 1 kHz: a servo's own loop runs about as fast.
+It describes small motions about the nominal stance: rigid bodies, servos, and soles on
+hard ground that stands still. Servos and contacts are stepped as in the simulator, with
+implicit damping, at 1 kHz: a servo's own loop is about as fast.
 
     H a = S^T (kp (s - q_J) - (kd + b) v_J) - G dq + P^T f
     P a + R f = - 2 w P v - w^2 P dq (of the normals only)
 
-dq is the deviation in the tangent space, s the set-points the servos act on, G the
-change of gravity's generalised force with the mean wrenches kept, P the Jacobian of the
-corners of both soles, f the forces there. The corners' springs have the stiffness
-w^2 / R; along the sole they do not slip.
+dq is the deviation in the tangent space, s the set-points of the servos, G the change
+of gravity's generalised force at constant mean wrenches, P the Jacobian of the corners
+of both soles, f the forces there. The corner springs have the stiffness w^2 / R; along
+the sole they do not slip.
 
-What the controller does with small deviations is asked of its own parts, so that a
-changed law or weight changes its margins too. Taken to be without fault: the state
-estimate.
+The controller's own parts are asked for its answers to small deviations, so a changed
+law or weight changes the margins too. The state estimate is assumed exact.
 
-The loop is cut where the wrench errors e_F enter the law: a factor there is one on
-1 / |K|.
+The loop is cut where the wrench errors e_F enter the law. A factor there acts like one
+on 1 / |K|.
 """
 
 from __future__ import annotations
@@ -39,9 +38,9 @@ from surefoot.stabilizer.model import N_BASE_V, RobotModel
 STEP_S = 0.001
 """Longest step of servos and contacts [s]."""
 SETTLING_RAD_S = 250.0
-"""w, how fast a contact settles [rad/s]."""
+"""w, rate at which a contact settles [rad/s]."""
 FRICTION_RATIO = 10.0
-"""How much stiffer contacts are along the sole."""
+"""Stiffness of contacts along the sole over that along the normal."""
 DIFFERENCE = 1e-5
 """Step of finite differences [m, rad]."""
 BOTH = [True, True]
@@ -52,8 +51,8 @@ class LinearPlant:
     """x_next = A x + B u, F = C x, u held from tick to tick.
 
     Attributes:
-        A: (n, n) of x = (dq, v, s, F), s the joints' set-points.
-        B: (n, n_a) of the positions commanded.
+        A: (n, n) for x = (dq, v, s, F), with s the joints' set-points.
+        B: (n, n_a) for the commanded positions.
         C: (12, n) wrenches of the ground on the soles during the last step, sole
             frames [N, N m].
         n_v: size of dq and of v.
@@ -77,12 +76,12 @@ def linear_plant(
     """Linearise the robot in its nominal stance.
 
     Args:
-        robot: gives the servos.
+        robot: has the servos.
         model: the same robot.
         dynamics: at the nominal stance, at rest.
-        F_mean: (12,) wrenches the soles feel there.
-        contact_stiffness: of one sole on its ground, along its normal [N/m].
-        lag_s: of the set-points [s].
+        F_mean: (12,) mean wrenches of the soles there [N, N m].
+        contact_stiffness: stiffness of one sole on its ground, along its normal [N/m].
+        lag_s: lag of the set-points [s].
     """
     n_v, m = model.n_v, model.n_a
     substeps = max(1, math.ceil(robot.period_s / STEP_S - 1e-9))
@@ -118,7 +117,7 @@ def _forces(
     stiffness: float,
     dt: float,
 ) -> tuple[Mat, Mat]:
-    """Accelerations and wrenches by (dq, v, s): (n_v, n) and (12, n)."""
+    """Return accelerations and wrenches per (dq, v, s): (n_v, n) and (12, n)."""
     n_v, n = model.n_v, 2 * model.n_v + model.n_a
     H_inv, J = dynamics.H_inv.copy(), dynamics.J_contact.copy()
     H = dynamics.inertia_matrix()
@@ -145,7 +144,7 @@ def _forces(
 
 
 def _corners(model: RobotModel) -> Mat:
-    """Velocities of the soles' corners by the sole twists, (24, 12)."""
+    """Return the map from sole twists to velocities of the soles' corners, (24, 12)."""
     blocks = []
     for side, (length, width) in enumerate(model.half_sizes):
         for x in (length, -length):
@@ -158,7 +157,7 @@ def _corners(model: RobotModel) -> Mat:
 
 
 def _gravity(model: RobotModel, dynamics: Dynamics, F_mean: Array) -> Mat:
-    """Change of gravity's and the mean wrenches' generalised force, (n_v, n_v)."""
+    """Return the change of gravity's and the mean wrenches' force, (n_v, n_v)."""
     n_v = model.n_v
     q, still = dynamics.q.copy(), np.zeros(n_v)
     change = np.empty((n_v, n_v))
@@ -184,7 +183,7 @@ class LoopMatrices(NamedTuple):
 
 @dataclass(frozen=True)
 class LinearController:
-    """What the controller does with small deviations; x as the plant's first 2 n_v.
+    """Answer of the controller to small deviations; x is the plant's first 2 n_v.
 
     F_id = F_x x;  v_J = v_x x + v_q q_command + v_r r;
     r = r_e (F - F_id) + r_x x + share (low + lead change), change = blend (J v - low).
@@ -194,13 +193,14 @@ class LinearController:
         v_x: (n_a, 2 n_v).
         v_q: (n_a, n_a).
         v_r: (n_a, 12).
-        r_e: (12, 12) of wrench errors.
+        r_e: (12, 12) for the wrench errors.
         r_x: (12, 2 n_v) pull of the feet to the stance.
-        twist: (12, 2 n_v) twists of the soles.
-        ground: (12,) parts of them fed forward.
-        blend: of the low-pass, per tick.
-        lead: in ticks.
-        inverse_lead: q + lead (q - q of the tick before) is sent to the drives [1].
+        twist: (12, 2 n_v) for the twists of the soles.
+        ground: (12,) parts of the twists that are fed forward.
+        blend: coefficient of the low-pass, per tick.
+        lead: lead of the feed-forward [ticks].
+        inverse_lead: lead in q + lead (q - q of the tick before), the command sent to
+            the drives [1].
     """
 
     F_x: Mat
@@ -217,7 +217,7 @@ class LinearController:
 
 
 class LinearLoop:
-    """Plant and controller, to be closed with any delay and any gains."""
+    """Plant and controller; can be closed with any delay and any gains."""
 
     def __init__(self, robot: Robot, settings: ControllerSettings) -> None:
         """Linearise both in the nominal stance."""
@@ -237,14 +237,14 @@ class LinearLoop:
         self.law = _linear_controller(controller, settings)
 
     def cut(self, delay_ticks: int, *, missed: bool = False) -> LoopMatrices:
-        """Return the loop cut at the wrench errors; closed it is A + B C.
+        """Return the loop, cut at the wrench errors; closed it is A + B C.
 
-        Its state is the plant's, the low-passed sole twists, the commands of the last
-        ticks, newest first, and what the servos followed in the last tick.
+        Its state: the plant's, the low-passed sole twists, the commands of the last
+        ticks (newest first), and what the servos followed in the last tick.
 
         Args:
-            delay_ticks: from the reading to the step its answer acts in.
-            missed: no answer comes to act in this tick; the servos go on as before.
+            delay_ticks: delay from a reading to the step in which its answer acts.
+            missed: whether no answer acts in this tick; the servos go on as before.
         """
         plant, law, dt = self.plant, self.law, self.period_s
         n_p, m, past = len(plant.A), plant.B.shape[1], delay_ticks + 1
@@ -259,7 +259,8 @@ class LinearLoop:
         C[:, state] -= law.F_x
         A[low, state] = law.blend * law.twist
         A[low, low] = (1.0 - law.blend) * np.eye(12)
-        # r feeds forward low + (1 + lead) blend (J v - low), by the law of this tick.
+        # The feed-forward in r is low + (1 + lead) blend (J v - low), by this tick's
+        # law.
         fed = (1.0 + law.lead) * law.blend
         forward = law.v_r * law.ground
         A[newest, state] = law.v_x + law.v_r @ law.r_x + fed * forward @ law.twist
@@ -270,7 +271,7 @@ class LinearLoop:
         B[newest] = dt * law.v_r @ law.r_e
         for later, sooner in zip(sent[1:], sent, strict=False):
             A[later, sooner] = np.eye(m)
-        # The drives' inverse: what is sent for q after q_before.
+        # The drives' inverse: the command sent for q after q_before.
         lead = law.inverse_lead
         if missed:
             A[before, before] = np.eye(m)
@@ -287,7 +288,7 @@ class LinearLoop:
 
 
 def _wrenches(controller: WholeBodyController) -> Array:
-    """F_id at the present state of its dynamics, (12,)."""
+    """Return F_id at the present state of the controller's dynamics, (12,)."""
     dynamics, stance = controller.dynamics, controller.stance
     stance.compare_base(_rotation(dynamics.q))
     weight = controller.model.mass * 9.81

@@ -1,9 +1,10 @@
-"""Gain, phase and delay margin of every foot axis, and of all of them together.
+"""Gain, phase and delay margins of every foot axis, and of all of them together.
 
-The loop is cut at the wrench errors: a factor there is one on 1 / |K|, which is how
-much a foot yields. For one axis the other eleven stay closed. All at once: the common
-factor and the common delay that make the whole loop sway, and the disk margin, which
-any factor or phase within it, different on every axis, leaves stable.
+The loop is cut at the wrench errors. A factor there acts like one on 1 / |K|, which is
+how much a foot yields. For the margins of one axis the other eleven stay closed. For
+all axes at once there are the common factor and the common delay at which the whole
+loop oscillates, and the disk margin: any factor or phase within it, different on every
+axis, leaves the loop stable.
 
 References: P. Seiler, A. Packard and P. Gahinet, An introduction to disk margins,
 IEEE Control Systems Magazine 40 (2020).
@@ -26,67 +27,68 @@ from surefoot.stabilizer.margins.linear_loop import LinearLoop, LoopMatrices
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 FREQUENCIES = 300
 LOWEST_HZ = 0.5
-"""Below it there is only the slow way of the feet back to the stance."""
+"""Frequency below which there is only the slow return of the feet to the stance."""
 GROWTH_PER_S = 0.1
-"""Motions that grow more slowly are no swaying: the feet's way along the ground."""
+"""Growth below which a motion is no oscillation, but the feet's way along the
+ground."""
 MOST_TICKS = 100
 LARGEST_FACTOR = 1e3
 BISECTIONS = 12
 BALANCING_ROUNDS = 5
 ENOUGH_DB = 6.0
-"""Gain margin to have: a robot that yields twice as much as was thought [dB]."""
+"""Required gain margin: the robot may yield twice as much as assumed [dB]."""
 
 
 class AxisMargin(msgspec.Struct, frozen=True, kw_only=True):
-    """Margins of one axis of one foot, the others closed; None: there is no limit."""
+    """Margins of one axis of one foot, the other axes closed; None: no limit."""
 
     foot: str
     """Left or right."""
     axis: str
-    """Of the sole frame: x y z roll pitch yaw."""
+    """Axis of the sole frame: x y z roll pitch yaw."""
     gain_db: float | None = None
-    """How much more this axis may yield to a wrench error [dB]."""
+    """Additional factor by which this axis may yield to a wrench error [dB]."""
     phase_deg: float | None = None
-    """How much its phase may change [deg]."""
+    """Change of phase that this axis bears [deg]."""
     delay_ms: float | None = None
-    """How much later its readings may be [ms]."""
+    """Additional delay of its readings that this axis bears [ms]."""
 
 
 class LoopMargins(msgspec.Struct, frozen=True, kw_only=True):
     """Margins of all axes of a robot that stands on still ground."""
 
     robot: str
-    """Its name."""
+    """Name of the robot."""
     servo_profile: str
-    """How its servos follow."""
+    """Servo profile of the robot."""
     rate_hz: float
-    """Control ticks in a second."""
+    """Control ticks per second."""
     delay_ms: float
-    """Delay of the loop that the margins are at: from a reading to the step its
-    answer acts in [ms]."""
+    """Loop delay for which the margins hold: from a reading to the step in which its
+    answer acts [ms]."""
     stable: bool
-    """Whether it stands without swaying at all; if not, the axes have no margins."""
+    """Whether it stands without oscillation; if not, the axes have no margins."""
     gain_db: float | None
-    """By how much all axes together may yield more; negative: have to yield less, not
-    to sway; None: without limit [dB]."""
+    """Factor by which all axes together may yield more; negative: must yield less, to
+    stand without oscillation; None: no limit [dB]."""
     disk: float
     """Disk margin of all axes together, 0 to 2 [1]."""
     disk_gain_db: float | None
-    """Any factor so large or small, another on every axis, is borne; None: any [dB]."""
+    """Factor, up or down and different on every axis, that is borne; None: any [dB]."""
     disk_phase_deg: float
-    """Any phase so large, another on every axis, is borne [deg]."""
+    """Phase, different on every axis, that is borne [deg]."""
     loop_delay_ms: float
-    """Largest delay of the loop that is borne, a whole number of ticks; negative:
-    none [ms]."""
+    """Largest loop delay that is borne, a whole number of ticks; negative: none
+    [ms]."""
     missed_ticks: int
-    """Longest train of missed ticks that is borne however often it comes, with one
-    answered tick in between."""
+    """Longest train of missed ticks that is borne if repeated without end, with one
+    answered tick between trains."""
     axes: list[AxisMargin]
-    """Left foot, then right."""
+    """Axes of the left foot, then of the right."""
 
     @property
     def worst_db(self) -> float | None:
-        """Smallest gain margin, of one axis or of all together; None: no limit."""
+        """Smallest gain margin of single axes and of all together; None: no limit."""
         found = [axis.gain_db for axis in self.axes if axis.gain_db is not None]
         if self.gain_db is not None:
             found.append(self.gain_db)
@@ -94,12 +96,12 @@ class LoopMargins(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_enough(self) -> bool:
-        """Whether it stands, and every gain margin is large enough."""
+        """Whether the robot stands and every gain margin is large enough."""
         worst = self.worst_db
         return self.stable and (worst is None or worst >= ENOUGH_DB)
 
     def in_words(self) -> list[str]:
-        """Say what is borne, one sentence per line."""
+        """Return what is borne in words, one sentence per line."""
         if not self.stable:
             return [
                 f"sways at a loop delay of {self.delay_ms:g} ms: "
@@ -127,7 +129,7 @@ def compute_margins(
 ) -> LoopMargins:
     """Compute all margins of the whole-body stabilizer on a robot that stands.
 
-    The delay is that from a reading to the step its answer acts in.
+    ``delay_ticks`` is the delay from a reading to the step in which its answer acts.
     """
     loop = LinearLoop(robot, settings)
     period_s, matrices = loop.period_s, loop.cut(delay_ticks)
@@ -175,9 +177,9 @@ def compute_margins(
 
 
 def _sensitivities(matrices: LoopMatrices, points: Array) -> Array:
-    """(I - G)^-1 at points of the unit circle, (points, 12, 12); G from e to e."""
+    """Return (I - G)^-1, G from e to e, at points of the unit circle, (n, 12, 12)."""
     A, B, C = matrices
-    # Delays have no full set of eigenvectors, but a triangular form.
+    # Delays leave no full set of eigenvectors; a triangular form always exists.
     T, Z = schur(A, output="complex")
     left, right, eye = C @ Z, Z.conj().T @ B, np.eye(len(A))
     S = np.empty((len(points), 12, 12), dtype=complex)
@@ -188,7 +190,7 @@ def _sensitivities(matrices: LoopMatrices, points: Array) -> Array:
 
 
 def _structured_norms(matrices: Array) -> list[float]:
-    """Upper bounds of mu for one complex number on each axis, by balancing."""
+    """Return upper bounds of mu for one complex number per axis, by balancing."""
     bounds = []
     for matrix in np.abs(matrices):
         scale = np.ones(12)
@@ -207,7 +209,7 @@ def _structured_norms(matrices: Array) -> list[float]:
 
 
 def _axis(g: Array, omegas: Array, *, side: str, axis: str, stable: bool) -> AxisMargin:
-    """Margins of one axis: g(j omega) from its error back to it, others closed."""
+    """Return the margins of one axis; g(j omega) is its loop with the others closed."""
     if not stable:
         return AxisMargin(foot=side, axis=axis)
     factors = [1.0 / real for real in _real_crossings(g) if 0.0 < real < 1.0]
@@ -229,7 +231,7 @@ def _axis(g: Array, omegas: Array, *, side: str, axis: str, stable: bool) -> Axi
 
 
 def _real_crossings(g: Array) -> list[float]:
-    """Real parts of g where it crosses the real axis, and at its end."""
+    """Return the real parts of g where it crosses the real axis, and at its end."""
     imag, real = g.imag, g.real
     crossings = [float(real[-1])]
     for k in np.flatnonzero(imag[:-1] * imag[1:] < 0.0).tolist():
@@ -244,7 +246,7 @@ def _between(angles: Array, k: int, share: float) -> float:
 
 
 def _largest_factor(bears: Callable[[float], bool]) -> float:
-    """Return the factor from which on the loop sways, above 1; inf when none does."""
+    """Return the factor above 1 from which the loop oscillates; inf for none."""
     low, high = 1.0, 1.5
     while bears(high):
         low, high = high, 1.5 * high
@@ -254,7 +256,7 @@ def _largest_factor(bears: Callable[[float], bool]) -> float:
 
 
 def _smaller_factor(bears: Callable[[float], bool]) -> float:
-    """Return the factor, below 1, at which a loop that sways would be calm."""
+    """Return the factor below 1 at which an oscillating loop would be calm."""
     low, high = 1.0 / 1.5, 1.0
     while not bears(low):
         low, high = low / 1.5, low
@@ -289,7 +291,7 @@ def _last_true(bears: Callable[[int], bool], *, first: int) -> int:
 
 
 def _missed(loop: LinearLoop, delay_ticks: int, is_calm: Callable[[Mat], bool]) -> int:
-    """Return the longest train of missed ticks it bears, one answered between."""
+    """Return the longest train of missed ticks that is borne, one answered between."""
     A, B, C = loop.cut(delay_ticks)
     answered = A + B @ C
     A, B, C = loop.cut(delay_ticks, missed=True)

@@ -1,1 +1,1 @@
-"""Which sensors are believed, and when to give up in order."""
+"""Which sensors are trusted, and when the stabilizer gives up in order."""

@@ -1,7 +1,8 @@
-"""Watches each sensor alone: missing, not a number, out of range, jumping, frozen.
+"""Health of each sensor: missing, not finite, out of range, jumping, frozen.
 
-A reading that cannot be right is bridged with the last good one for a few
-milliseconds; then the sensor is lost. Pure: the same snapshots give the same verdicts.
+Stands between snapshot and observer. An impossible reading is replaced by the last good
+one for a few milliseconds; then the sensor is lost. Pure: the same snapshots give the
+same verdicts.
 """
 
 from __future__ import annotations
@@ -24,23 +25,24 @@ from surefoot.schemas.settings import SafetySettings
 
 FRESH: Ages = (0,) * len(SENSORS)
 REQUIRED = tuple(i for i, entry in enumerate(SENSORS) if entry.loss is Loss.HOLD)
-"""Sensors, by their place in the table, without which nothing works."""
+"""Sensors without which nothing works, by their place in the table."""
 LEFT_FT, RIGHT_FT = (SENSORS.index(ankle_sensor(side)) for side in ("left", "right"))
 ATTITUDE_NORM: Final = (0.9, 1.1)
-"""Square of an attitude's norm; beyond it, it is no attitude."""
+"""Range of the square of an attitude's norm."""
 UNLIMITED: Final = 1e200
-"""Limit of what has none. Not infinity, against which infinity would be no number."""
+"""Stands for no limit. Finite, since infinity over infinity would be NaN."""
 SPEED_SHARE: Final = 5.0
-"""No joint can turn at so many times its velocity limit, whatever its encoder says."""
+"""Multiple of its velocity limit at which no joint can turn, whatever its encoder
+says."""
 
 OVERLOAD_WEIGHTS: Final = 2.0
-"""A foot may be asked to carry so much, and a heavy robot's does on every step [1]."""
+"""Load a foot may be asked to carry, as in every step of a heavy robot [weights]."""
 
 
 class SensorLimits:
-    """Holds one tick's numbers against limits, all at once.
+    """Compares one tick's numbers with their limits, all at once.
 
-    In a row, as the sensor table has them: all readings of a snapshot.
+    The readings of a snapshot form one row, in the order of the sensor table.
     """
 
     def __init__(self, robot: Robot, settings: SafetySettings) -> None:
@@ -80,10 +82,10 @@ class SensorLimits:
         self._per_range, self._per_jump = 1.0 / ranges, 1.0 / jumps
 
     def measure(self, snapshot: Snapshot) -> bool:
-        """Take a tick's numbers; believes nothing yet.
+        """Take a tick's numbers, without trusting them yet.
 
         Returns:
-            Whether every number is within its range and near its last believed value.
+            Whether every number is within its range and near its last trusted value.
         """
         place, change, now = self._place, self._change, self._now
         np.concatenate(readings(snapshot), out=now)
@@ -94,7 +96,7 @@ class SensorLimits:
         for _, attitude in self._attitudes:
             if not _is_attitude(attitude):
                 return False
-        # A number that is none would hide from the search for the largest.
+        # A NaN would hide from the search for the largest.
         return bool(
             place.dot(place) < np.inf
             and -1.0 <= place[idamax(place)] <= 1.0
@@ -102,15 +104,15 @@ class SensorLimits:
         )
 
     def sums(self) -> tuple[float, ...]:
-        """Of each sensor, the sum of squares of what trembles in it while it lives."""
+        """For each sensor, the sum of squares of its readings that always tremble."""
         return tuple([numbers.dot(numbers) for numbers in self._trembling])
 
     def believe_measured(self) -> None:
-        """The numbers last measured are what the next ones are compared with."""
+        """Compare the next numbers with those last measured."""
         np.copyto(self._last, self._now)
 
     def believe(self, snapshot: Snapshot) -> None:
-        """A snapshot's numbers are what the next ones are compared with."""
+        """Compare the next numbers with those of a snapshot."""
         np.concatenate(readings(snapshot), out=self._now)
         self.believe_measured()
 
@@ -122,7 +124,7 @@ class SensorLimits:
         )
 
     def has_jumped(self, index: int) -> bool:
-        """Whether a sensor changed by more than it can in one tick."""
+        """Whether a sensor changed by more than is possible in one tick."""
         return _exceeds(self._change[self._rows[index]])
 
 
@@ -135,27 +137,27 @@ def _exceeds(shares: Array) -> bool:
 
 
 class SensorHealth:
-    """Judges snapshots, and mends what is missing for a moment.
+    """Judges snapshots and bridges short gaps.
 
-    All numbers of a tick, and their change since the last believed ones, are held
-    against their limits at once; only a doubt looks at each sensor.
+    All numbers of a tick, and their change since the last trusted ones, are compared
+    with their limits at once. Only a doubt looks at each sensor.
 
     Attributes:
-        lost: per sensor, in the order of the sensor table, why it is lost; None for
-            a sensor that is believed.
-        overload_ticks: for how many ticks the left and the right foot have been
-            reporting a force that lasts only if it is false.
+        lost: per sensor, in the order of the sensor table, why it is lost; None for a
+            trusted sensor.
+        overload_ticks: ticks for which left and right foot have reported a force that
+            can last only if it is false.
     """
 
     def __init__(
         self, robot: Robot, settings: SafetySettings, *, weight: float = 0.0
     ) -> None:
-        """Believe everything until told otherwise.
+        """Trust every sensor at first.
 
         Args:
-            robot: whose sensors they are.
+            robot: the robot with the sensors.
             settings: limits and times.
-            weight: of the robot [N].
+            weight: weight of the robot [N].
         """
         self.lost: list[SensorTrouble | None] = [None] * len(SENSORS)
         self.overload_ticks = (0, 0)
@@ -188,7 +190,7 @@ class SensorHealth:
         return {entry.name: why for entry, why in pairs if why is not None}
 
     def in_words(self) -> str:
-        """Lost sensors for people: ``imu missing``; empty when there are none."""
+        """Lost sensors in words: ``imu missing``; empty for none."""
         return ", ".join(
             f"{name}{self._virtual.get(name, '')} {plain(why)}"
             for name, why in self.losses.items()
@@ -200,14 +202,14 @@ class SensorHealth:
         """Judge a tick.
 
         Args:
-            snapshot: as it came.
+            snapshot: the snapshot as received.
             ages: ticks since each sensor's message.
-            moves: asked when a sensor repeats itself: whether the command changed, so
+            moves: called when a sensor repeats itself; whether the command changed, so
                 that readings must change, too.
 
         Returns:
-            The same snapshot when nothing is wrong; else one with the last good
-            readings in place of the bad.
+            The same snapshot if nothing is wrong; else one with the last good readings
+            in place of the bad ones.
         """
         limits = self._limits
         good = self._good
@@ -271,7 +273,7 @@ class SensorHealth:
         return self._good
 
     def _judge(self, index: int, trouble: SensorTrouble | None) -> None:
-        """From trouble to loss and back."""
+        """Turn trouble that lasts into loss, and recovery into trust."""
         if trouble:
             self._troubled[index] += 1
             self._well[index] = 0
@@ -291,7 +293,7 @@ class SensorHealth:
     def _trouble(
         self, index: int, snapshot: Snapshot, age: int
     ) -> SensorTrouble | None:
-        """What is wrong with a sensor now; None when nothing is."""
+        """Return what is wrong with a sensor now; None if nothing is."""
         if age > 0:
             return SensorTrouble.MISSING
         values = [getattr(snapshot, field) for field in SENSORS[index].fields]
@@ -303,7 +305,7 @@ class SensorHealth:
             return SensorTrouble.FROZEN
         if self._overloaded[index] > self._overload_after:
             return SensorTrouble.OVERLOADED
-        # A sensor that was lost otherwise may come back with any value.
+        # A sensor lost for another reason may come back with any value.
         is_compared = self.lost[index] in (None, SensorTrouble.JUMPED)
         if is_compared and self._limits.has_jumped(index):
             return SensorTrouble.JUMPED

@@ -1,7 +1,7 @@
-"""Between sensors and controller: what is believed, and when to give up in order.
+"""Safety layer between sensors and controller: trust of sensors, orderly end.
 
-Data flows one way: snapshot -> health -> controller -> command. No clock and no I/O;
-in a healthy run the controller's answers pass through unchanged.
+Data flows one way: snapshot -> health -> controller -> command. No clock and no I/O. In
+a healthy run the controller's answers pass through unchanged.
 """
 
 from __future__ import annotations
@@ -35,34 +35,33 @@ from surefoot.stabilizer.safety.health import (
 
 @runtime_checkable
 class Degradable(Protocol):
-    """A controller that can do without an ankle sensor."""
+    """A controller that can go on without ankle sensors."""
 
     def degrade(self, lost: tuple[bool, bool]) -> None:
-        """Leave out what comes from lost sensors.
+        """Leave out the readings of lost sensors.
 
         Args:
-            lost: whether the left and the right ankle sensor are.
+            lost: whether left and right ankle sensor are lost.
         """
 
     def undo_overload(
         self, q_command: Array, *, ticks: int, sides: tuple[bool, bool]
     ) -> None:
-        """Return to a former command, from which false forces have led away.
+        """Return to the command from before a period of false forces.
 
         Args:
-            q_command: (n_a,) the command before, bus order [rad].
-            ticks: how long the forces were false; the return takes as long.
-            sides: whether those of the left and of the right foot were.
+            q_command: (n_a,) the command before that period, bus order [rad].
+            ticks: length of the period; the return takes as long.
+            sides: whether the forces of left and right foot were false.
         """
 
 
 class Safety:
-    """A controller, watched, for one start of it.
+    """Watches one controller, for one start of it.
 
     Attributes:
-        controller: what answers while all is well.
-        state: what the stabilizer is doing: active, degraded, soft_stop, fade_out or
-            held.
+        controller: answers while all is well.
+        state: state of the stabilizer: active, degraded, soft_stop, fade_out or held.
         end: why it gives up or was asked to end; ``none`` while it goes on.
         detail: why it is not active, in words; empty when it is.
         losses: sensors lost since the start, by channel, and why at first.
@@ -111,7 +110,7 @@ class Safety:
 
     @property
     def lost_sensors(self) -> dict[str, SensorTrouble]:
-        """Sensors that are not believed, by channel, and why."""
+        """Sensors that are not trusted, by channel, and why."""
         return self._health.losses
 
     @property
@@ -135,7 +134,7 @@ class Safety:
         Args:
             snapshot: reading of all sensors.
             ages: ticks since each sensor's message, in the order of the topic table.
-            reference: newest word of a planner, if any.
+            reference: a planner's newest reference, if any.
         """
         if self.is_done and self._output is not None:
             return self._output
@@ -169,9 +168,9 @@ class Safety:
         return output
 
     def request_soft_stop(self, detail: str) -> None:
-        """Have the robot come to rest in balance; the command then stand still.
+        """Let the robot come to rest in balance; then the command stands still.
 
-        A sensor lost or a fall meanwhile end it as ever.
+        A lost sensor or a fall in the meantime ends it as usual.
         """
         if self._gives_up():
             return
@@ -180,16 +179,17 @@ class Safety:
         self._asked = self._command.copy()
 
     def abort(self, end: EndReason, detail: str) -> None:
-        """Have the command fade out; the first reason stays."""
+        """Let the command fade out; the first reason stays."""
         if not self._gives_up():
             self.state = StabilizerState.FADE_OUT
             self.end, self.detail = end, detail
 
     def _unheard(self, output: ControllerOutput) -> ControllerOutput:
-        """What becomes of an answer that is no posture.
+        """Deal with an answer that is not a posture.
 
-        The robot refuses it, counts it and keeps the last good one: for as long as a
-        sensor may be away, which is before it takes us for silent.
+        The robot refuses it, counts it and keeps the last good one. This is allowed for
+        as long as a sensor may be away; later the robot would take the commander for
+        silent.
         """
         self._before[:] = self._command
         self._unanswered += 1
@@ -216,7 +216,7 @@ class Safety:
                 self.losses.setdefault(SENSORS[index].name, SensorTrouble.OFFSET)
 
     def _react_to_losses(self) -> None:
-        """What lost sensors lead to."""
+        """Go on without lost sensors, or give up."""
         health = self._health
         self.losses = {**health.losses, **self.losses}
         if any(health.lost[index] for index in REQUIRED):
@@ -232,10 +232,10 @@ class Safety:
         self.state = StabilizerState.DEGRADED if is_degraded else StabilizerState.ACTIVE
 
     def _do_without(self, feet: tuple[bool, bool]) -> bool:
-        """Have the controller leave out the ankle sensors that are lost.
+        """Tell the controller to leave out the lost ankle sensors.
 
         Returns:
-            Whether it can; else the motion fades out.
+            Whether it can; otherwise the motion fades out.
         """
         lost, settings = self._health.lost, self._settings
         policy = settings.both_ft_lost if all(feet) else settings.ft_lost
@@ -260,7 +260,7 @@ class Safety:
     def _command_before_overload(
         self, overloaded: tuple[bool, bool]
     ) -> tuple[Array, int]:
-        """The command before these feet's earlier overload, and its age [ticks]."""
+        """Return the command before these feet's overload, and its age [ticks]."""
         ticks = self._health.overload_ticks
         side = max(
             (side for side in range(2) if overloaded[side]), key=ticks.__getitem__
@@ -285,7 +285,7 @@ class Safety:
             self.abort(EndReason.FELL, f"the feet carry nothing for {seconds:g} s")
 
     def _soft_stopped(self, output: ControllerOutput) -> ControllerOutput:
-        """The controller's motion of this tick, less of it from tick to tick."""
+        """Return the controller's motion, scaled down from tick to tick."""
         self._left += 1
         share = max(0.0, 1.0 - self._left / max(1, self._leave_ticks))
         if share == 0.0:
@@ -296,9 +296,9 @@ class Safety:
         return replace(output, q_command=self._command + share * motion)
 
     def _fade_out(self) -> ControllerOutput:
-        """The last motion goes on, slower and slower, until it stands still.
+        """Continue the last motion, slower and slower, until it stands still.
 
-        After false forces it is the way back from where they have led.
+        After false forces it is the way back from where they led.
         """
         if self._fade == 0:
             self._motion = self._command - self._before
@@ -319,7 +319,7 @@ class Safety:
 
 
 def _up_in_unit(snapshot: Snapshot) -> tuple[float, float, float]:
-    """The world's up axis in the frame of the IMU, by its own attitude."""
+    """Return the world's up axis in the IMU frame, by the IMU's own attitude."""
     x, y, z, w = snapshot.quat_xyzw.tolist()
     return (
         2.0 * (x * z - y * w),

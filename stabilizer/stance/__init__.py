@@ -1,1 +1,1 @@
-"""What a robot's body can do on its two feet, worked out from its model alone."""
+"""What a robot can do standing on two feet, computed from its model alone."""

@@ -1,4 +1,4 @@
-"""A robot's body and legs, as its kinematics tell them."""
+"""Body and legs of a robot, found from its kinematics."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from surefoot.robot_io.errors import RobotFileError
 from surefoot.schemas.arrays import Array, Mat, Vec3
 
 SNAP_RAD = np.radians(15.0)
-"""An axis of a link this near to a direction is meant by it."""
+"""Angle to an axis of a link within which a direction snaps to it [rad]."""
 SNAP_AHEAD_RAD = np.radians(3.0)
 LEAST_APART_M = 0.02
 _SAMPLES = 181
 LEAST_BEND = 0.02
-"""Of its length: a leg that no joint shortens by more than this has no knee."""
+"""Part of its length by which some joint must shorten a leg with a knee."""
 
 
 @dataclass(frozen=True)
@@ -35,20 +35,20 @@ class Body:
 
     @property
     def mass(self) -> float:
-        """Of the whole robot [kg]."""
+        """Mass of the whole robot [kg]."""
         return float(self.data.mass[0])
 
     def placement(self, link: str) -> pin.SE3:
-        """Where a link is in the base link, all joints at zero."""
+        """Pose of a link in the base link, all joints at zero."""
         return self.data.oMf[self.frame(link)]
 
     def frame(self, link: str) -> int:
-        """Pinocchio's frame of a link: a joint may have the same name."""
+        """Pinocchio's frame id of a link; a joint may have the same name."""
         frame_id: int = self.model.getFrameId(link, pin.FrameType.BODY)
         return frame_id
 
     def carried_share(self, joint: str) -> float:
-        """Part of the robot's mass that hangs on a joint."""
+        """Part of the robot's mass that a joint carries."""
         return float(self.data.mass[self.model.getJointId(joint)]) / self.mass
 
 
@@ -57,8 +57,8 @@ class Directions:
     """Up and ahead of a robot in its base link, all joints at zero.
 
     Attributes:
-        up: (3,) of length one.
-        ahead: (3,) of length one, square to it.
+        up: (3,) unit vector.
+        ahead: (3,) unit vector, perpendicular to ``up``.
         is_exact: whether up is an axis of a frame, or was given.
     """
 
@@ -68,7 +68,7 @@ class Directions:
 
     @property
     def R_upright_base(self) -> Mat:  # noqa: N802
-        """(3, 3) the base link seen from a frame with x ahead and z up."""
+        """(3, 3) rotation of the base link in a frame with x ahead and z up."""
         R: Mat = np.vstack((self.ahead, np.cross(self.up, self.ahead), self.up))
         return R
 
@@ -95,18 +95,18 @@ def read_body(text: str, *, source: str) -> Body:
 def find_directions(
     body: Body, left: str, places: tuple[Vec3, Vec3], *, up: Vec3 | None = None
 ) -> Directions:
-    """Find up from the feet to the CoM, and ahead from the right foot to the left.
+    """Find up, from the feet to the CoM, and ahead, from right and left foot.
 
-    Directions snap to axes of the base link, or of the left foot, that are near.
+    A direction snaps to a near axis of the base link or of the left foot.
 
     Args:
-        body: all joints at zero.
+        body: body with all joints at zero.
         left: link of the left foot.
-        places: (3,) each, of left and right foot in the base link [m].
-        up: (3,) of length one, where it is known.
+        places: (3,) each, places of left and right foot in the base link [m].
+        up: (3,) unit vector, if known.
 
     Raises:
-        RobotFileError: the feet are at one place.
+        RobotFileError: both feet are at one place.
     """
     p_left, p_right = places
     frames = (np.eye(3), body.placement(left).rotation)
@@ -132,7 +132,7 @@ def find_directions(
 
 
 def _snapped(direction: Vec3, frames: tuple[Mat, ...], *, within: float) -> Vec3:
-    """The axis of the first of these frames that has one near, or the direction."""
+    """Return the nearest axis of the first frame with one near, else the direction."""
     for frame in frames:
         axes = np.vstack((frame.T, -frame.T))
         near = axes[int(np.argmax(axes @ direction))]
@@ -147,11 +147,11 @@ class Leg:
     """One leg.
 
     Attributes:
-        joints: of Pinocchio, from the base to the sole.
-        knee: the one that shortens the leg most.
-        knee_index: its place in model order.
-        angles: (n,) of the knee, over its range [rad].
-        lengths: (n,) from the joint before the knee to the one after it [m].
+        joints: Pinocchio's joint ids, from the base to the sole.
+        knee: id of the joint that shortens the leg most.
+        knee_index: index of the knee in model order.
+        angles: (n,) angles of the knee over its range [rad].
+        lengths: (n,) distances from the joint before the knee to the one after it [m].
     """
 
     joints: tuple[int, ...]
@@ -162,24 +162,24 @@ class Leg:
 
     @property
     def longest(self) -> float:
-        """With the knee as straight as it gets [m]."""
+        """Length with the knee as straight as possible [m]."""
         return float(self.lengths.max())
 
     @property
     def straight(self) -> float:
-        """Angle of the knee then [rad]."""
+        """Angle of the straightest knee [rad]."""
         return float(self.angles[int(np.argmax(self.lengths))])
 
     @property
     def bends(self) -> float:
-        """Sign of the angle that bends the knee, to the side with more room."""
+        """Sign of the angle that bends the knee: the side with more room."""
         room_above = float(self.angles[-1]) - self.straight
         return 1.0 if room_above >= self.straight - float(self.angles[0]) else -1.0
 
     def bent(self, share: float) -> float:
-        """Angle at which the leg has this share of its longest length [rad].
+        """Return the knee angle at this share of the leg's longest length [rad].
 
-        As near to it as the range allows.
+        It is as near to the share as the range allows.
         """
         side = (self.angles - self.straight) * self.bends >= 0.0
         angles, lengths = self.angles[side], self.lengths[side]
@@ -194,9 +194,9 @@ def find_leg(
     Args:
         model: with a floating base.
         sole_id: frame of the sole.
-        lower: (n_a,) ends of the joint ranges, model order [rad].
-        upper: (n_a,) the upper ones [rad].
-        side: for messages.
+        lower: (n_a,) lower ends of the joint ranges, model order [rad].
+        upper: (n_a,) upper ends [rad].
+        side: side of the leg, for messages.
 
     Raises:
         RobotFileError: no joint shortens the leg.
@@ -232,18 +232,18 @@ def find_leg(
 def knee_torques(
     model: pin.Model, q: Array, knees: Sequence[int], sole_ids: Sequence[int]
 ) -> Array:
-    """Return what each knee has to hold while its foot alone carries the robot.
+    """Return the torque of each knee while its foot alone carries the robot.
 
-    The soles stay where they are; only what turns the leg in its own plane counts.
+    The soles stay in place; only rotations of the leg in its own plane count.
 
     Args:
         model: with a floating base.
         q: (n_q,) posture, the base upright.
-        knees: of left and right leg, in the model's velocities.
+        knees: velocity indices of left and right knee.
         sole_ids: frames of the soles.
 
     Returns:
-        (2,) without sign [N m].
+        (2,) magnitudes [N m].
     """
     data = model.createData()
     pin.computeAllTerms(model, data, q, np.zeros(model.nv))
@@ -257,7 +257,7 @@ def knee_torques(
 
 
 def _lengths(model: pin.Model, middle: int, after: int, angles: Array) -> Array:
-    """(n,) distance between the joints on either side, at angles of the middle one."""
+    """Return the distances between the neighbours of a joint at its angles, (n,)."""
     up = model.jointPlacements[middle].translation
     R = model.jointPlacements[middle].rotation
     down = model.jointPlacements[after].translation

@@ -1,4 +1,4 @@
-"""The nominal posture, and what a robot that stands in it can do."""
+"""Nominal posture, and what a robot standing in it can do."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from surefoot.stabilizer.stance.solver import (
 )
 
 DIRECTIONS = 8
-"""Of pushes, counted from ahead to the left."""
+"""Directions of pushes, from ahead to the left."""
 _ALONG = 1e-9
 BENT_TO = (0.80, 0.83, 0.86, 0.89, 0.92, 0.95)
-"""Shares of its length to which a leg may be bent; earlier ones are tried first."""
+"""Leg lengths to try, as shares of the longest; earlier ones come first."""
 KNEE_ROOM_RAD = 0.2
-"""Kept between the knee and its straight leg, which cannot follow its ground."""
+"""Margin of the knee to a straight leg, which cannot follow its ground."""
 MARGIN_RAD = 0.02
-"""Kept to the ends of all joint ranges."""
+"""Margin to the ends of all joint ranges."""
 RISE_SHARE, SINK_SHARE = 0.14, 0.24
-"""Of the leg's length: travel asked for when nobody says how much."""
+"""Default travel, as a part of the leg's length."""
 ONE_FOOT_SHARE = 0.85
-"""Of a knee's torque, to carry the robot alone: what is left moves it."""
+"""Part of a knee's torque for carrying the robot alone; the rest moves it."""
 KEPT_SHARE = 0.9
-"""Of the reach that is found: what the controller is told of."""
+"""Part of the found reach that the controller is told."""
 
 
 @dataclass(frozen=True)
@@ -44,15 +44,15 @@ class Standing:
 
     Attributes:
         mass: [kg].
-        com: (3,) from the middle between the soles [m].
-        soles: (2, 3) from there [m].
-        sole_tilt: (2,) against the level [rad].
-        sole_yaw: (2,) against ahead [rad].
+        com: (3,) CoM from the middle between the soles [m].
+        soles: (2, 3) soles from there [m].
+        sole_tilt: (2,) tilt of the soles against level [rad].
+        sole_yaw: (2,) heading of the soles against ahead [rad].
         sensor_up: (2,) cosine of the angle between each sensor's z axis and up.
         plates: (2,) mass below each force-torque sensor [kg].
-        torques: (n_a,) that hold it, bus order [N m].
-        sag: (n_a,) by which its servos give way under them, bus order [rad].
-        com_sag: (3,) of the CoM against the feet [m].
+        torques: (n_a,) torques that hold the posture, bus order [N m].
+        sag: (n_a,) deflection of the servos under these torques, bus order [rad].
+        com_sag: (3,) resulting motion of the CoM against the feet [m].
     """
 
     mass: float
@@ -68,7 +68,7 @@ class Standing:
 
 
 def stand(model: RobotModel) -> Standing:
-    """Work it out; half the weight, and what balance asks for, on each foot."""
+    """Compute the standing robot, with half the weight and balance on each foot."""
     pin_model = model.pin_model
     q = model.nominal_configuration()
     data = pin_model.createData()
@@ -81,13 +81,13 @@ def stand(model: RobotModel) -> Standing:
             for i in model.sole_ids
         ]
     )
-    # Of all wrenches that carry the base, the smallest: an even load.
+    # Of all wrenches that carry the base the smallest is taken: an even load.
     weight = data.nle
     wrenches = np.linalg.pinv(J_soles[:, :N_BASE_V].T) @ weight[:N_BASE_V]
     torques = (weight - J_soles.T @ wrenches)[N_BASE_V:]
     torques_bus = torques[model.to_bus]
     sag_bus = torques_bus / model.robot.kp
-    # Joints give way against their torque, and the base moves so that the soles stay.
+    # Joints give way against their torque; the base moves so that the soles stay.
     given = -sag_bus[model.to_model]
     J_base = np.linalg.pinv(J_soles[:, :N_BASE_V])
     v = np.concatenate((-J_base @ (J_soles[:, N_BASE_V:] @ given), given))
@@ -115,10 +115,10 @@ def stand(model: RobotModel) -> Standing:
 def capture_limits(model: RobotModel) -> Array:
     """Return the impulses M sqrt(g / h) d that a standing robot can just catch.
 
-    Each carries the capture point over the distance d to the edge of the soles' hull.
+    Each moves the capture point by the distance d to the edge of the soles' hull.
 
     Returns:
-        (8,) from ahead to the left, every 45 degrees [N s].
+        (8,) impulses from ahead to the left, every 45 degrees [N s].
     """
     from scipy.spatial import ConvexHull
 
@@ -150,7 +150,7 @@ def capture_limits(model: RobotModel) -> Array:
 
 
 def one_foot_share(model: RobotModel) -> float:
-    """Return what a knee needs of its torque to carry the robot alone.
+    """Return the part of its torque that a knee needs to carry the robot alone.
 
     Returns:
         The larger share of both knees; 0 for legs without one.
@@ -171,7 +171,7 @@ def one_foot_share(model: RobotModel) -> float:
 
 
 def reach_search(model: RobotModel) -> ReachSearch:
-    """Ready to try ground under a robot, within what its joints may use."""
+    """Return a search for ground under a robot, within its usable joint ranges."""
     margin = np.minimum(MARGIN_RAD, 0.25 * (model.upper - model.lower))
     solver = StanceSolver(
         model.pin_model,
@@ -185,7 +185,7 @@ def reach_search(model: RobotModel) -> ReachSearch:
 
 
 TILT_RAD = math.radians(10.0)
-"""Of the ground, asked for in each direction."""
+"""Tilt of the ground that is asked for in each direction."""
 
 
 @dataclass(frozen=True)
@@ -193,14 +193,14 @@ class NominalPosture:
     """A posture to stand in.
 
     Attributes:
-        q: (n_a,) in model order [rad].
-        lower: (n_a,) what joints may use: their range, and knees not straight [rad].
-        upper: (n_a,) [rad].
-        legs: left and right.
-        knees: joint names.
-        com_travel_m: how far the CoM may sink (negative) and rise.
-        asked_m: sink and rise that were asked for, both positive.
-        one_foot_share: of its torque that a knee needs to carry the robot alone.
+        q: (n_a,) posture in model order [rad].
+        lower: (n_a,) lower ends of usable ranges, with knees not straight [rad].
+        upper: (n_a,) upper ends [rad].
+        legs: left and right leg.
+        knees: names of the knee joints.
+        com_travel_m: range of the CoM: sink (negative) and rise.
+        asked_m: requested sink and rise, both positive.
+        one_foot_share: part of its torque that a knee needs to carry the robot alone.
     """
 
     q: Array
@@ -213,11 +213,11 @@ class NominalPosture:
     one_foot_share: float
 
     def knee_angle(self, side: int) -> float:
-        """Of the left (0) or right (1) knee [rad]."""
+        """Angle of the left (0) or right (1) knee [rad]."""
         return float(self.q[self.legs[side].knee_index])
 
     def knee_ahead(self, model: pin.Model, leg: Leg, R_world_base: Mat) -> float:
-        """How far a knee is ahead of the line from its hip to its ankle [m]."""
+        """Return how far a knee is ahead of the line from hip to ankle [m]."""
         place = leg.joints.index(leg.knee)
         data = self._kinematics(model)
         above, knee, below = (
@@ -228,7 +228,7 @@ class NominalPosture:
         return float(knee[0] - above[0] - down * (below[0] - above[0]))
 
     def sole_place(self, model: pin.Model, frame: str) -> Vec3:
-        """(3,) where a frame is in the base link [m]."""
+        """Return the place of a frame in the base link, (3,) [m]."""
         data = self._kinematics(model)
         place: Vec3 = data.oMf[
             model.getFrameId(frame, pin.FrameType.BODY)
@@ -251,20 +251,20 @@ def find_nominal(
     rise_m: float | None = None,
     sink_m: float | None = None,
 ) -> NominalPosture:
-    """Bend the knees as far as the travel needs, and ankles and torques allow.
+    """Find the bend of the knees that gives the travel within ankles and torques.
 
-    Of all bends that can be stood in, that is taken whose reach, against what was
-    asked for, is largest where it is smallest; of equal ones the first tried. Unless
-    the rise is given, bends in which one knee can carry the robot come before others;
-    those in which both together cannot come last.
+    Among all bends in which the robot can stand, the best has the largest smallest
+    ratio of reach to request; of equal ones the first tried is taken. Unless the rise
+    is given, bends in which one knee can carry the robot come first. Those in which
+    both together cannot come last.
 
     Args:
         model: with a floating base.
         sole_ids: frames of left and right sole.
         R_world_base: (3, 3) attitude of the base when upright.
         apart_m: distance between the soles along y.
-        rise_m: how far the CoM should be able to rise over the feet.
-        sink_m: how far to sink, positive.
+        rise_m: requested rise of the CoM over the feet.
+        sink_m: requested sink, positive.
 
     Raises:
         RobotFileError: a leg has no knee, or there is no such posture.
@@ -347,11 +347,11 @@ def find_nominal(
 
 
 CANNOT, ON_TWO, ON_ONE = 0, 1, 2
-"""Knees hold the robot not at all, on both feet, or on one."""
+"""Whether knees hold the robot: not at all, on both feet, or on one."""
 
 
 def _feet_needed(share: float, *, asked: bool) -> int:
-    """Tell how knees hold a robot, one of which needs a share of its torque alone.
+    """Return how knees hold a robot, given the torque share of one knee alone.
 
     Args:
         share: of the weaker knee, on one foot [1].
@@ -363,7 +363,7 @@ def _feet_needed(share: float, *, asked: bool) -> int:
 
 
 def _score(reach: Reach, *, asked_rise: float, asked_sink: float) -> float:
-    """Smallest part, at most 1, of what was asked for."""
+    """Return the smallest ratio, at most 1, of reach to request."""
     return min(
         1.0,
         reach.rise_m / asked_rise,
@@ -373,7 +373,7 @@ def _score(reach: Reach, *, asked_rise: float, asked_sink: float) -> float:
 
 
 def leg_mask(model: pin.Model, legs: tuple[Leg, Leg]) -> NDArray[np.bool_]:
-    """(n_a,) which joints belong to a leg."""
+    """Return which joints belong to a leg, (n_a,)."""
     mask = np.zeros(model.nv - 6, dtype=bool)
     for leg in legs:
         mask[[_index(model, joint) for joint in leg.joints]] = True

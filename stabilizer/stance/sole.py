@@ -1,4 +1,4 @@
-"""Where a foot's sole is, by the shapes of its links."""
+"""Finds the sole of a foot from the shapes of its links."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 
 Tag = Literal["collision", "visual"]
 _RING = 24
-"""Corners that stand for a circle."""
+"""Number of corners that stand for a circle."""
 FLAT_M = 0.002
-"""Points this near to the lowest face are part of the sole."""
+"""Distance to the lowest face within which points are part of the sole."""
 SMALLEST_M = 0.01
-"""A rectangle narrower than this is none."""
+"""Least width of a rectangle."""
 
 
 def surface_points(
     root: ElementTree.Element, links: Iterable[str], *, tag: Tag, down: Vec3
 ) -> Mat:
-    """Return points of which the convex hull is that of the links' shapes.
+    """Return points whose convex hull is that of the links' shapes.
 
     Args:
         root: the URDF; meshes by paths that can be opened.
-        links: that do not move against each other.
-        tag: which of their shapes.
-        down: (3,) where the ground is, in the root link at zero; round shapes get a
+        links: links that do not move against each other.
+        tag: kind of their shapes.
+        down: (3,) direction of the ground in the root link at zero; round shapes get a
             point there.
 
     Returns:
@@ -77,7 +77,7 @@ def _only_these(root: ElementTree.Element, links: set[str], tag: Tag) -> str:
 
 
 def _unreadable(root: ElementTree.Element, links: Iterable[str], tag: Tag) -> str:
-    """Which mesh of these links cannot be read, in words; empty when all can."""
+    """Return which mesh of these links cannot be read, in words; empty for none."""
     names = set(links)
     for link in root.iter("link"):
         if link.get("name", "") not in names:
@@ -95,7 +95,7 @@ def _unreadable(root: ElementTree.Element, links: Iterable[str], tag: Tag) -> st
 
 
 def _points(geometry: Any, *, down: Vec3) -> Mat:
-    """(n, 3) in the shape's own frame."""
+    """Return points of a shape in its own frame, (n, 3)."""
     if isinstance(geometry, coal.Box):
         return _corners(np.array(geometry.halfSide).ravel())
     if isinstance(geometry, coal.Sphere):
@@ -137,10 +137,10 @@ def _rings(radius: float, half_length: float) -> Mat:
 
 
 STEEPEST_RAD = np.radians(35.0)
-"""A face that leans more than this in the zero posture is no sole."""
+"""Lean in the zero posture above which a face is no sole."""
 SAME_FACE_RAD = np.radians(3.0)
 LEVEL_RAD = np.radians(2.0)
-"""A face that leans less than this is level: meshes are not exact."""
+"""Lean below which a face is level: meshes are not exact."""
 
 
 @dataclass(frozen=True)
@@ -148,11 +148,11 @@ class Sole:
     """A contact rectangle.
 
     Attributes:
-        centre: (3,) its middle, in the frame of the points [m].
-        R: (3, 3) that frame from the sole's: x ahead, z out of the ground.
-        half_length: along x [m].
-        half_width: along y [m].
-        share: its area over that of the whole face.
+        centre: (3,) middle of the rectangle, in the frame of the points [m].
+        R: (3, 3) rotation of the sole in that frame: x ahead, z out of the ground.
+        half_length: half of the sole along x [m].
+        half_width: half of the sole along y [m].
+        share: area of the rectangle over that of the whole face.
     """
 
     centre: Vec3
@@ -163,15 +163,15 @@ class Sole:
 
 
 def fit_sole(points: Mat, *, up: Vec3, ahead: Vec3) -> Sole:
-    """Find the largest rectangle inside the face a foot stands on.
+    """Find the largest rectangle inside the face on which a foot stands.
 
-    The face is the one of the convex hull that looks down with the largest area; what
-    lies outside the hull's faces cannot touch flat ground.
+    It is the largest face of the convex hull that looks down. Points that lie outside
+    the hull's faces cannot touch flat ground.
 
     Args:
-        points: (n, 3) of the foot's surface [m].
-        up: (3,) away from the ground, roughly, of length one.
-        ahead: (3,) where the foot points, of length one.
+        points: (n, 3) points of the foot's surface [m].
+        up: (3,) unit vector, roughly away from the ground.
+        ahead: (3,) unit vector to where the foot points.
 
     Raises:
         RobotFileError: there is no such face.
@@ -208,7 +208,7 @@ def fit_sole(points: Mat, *, up: Vec3, ahead: Vec3) -> Sole:
 
 
 def _face_normal(points: Mat, up: Vec3) -> Vec3:
-    """(3,) out of the ground, of the largest face that looks down."""
+    """Return the normal (3,) of the largest face that looks down, out of the ground."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
@@ -232,22 +232,23 @@ def _face_normal(points: Mat, up: Vec3) -> Vec3:
 
 
 def _largest_rectangle(outline: ConvexHull) -> tuple[Array, Array]:
-    """Lower and upper corner of the largest upright rectangle in a convex outline.
+    """Return lower and upper corner of the largest upright rectangle in an outline.
 
-    Maximises the sum of the logarithms of its sides, which is concave, over the
-    outline's edges a x <= b: of each edge only the corner farthest along a counts.
+    It maximises the sum of the logarithms of its sides, which is concave, within the
+    convex outline's edges a x <= b. For each edge only the corner farthest along a
+    counts.
     """
     from scipy.optimize import minimize
 
     corners = outline.points[outline.vertices]
     scale, middle = np.ptp(corners, axis=0), corners.mean(axis=0)
-    # In shares of the outline's size from its middle, so that all numbers are near 1.
+    # Relative to the outline's middle and size, so that all numbers are near 1.
     a = outline.equations[:, :2] * scale
     b = -outline.equations[:, 2] - outline.equations[:, :2] @ middle
     length = np.linalg.norm(a, axis=1)
     a, b = a / length[:, None], b / length
     G = np.hstack((np.minimum(a, 0.0), np.maximum(a, 0.0)))
-    # Half of the square around the middle that just fits: well inside.
+    # Half of the square around the middle that just fits: a start well inside.
     half = 0.5 * float((b / np.abs(a).sum(axis=1)).min())
     found = minimize(
         lambda z: -float(np.sum(np.log(np.maximum(z[2:] - z[:2], 1e-9)))),

@@ -1,4 +1,4 @@
-"""Solves for postures: soles level under the centre of mass, and how far they reach."""
+"""Solves for postures with soles level under the CoM, and finds how far they reach."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from numpy.typing import NDArray
 from surefoot.schemas.arrays import Array, Mat, Vec3
 
 MUST = 1e3
-"""Weight of what a posture must do, against the pulls for what it should."""
+"""Weight of what a posture must fulfil, against that of what it should."""
 LEG_PULL, OTHER_PULL = 0.01, 30.0
-"""Weight of joints' distance from where they are wanted [1/rad]: no posture is good
-because an arm is raised."""
+"""Weight of the joints' distance from their wanted positions [1/rad]: no posture gets
+better by a raised arm."""
 GOOD = 2e-3
-"""A posture whose soles and CoM are off by less [m, rad] does it."""
+"""Error of soles and CoM up to which a posture is good [m, rad]."""
 _INSIDE_RAD = 1e-6
 MOST_STEPS = 80
 FARTHEST_M = 0.5
 _HALVINGS = 6
 _STEPS = 25
-"""From the nominal posture it is never far."""
+"""Most steps of a search on moved ground: it begins near, in the nominal posture."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What a posture should be like.
+    """Requirements and wishes for a posture.
 
     Attributes:
-        q: (n_a,) where joints are wanted that are free to choose [rad].
-        between: (3,) from the right to the left sole [m].
-        joints: velocity index to an angle that must be met [rad].
-        com_height_m: above the middle of the soles; None when free.
+        q: (n_a,) wanted positions of joints that are otherwise free [rad].
+        between: (3,) required vector from right to left sole [m].
+        joints: velocity index to required angle [rad].
+        com_height_m: required height above the middle of the soles; None: free.
         turned: roll and pitch of the ground under left and right sole [rad].
     """
 
@@ -53,7 +53,8 @@ class Found:
 
     Attributes:
         q: (n_a,) in model order [rad].
-        error: how far soles, CoM and joints are off what they must be [m, rad].
+        error: largest deviation of soles, CoM and joints from their requirements [m,
+            rad].
     """
 
     q: Array
@@ -61,7 +62,7 @@ class Found:
 
     @property
     def is_good(self) -> bool:
-        """Whether it does what it must."""
+        """Whether the requirements are met."""
         return self.error < GOOD
 
 
@@ -86,7 +87,7 @@ class StanceSolver:
             R_world_base: (3, 3) attitude of the base when upright.
             lower: (n_a,) lower ends of what joints may use, model order [rad].
             upper: (n_a,) upper ends [rad].
-            is_leg: (n_a,) joints between the base and a sole.
+            is_leg: (n_a,) whether a joint lies between the base and a sole.
         """
         self._model, self._data = model, model.createData()
         self._soles = sole_ids
@@ -103,9 +104,9 @@ class StanceSolver:
         """Find a posture.
 
         Args:
-            wanted: what it should be like.
-            steps: after which it gives up.
-            exact: go on until nothing changes, not only until it is good or stuck.
+            wanted: requirements and wishes.
+            steps: number of steps after which it gives up.
+            exact: whether to go on until nothing changes, not only until good or stuck.
         """
         from scipy.optimize import least_squares
 
@@ -126,13 +127,13 @@ class StanceSolver:
         return Found(q=found.x, error=float(np.abs(must).max()))
 
     def place(self, q: Array) -> tuple[Vec3, Vec3, Vec3]:
-        """Left sole, right sole and CoM of a posture.
+        """Return left sole, right sole and CoM of a posture.
 
         Args:
             q: (n_a,) [rad].
 
         Returns:
-            (3,) each, in axes of the world from the base link's origin [m].
+            (3,) each, world axes, from the base link's origin [m].
         """
         self._kinematics(q)
         left, right = (self._data.oMf[i].translation.copy() for i in self._soles)
@@ -184,7 +185,7 @@ class StanceSolver:
 
 
 def _grounds(wanted: Wanted) -> list[Mat]:
-    """(3, 3) the world from the ground under each sole."""
+    """Return the rotation from the ground under each sole to the world, (3, 3)."""
     return [pin.rpy.rpyToMatrix(roll, pitch, 0.0) for roll, pitch in wanted.turned]
 
 
@@ -192,10 +193,10 @@ FARTHEST_RAD = math.radians(30.0)
 
 
 class GroundPose(NamedTuple):
-    """Where ground is, against where the robot stands on it in its nominal posture.
+    """Pose of ground, relative to that in the nominal posture.
 
     Attributes:
-        z: up [m].
+        z: height [m].
         roll: [rad].
         pitch: [rad].
     """
@@ -205,7 +206,7 @@ class GroundPose(NamedTuple):
     pitch: float = 0.0
 
     def scaled(self, share: float) -> GroundPose:
-        """A part of it."""
+        """Return a part of this motion."""
         return GroundPose(share * self.z, share * self.roll, share * self.pitch)
 
 
@@ -213,29 +214,29 @@ class Ground(NamedTuple):
     """What is under the feet.
 
     Attributes:
-        left: under the left foot, turned about its sole; or under both, turned about
-            the middle between them.
-        right: under the right foot; None when there is one ground under both.
+        left: under the left foot, turned about its sole; or under both feet, turned
+            about the middle between them.
+        right: under the right foot; None for one ground under both.
     """
 
     left: GroundPose
     right: GroundPose | None = None
 
     def scaled(self, share: float) -> Ground:
-        """A part of all motions."""
+        """Return a part of all motions."""
         right = None if self.right is None else self.right.scaled(share)
         return Ground(self.left.scaled(share), right)
 
 
 @dataclass(frozen=True)
 class Reach:
-    """What one direction of moving ground may amount to.
+    """Largest motions of the ground, each by itself.
 
     Attributes:
-        rise_m: of the CoM over the feet: ground that sinks by so much.
-        sink_m: of the CoM: ground that rises by so much.
-        roll_rad: smaller one of both signs.
-        pitch_rad: (2,) toes up, toes down.
+        rise_m: rise of the CoM over the feet: ground that sinks by this.
+        sink_m: sink of the CoM: ground that rises by this.
+        roll_rad: roll, the smaller one of both signs.
+        pitch_rad: (2,) pitch with toes up, toes down.
     """
 
     rise_m: float
@@ -245,14 +246,14 @@ class Reach:
 
 
 class ReachSearch:
-    """Tries postures on moved ground, from the nominal one."""
+    """Tries postures on moved ground, starting from the nominal one."""
 
     def __init__(self, solver: StanceSolver, nominal: Array) -> None:
-        """Take the nominal posture for what is wanted.
+        """Take the nominal posture as the wanted one.
 
         Args:
             solver: of the robot.
-            nominal: (n_a,) in model order [rad].
+            nominal: (n_a,) nominal posture in model order [rad].
         """
         self._solver, self._nominal = solver, nominal
         left, right, com = solver.place(nominal)
@@ -260,7 +261,7 @@ class ReachSearch:
         self._height = float(com[2] - 0.5 * (left[2] + right[2]))
 
     def fits(self, ground: Ground) -> bool:
-        """Whether the robot can stand upright with its CoM where it was."""
+        """Return whether the robot can stand upright with its CoM where it was."""
         left, right = ground.left, ground.right or ground.left
         between = np.array([0.0, self._apart, left.z - right.z])
         if ground.right is None:
@@ -275,7 +276,7 @@ class ReachSearch:
         return self._solver.solve(wanted, steps=_STEPS, exact=False).is_good
 
     def largest_share(self, grounds: Iterable[Ground]) -> float:
-        """Part of all these that fits, between 0 and 1."""
+        """Return the part of all these motions that fits, between 0 and 1."""
         listed = list(grounds)
         share = 1.0
         for ground in listed:
@@ -288,7 +289,7 @@ class ReachSearch:
         return _bisect(lambda share: self.fits(ground.scaled(share)))
 
     def reach(self, enough: Reach | None = None) -> Reach:
-        """Search each direction by itself, none further than ``enough``."""
+        """Search each direction by itself, none farther than ``enough``."""
         up, down = math.inf, math.inf
         rise, sink, roll = math.inf, math.inf, math.inf
         if enough is not None:
@@ -308,7 +309,7 @@ class ReachSearch:
         )
 
     def _farthest(self, one: GroundPose, most: float, enough: float) -> float:
-        """How much of one motion of the ground under both feet fits."""
+        """Return how much of one motion of ground under both feet fits."""
         if enough < most and self.fits(Ground(one.scaled(enough))):
             return enough
         return most * self.largest_share([Ground(one.scaled(most))])

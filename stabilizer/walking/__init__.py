@@ -1,1 +1,1 @@
-"""Walking: footsteps to references; standing is a walk without steps."""
+"""Walking: from footsteps to references of both controllers."""

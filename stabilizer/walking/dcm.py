@@ -1,15 +1,14 @@
-"""Reference of the DCM over phases, in closed form and backwards.
+"""DCM reference over the phases of a walk, in closed form, computed backwards.
 
-With w = sqrt(g / z_com) the divergent component of motion xi = c + c'/w obeys
-xi' = w (xi - p), p the zero-moment point. Over a phase of duration T the wanted p is
-linear, from a to b, p(s) = a + r s with r = (b - a) / T. Then
+With w = sqrt(g / z_com) the divergent component of motion (DCM) xi = c + c'/w obeys xi'
+= w (xi - p), where p is the zero-moment point (ZMP). In a phase of duration T the
+desired p is linear, from a to b: p(s) = a + r s with r = (b - a) / T. Then
 
     xi(s) = p(s) + r / w + exp(w (s - T)) (xi(T) - b - r / w)
 
-is the one solution that ends in xi(T): errors at the end shrink towards the beginning,
-so a preview of a few steps decides where the DCM should be now (Englsberger et al.
-2015, "Three-dimensional bipedal walking control based on divergent component of
-motion").
+is the one solution that ends in xi(T). Errors at the end shrink towards the beginning,
+so a preview of a few steps determines the present DCM (Englsberger et al. 2015,
+"Three-dimensional bipedal walking control based on divergent component of motion").
 """
 
 from __future__ import annotations
@@ -21,16 +20,16 @@ from typing import NamedTuple
 Point = tuple[float, float]
 """x and y, odometry frame [m]."""
 SHORTEST_S = 1e-6
-"""A phase shorter than this is over."""
+"""Duration below which a phase is over."""
 
 
 class ZmpPhase(NamedTuple):
-    """A wanted ZMP that moves evenly.
+    """A desired ZMP that moves at constant velocity.
 
     Attributes:
-        duration_s: how long.
-        begin: where it is at first [m].
-        end: where it is at last [m].
+        duration_s: duration of the phase [s].
+        begin: ZMP at the beginning [m].
+        end: ZMP at the end [m].
     """
 
     duration_s: float
@@ -39,10 +38,10 @@ class ZmpPhase(NamedTuple):
 
 
 def dcm_at_begin(phase: ZmpPhase, xi_end: Point, omega: float) -> Point:
-    """Return where the DCM is at the beginning of a phase.
+    """Return the DCM at the beginning of a phase, (x, y) [m].
 
     Args:
-        phase: the wanted ZMP.
+        phase: the desired ZMP.
         xi_end: DCM at its end [m].
         omega: of the pendulum [1/s].
     """
@@ -59,10 +58,10 @@ def dcm_at_begin(phase: ZmpPhase, xi_end: Point, omega: float) -> Point:
 
 
 def dcm_now(phases: Sequence[ZmpPhase], xi_end: Point, omega: float) -> Point:
-    """Return where the DCM belongs now, for it to end in a point.
+    """Return the present DCM that leads to a given end, (x, y) [m].
 
     Args:
-        phases: from now on.
+        phases: the phases from now on.
         xi_end: DCM at the end of the last one [m].
         omega: of the pendulum [1/s].
     """
@@ -81,11 +80,11 @@ def shift_between(
     duration_s: float,
     omega: float,
 ) -> Point:
-    """Return the ZMP halfway that leads the DCM from one point to another.
+    """Return the ZMP at half time that leads the DCM from one point to another.
 
-    Before it moves onto a foot, the ZMP goes the other way: that is what sets the
-    centre of mass in motion. Both halves of the shift are linear, and the DCM at the
-    beginning depends linearly on the point between them.
+    The ZMP first moves away from the foot that it is to reach, which accelerates the
+    centre of mass. It is linear in both halves of the shift. The DCM at the beginning
+    depends linearly on the point between the halves.
 
     Args:
         xi_begin: DCM at the beginning [m].
@@ -116,15 +115,15 @@ def end_of_support(
     double_s: float,
     omega: float,
 ) -> Point:
-    """Return about where the DCM is as single support begins, mid-walk.
+    """Return about where the DCM is when single support begins, in mid-walk.
 
-    The end of a preview: what comes after it counts as one more step alike.
+    Used as the end of a preview: all that follows counts as more steps of this kind.
 
     Args:
-        support: ZMP of the foot that is to stand alone [m].
-        following: ZMP of the foot after it [m].
-        single_s: single support.
-        double_s: double support after it.
+        support: ZMP on the foot that will stand alone [m].
+        following: ZMP on the next foot [m].
+        single_s: duration of single support [s].
+        double_s: duration of the double support after it [s].
         omega: of the pendulum [1/s].
     """
     share = math.exp(-omega * (single_s + 0.5 * double_s))

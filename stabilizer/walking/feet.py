@@ -1,8 +1,8 @@
-"""Feet of a walk: which of them stand, leave, swing and land, and where.
+"""States of both feet in a walk: planted, leaving, swinging or landing; and where.
 
-A planted foot is the contact monitor's own. From when it is to leave until it has
-landed, the walk owns it: the monitor would take a foot that is meant to be in the air
-for one that lost its ground, and one that just touches for one that stands.
+The contact monitor handles a planted foot. From leaving until landed the walk owns the
+foot: the monitor would take a foot that is meant to be in the air for one that lost
+contact, and one that just touches for one that stands.
 
     planted -> leaving -> swing -> landing -> planted
                                    |     ^     |
@@ -30,31 +30,32 @@ from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.step_queue import Move
 
 TOUCH_TICKS_S = 0.003
-"""A force must last so long to be a touchdown, at least [s]."""
+"""Least time for which a force must last to be a touchdown [s]."""
 
 
 class WalkState:
-    """The present tick of a walk and running sums over all of it.
+    """State of a walk in the present tick, and running sums over the whole walk.
 
     Attributes:
-        phase: of the walk.
-        step: id of the step under way, or taken last; -1 brings the feet together.
-        feet: what left and right foot are doing.
-        dcm: estimated divergent component of motion, odometry frame [m].
-        dcm_reference: where it should be [m].
-        zmp_reference: wanted zero-moment point [m].
-        footholds: 8 numbers, x, y, z [m] and yaw [rad] of left and right foot: where
-            they were set down, or are.
-        goals: the same, of a foot in the air where it is being set.
-        ahead: steps to come, as far as the reference looks.
-        shift: of the present step, by step adjustment [m].
-        done: steps of plans that were set down.
-        planned: steps of all plans that were taken.
+        phase: present phase.
+        step: id of the present or last step; -1 for the one that brings the feet
+            together.
+        feet: states of left and right foot.
+        dcm: estimated DCM, odometry frame [m].
+        dcm_reference: reference of the DCM, odometry frame [m].
+        zmp_reference: desired ZMP, odometry frame [m].
+        footholds: 8 numbers, x, y, z [m] and yaw [rad] of left and right foot, where it
+            was set down or is.
+        goals: the same; for a foot in the air, the place where it is being set.
+        ahead: coming steps within the preview.
+        shift: shift of the present step by step adjustment [m].
+        done: planned steps that were set down.
+        planned: steps of all accepted plans.
         plan_stamp_ns: stamp of the last plan [ns].
-        refusal: why it was refused, in words; empty when it was taken.
+        refusal: why the last plan was refused, in words; empty when it was accepted.
         phase_s: time in the phase [s].
-        moved: the foot moved last, or on its way; from a walk's first shift on the
-            one that it goes onto, as it is the other one's turn. None before the first.
+        moved: foot that was moved last or is moving; in a walk's first shift the foot
+            onto which the weight goes, since the other one is next. None before.
         last_step: largest id of a step that has begun; -1 before the first.
     """
 
@@ -79,14 +80,14 @@ class WalkState:
         self._ticks = 0
 
     def compare(self, soles: SolesAndCom, gait: Gait) -> tuple[float, float]:
-        """Take in the DCM of a tick.
+        """Compare the DCM with its reference in this tick.
 
         Args:
-            soles: tells centre of mass and its velocity.
-            gait: tells where the DCM and the ZMP should be.
+            soles: has the centre of mass and its velocity.
+            gait: has the references of DCM and ZMP.
 
         Returns:
-            How far the DCM is ahead of its reference, and to the left of it [m].
+            How far the DCM is off its reference, x and y of the odometry frame [m].
         """
         v, p, omega, (xi_x, xi_y) = soles.v_com, soles.p_com, gait.omega, gait.dcm
         x, y = v.item(0) / omega + p.item(0), v.item(1) / omega + p.item(1)
@@ -100,11 +101,11 @@ class WalkState:
         return ahead, left
 
     def touch(self, *, off: float, late_s: float) -> None:
-        """Take in a touchdown of the step under way.
+        """Note a touchdown of the present step.
 
         Args:
-            off: from where the foot was meant to be set [m].
-            late_s: against plan [s].
+            off: distance of the foot from its goal, the shift included [m].
+            late_s: delay against the adjusted time, negative when early [s].
         """
         self.done += self.step >= 0
         self._placement_max = max(self._placement_max, off)
@@ -112,21 +113,21 @@ class WalkState:
         self._late = [min(earliest, late_s), max(latest, late_s)]
 
     def see(self, anchors: Anchors, goals: Sequence[Foothold]) -> None:
-        """Take in where the feet are.
+        """Note the places of the feet.
 
         Args:
-            anchors: where they were set down, or are.
-            goals: the same, but of a foot in the air where it is being set.
+            anchors: places where the feet were set down, or are.
+            goals: the same; for a foot in the air, the place where it is being set.
         """
         (left, right), (yaw_left, yaw_right) = anchors.p, anchors.yaw
         self.footholds = [*left, yaw_left, *right, yaw_right]
         self.goals = [*goals[0], *goals[1]]
 
     def message(self, *, tick: int, stamp_ns: int) -> WalkStatus:
-        """What to tell everyone of the present tick.
+        """Make the status message of the present tick.
 
         Args:
-            tick: the robot's.
+            tick: the robot's tick.
             stamp_ns: monotonic clock [ns].
         """
         left, right = self.feet
@@ -158,7 +159,7 @@ class WalkState:
         )
 
     def report(self) -> WalkReport:
-        """What the walk amounts to so far."""
+        """Return the report of the walk so far."""
         count = max(self._ticks, 1)
         return WalkReport(
             steps_done=self.done,
@@ -177,24 +178,25 @@ class FootState(StrEnum):
 
     PLANTED = "planted"
     LEAVING = "leaving"
-    """Still carries, less and less."""
+    """Still carries load, less and less."""
     SWING = "swing"
     LANDING = "landing"
-    """On the ground, for so short a time that its forces are an impact's."""
+    """On the ground so recently that its forces are those of an impact."""
     RELANDING = "relanding"
-    """Bounced, or lost its ground while the other foot stands: straight down again."""
+    """Bounced, or lost its ground while the other foot stands; it goes straight
+    down."""
 
 
 class Feet:
-    """The states of both feet, written into contact monitor and anchors.
+    """States of both feet; updates contact monitor and anchors.
 
     Attributes:
         states: of left and right foot.
-        since_s: time since the last change of state of each.
-        touched: whether each foot touched down in this tick, for the first time in
-            its step.
+        since_s: time since each foot's last change of state [s].
+        touched: whether each foot touched down in this tick for the first time in its
+            step.
         airborne: the foot that is in the air, if any.
-        arriving: that one, or else one that lands, if any.
+        arriving: the foot in the air, else the one that lands, if any.
         landing: which feet feel the impact of a touchdown.
     """
 
@@ -212,10 +214,10 @@ class Feet:
 
         Args:
             settings: thresholds and times.
-            contacts: told which feet it does not own, and whether these stand.
-            anchors: told which feet are where they were set down.
+            contacts: is told which feet the walk owns, and whether these stand.
+            anchors: is told which feet are planted.
             weight: of the robot [N].
-            largest_force: to be asked of a foot that stands [N].
+            largest_force: largest normal force to ask of a foot that stands [N].
             period_s: time between two updates [s].
         """
         self._settings = settings
@@ -231,23 +233,23 @@ class Feet:
         self._landed_s = [0.0, 0.0]
 
     def is_airborne(self, side: int) -> bool:
-        """Whether a foot is in the air, by plan or since it bounced."""
+        """Whether a foot is in the air, by plan or after a bounce."""
         return self.states[side] in (FootState.SWING, FootState.RELANDING)
 
     def leave(self, side: int) -> None:
-        """Have a foot unload, to be lifted."""
+        """Make a foot unload before it is lifted."""
         self._contacts.owned[side] = True
         self._enter(side, FootState.LEAVING)
 
     def lift(self, side: int) -> None:
-        """Have a foot leave the ground."""
+        """Make a foot leave the ground."""
         self._contacts.owned[side] = True
         self._contacts.in_contact[side] = False
         self._anchors.planted[side] = False
         self._enter(side, FootState.SWING)
 
     def give_back(self, side: int) -> None:
-        """Leave a foot to the contact monitor again."""
+        """Return a foot to the contact monitor."""
         self._contacts.take_back(side)
         self._anchors.planted[side] = True
         self._enter(side, FootState.PLANTED)
@@ -257,8 +259,8 @@ class Feet:
 
         Args:
             normals: measured normal forces, left and right [N].
-            may_touch: whether the swing foot is far enough on its way for a force to
-                be a touchdown.
+            may_touch: whether the swing foot is far enough for a force to be a
+                touchdown.
         """
         for side in range(2):
             self.since_s[side] += self._dt
@@ -277,12 +279,12 @@ class Feet:
                     self._reland(side)
 
     def set_down(self, side: int) -> None:
-        """Take a foot that is in the air to have touched down: it cannot feel it."""
+        """Count a foot in the air as touched down, since it cannot feel it."""
         if self.is_airborne(side):
             self._touch(side)
 
     def settle(self, side: int) -> None:
-        """Let a foot that has landed for long enough be planted, if it has."""
+        """Make a landing foot planted once it has landed for long enough."""
         if (
             self.states[side] is FootState.LANDING
             and self.since_s[side] >= self._settings.landing_s
@@ -290,7 +292,7 @@ class Feet:
             self.give_back(side)
 
     def share_load(self, left: float, stance: Stance, state: ObservedState) -> None:
-        """Write the planned load; what a foot that is to leave may carry shrinks along.
+        """Write the planned load, and with it the shrinking limit of a leaving foot.
 
         Args:
             left: planned share of the left foot [1].
@@ -305,7 +307,7 @@ class Feet:
                 state.allowed[side] = (load[side] + margin) * self._weight
 
     def carry_early(self, stance: Stance) -> None:
-        """Have a foot that has landed early carry a little, not what was planned."""
+        """Plan a small load for a foot that landed early."""
         if any(self.landing):
             side = self.landing.index(True)
             early = self._settings.early_share

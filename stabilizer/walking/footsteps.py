@@ -1,4 +1,4 @@
-"""Footsteps: from a velocity, from a scenario, and what a robot may be asked for."""
+"""Footsteps from a velocity or from a scenario, within what a robot can do."""
 
 from __future__ import annotations
 
@@ -20,21 +20,23 @@ from surefoot.stabilizer.model import RobotModel
 
 SIDES: tuple[Side, Side] = ("left", "right")
 STAND_AT_END_S = 1.0
-"""A walk without an end of its own stops in time to stand for so long."""
+"""Time to stand at the scenario's end after a walk without an end of its own."""
 _LENGTH_TOLERANCE = 1e-6
 MOST_TURN_RAD = 1.5
-"""A step that turns by more is refused, however wide."""
+"""Turn from which a step is refused, however wide."""
 RAMP = 0.35
-"""Part of a foot's way in which it speeds up, and slows down again [1]."""
+"""Part of a foot's travel time in which it speeds up, and in which it slows down
+[1]."""
 GLIDE_PEAK = 1.0 / (1.0 - RAMP)
-"""Fastest of a foot's way over its mean [1]."""
+"""Peak speed of a foot's travel over its mean [1]."""
 FOOT_SHARE = 0.75
-"""Fastest swing foot, as part of its leg's speed: hip and knee turn at once [1]."""
+"""Largest speed of a swing foot over that of its leg: hip and knee turn at once [1]."""
 
 QUINTIC_PEAK = 1.875
-"""Fastest of a quintic from rest to rest over its mean [1]."""
+"""Peak speed of a quintic from rest to rest over its mean [1]."""
 LIFT_SHARE = 0.25
-"""Fastest that a foot rises, as part of its leg's speed: by a bent knee alone [1]."""
+"""Largest speed of a rising foot over that of its leg: only a bent knee lifts it
+[1]."""
 
 
 class Foothold(NamedTuple):
@@ -53,7 +55,7 @@ class Foothold(NamedTuple):
     yaw: float
 
     def beside(self, x: float, y: float, yaw: float = 0.0) -> Foothold:
-        """Return the place at an offset in this one's own axes."""
+        """Return the place at an offset in the axes of this one."""
         cos, sin = math.cos(self.yaw), math.sin(self.yaw)
         return Foothold(
             self.x + cos * x - sin * y,
@@ -63,7 +65,7 @@ class Foothold(NamedTuple):
         )
 
     def seen_from(self, other: Foothold) -> tuple[float, float, float]:
-        """Return x, y [m] and yaw [rad] of this place in another one's axes."""
+        """Return x, y [m] and yaw [rad] of this place in the axes of another."""
         cos, sin = math.cos(other.yaw), math.sin(other.yaw)
         x, y = self.x - other.x, self.y - other.y
         turn = math.remainder(self.yaw - other.yaw, math.tau)
@@ -71,15 +73,15 @@ class Foothold(NamedTuple):
 
 
 class Pace(NamedTuple):
-    """A velocity and the times and height of its steps.
+    """A walking velocity, with the times and height of its steps.
 
     Attributes:
-        ahead: [m/s].
-        lateral: to the left [m/s].
-        yaw_rate: counter-clockwise from above [rad/s].
+        ahead: speed ahead [m/s].
+        lateral: speed to the left [m/s].
+        yaw_rate: turning speed, counter-clockwise from above [rad/s].
         single_s: single support.
         double_s: double support.
-        height_m: of the swing foot.
+        height_m: height of the swing foot [m].
     """
 
     ahead: float
@@ -98,18 +100,18 @@ def steps_at(
     first_id: int,
     first_side: int | None = None,
 ) -> Iterator[Step]:
-    """Yield footsteps for a velocity, without end.
+    """Yield an endless sequence of footsteps for a velocity.
 
-    A robot that goes sideways, or turns, opens its stance with the leading foot and
-    closes it with the other one, so that its feet never come nearer than standing.
-    Where an arc would bring them nearer all the same they go wider apart.
+    In going sideways or turning, the leading foot opens the stance and the other one
+    closes it, so that the feet never come nearer than in standing. If an arc would
+    still bring them nearer, the feet go wider apart.
 
     Args:
         pace: velocity and times.
-        middle: between the feet at first; on the way, beside the one that stands.
+        middle: place between the feet at first; in a walk, beside the standing foot.
         half_width: sole to middle, standing [m].
-        first_id: of the first step; the others count on.
-        first_side: which foot goes first; None for the leading one.
+        first_id: id of the first step; the others count up from it.
+        first_side: foot that goes first; None for the leading one.
     """
     leads, turns = _leading(pace.lateral), _turning(pace, half_width)
     wide = _width_with(turns, pace, half_width)
@@ -123,7 +125,7 @@ def steps_at(
         middle = _advanced(middle, *_way(side, pace, turns))
         out = 1.0 if side == 0 else -1.0
         place = middle.beside(0.0, out * wide)
-        # The first one leaves a stance that may be narrower, or made at another pace.
+        # The first step leaves a stance that may be narrower, or of another pace.
         x, apart, yaw = place.seen_from(support)
         if out * apart < 2.0 * half_width - _LENGTH_TOLERANCE:
             place = support.beside(x, out * 2.0 * half_width, yaw)
@@ -142,7 +144,7 @@ def steps_at(
 
 
 def half_width_at(pace: Pace, half_width: float) -> float:
-    """Return how far the feet go from their middle at a pace [m].
+    """Return the distance of the feet from their middle at a pace [m].
 
     Args:
         pace: velocity and times.
@@ -152,9 +154,9 @@ def half_width_at(pace: Pace, half_width: float) -> float:
 
 
 def _turning(pace: Pace, half_width: float) -> int:
-    """The foot that turns for both: to where the robot turns, if that opens most.
+    """Return the foot that turns for both: on the side of the turn, if that opens most.
 
-    Going back, its way along the arc is towards the other foot.
+    In going backwards, this foot's way along the arc is towards the other foot.
     """
     foot = _leading(pace.yaw_rate)
     widths = [_width_with(side, pace, half_width) for side in (foot, 1 - foot)]
@@ -162,10 +164,11 @@ def _turning(pace: Pace, half_width: float) -> int:
 
 
 def _width_with(turns: int, pace: Pace, half_width: float) -> float:
-    """The least sole to middle that brings no foot nearer to the other than standing.
+    """Return the least distance of sole to middle that keeps the feet apart enough.
 
-    Seen from a foot that stands beside the middle of a step before, the next one is
-    w (1 + cos turn) beside it, and farther by what the middle has gone outward.
+    Seen from a foot beside the middle of one step before, the next foot is w (1 + cos
+    turn) beside it, plus the outward way of the middle. It must not be nearer than in
+    standing.
     """
     width = half_width
     for side in (0, 1):
@@ -179,9 +182,9 @@ def _width_with(turns: int, pace: Pace, half_width: float) -> float:
 
 
 def _way(side: int, pace: Pace, turns: int) -> tuple[float, float, float]:
-    """How far the middle goes ahead and aside, and turns, by a step of a foot.
+    """Return the middle's way ahead and aside, and its turn, in a step of a foot.
 
-    The leading foot goes both steps' way to the side, or turns for both.
+    The leading foot covers the sideways way of both steps, or turns for both.
     """
     period = pace.single_s + pace.double_s
     ahead, lateral, turn = (
@@ -196,12 +199,12 @@ def _way(side: int, pace: Pace, turns: int) -> tuple[float, float, float]:
 
 
 def _leading(rate: float) -> int:
-    """The foot on the side that one goes, or turns, to."""
+    """Return the foot on the side to which the robot goes or turns."""
     return 1 if rate < 0.0 else 0
 
 
 def _advanced(middle: Foothold, ahead: float, lateral: float, turn: float) -> Foothold:
-    """Go on for a step, along the chord of the arc."""
+    """Return the middle after a step, along the chord of the arc."""
     half = middle.beside(0.0, 0.0, 0.5 * turn)
     return half.beside(ahead, lateral, 0.5 * turn)
 
@@ -213,23 +216,22 @@ def turned(yaw: float) -> Mat:
 
 
 def mean_yaw(left: float, right: float) -> float:
-    """Return the heading between two, the short way [rad]."""
+    """Return the mean of two headings, the short way around [rad]."""
     return right + 0.5 * math.remainder(left - right, math.tau)
 
 
 def travel_part(
     climb: float, lift: float, settings: WalkSettings
 ) -> tuple[float, float]:
-    """Return the part of single support in which a foot travels, from and to [1].
+    """Return begin and end of a foot's travel, in parts of single support [1].
 
-    A foot that climbs first rises to the level of its foothold, one that descends
-    stays above its old one until it has arrived: somewhere between is the edge of a
-    stair.
+    A climbing foot first rises to the level of its foothold. A descending foot stays
+    above its old one until it has arrived. Somewhere between is the edge of a stair.
 
     Args:
         climb: height of the foothold over the one that is left, by plan [m].
-        lift: how high the foot is lifted over the higher of both [m].
-        settings: the part on level ground, and that until the foot is highest.
+        lift: height to which the foot is lifted over the higher of both footholds [m].
+        settings: has that part on level ground, and the part until the foot is highest.
     """
     begins, ends, up = 0.0, settings.horizontal_part, settings.apex_part
     if climb > 0.0:
@@ -240,7 +242,7 @@ def travel_part(
 
 
 def _when_risen(part: float) -> float:
-    """Return when a quintic from rest to rest has gone a part of its way [1]."""
+    """Return when, from 0 to 1, a quintic from rest to rest has gone a part."""
     low, high = 0.0, 1.0
     for _ in range(20):
         s = 0.5 * (low + high)
@@ -262,10 +264,10 @@ def swing_time(
     """Return the least single support in which a leg can set its foot so far [s].
 
     Args:
-        way: of the foot [m].
-        settings: the parts of it in which the foot travels, rises and comes down.
-        leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
-        lift: over the higher of both footholds [m].
+        way: horizontal way of the foot [m].
+        settings: has the parts of single support for travel, rise and descent.
+        leg_speed: speed of the end of a straight leg, by its drives' speed [m/s].
+        lift: height of the foot over the higher of both footholds [m].
         climb: height of the foothold over the one that is left, by plan [m].
     """
     begins, ends = travel_part(climb, lift, settings)
@@ -289,8 +291,8 @@ def plan_of(
 
     Args:
         walk: of the scenario.
-        robot: that walks.
-        settings: the times of the first and the last shift.
+        robot: the robot that walks.
+        settings: has the times of the first and the last shift.
         duration_s: of the scenario.
     """
     stance, period_s = standing(RobotModel(robot)), robot.period_s
@@ -331,7 +333,7 @@ def _velocity_steps(
     half_width: float,
     leg_speed: float,
 ) -> list[Step]:
-    """As many as there is time for, with the times that they take."""
+    """Return as many steps as there is time for, with the time that each takes."""
     pace = Pace(
         ahead=walk.velocity_m_s,
         lateral=walk.lateral_m_s,
@@ -349,7 +351,7 @@ def _velocity_steps(
         for before, step in zip(first, first[2:], strict=False)
     )
     least_s = swing_time(way, settings, leg_speed=leg_speed, lift=walk.height_m)
-    # A foot that double support was too short to unload is waited for.
+    # Double support too short to unload a foot is extended by waiting.
     period = max(walk.step_s, least_s) + max(walk.double_s, settings.unload_wait_s)
     last_s = walk.stop_s
     if last_s is None:

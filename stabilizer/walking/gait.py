@@ -1,9 +1,9 @@
-"""The phases of a walk, and the DCM's reference through them.
+"""Phases of a walk, and the references of ZMP, DCM and CoM through them.
 
     stand -> shift -> [single -> double]* -> settle -> stand
 
-One clock runs in each phase. What ends a phase is told by the walk, which knows the
-feet; here is only what follows for ZMP, DCM and centre of mass.
+One clock runs in each phase. The walk, which knows the feet, ends phases. This module
+computes what follows for ZMP, DCM and centre of mass.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from surefoot.stabilizer.walking.footsteps import Foothold
 from surefoot.stabilizer.walking.step_queue import Move
 
 EVERY_TICKS = 4
-"""The DCM's reference is computed anew so often; between, it goes on by its law."""
+"""Ticks between two computations of the DCM reference; between, it follows its law."""
 
 AT_REST_M = 0.001
-"""A centre of mass this near to where it belongs has come to rest [m]."""
+"""Distance to its place at which the centre of mass has come to rest [m]."""
 
 
 class Phase(StrEnum):
-    """Of a walk."""
+    """Phases of a walk."""
 
     STAND = "stand"
     SHIFT = "shift"
@@ -43,19 +43,19 @@ class Phase(StrEnum):
 
 
 class Gait:
-    """Where ZMP, DCM and centre of mass belong.
+    """References of ZMP, DCM and centre of mass, odometry frame.
 
     Attributes:
         phase: the present one.
-        t: time in it [s].
-        duration_s: as planned.
-        support: the foot that is to carry: alone in single support, ever more in
-            double support.
-        zmp: wanted zero-moment point [m].
+        t: time in the phase [s].
+        duration_s: wanted duration of the phase; step adjustment may change it [s].
+        support: foot that is to carry: alone in single support, more and more in double
+            support.
+        zmp: desired ZMP [m].
         dcm: reference of the DCM [m].
         com: reference of the centre of mass [m].
-        com_velocity: [m/s].
-        com_acceleration: [m/s^2].
+        com_velocity: its velocity [m/s].
+        com_acceleration: its acceleration [m/s^2].
         omega: of the pendulum [1/s].
     """
 
@@ -94,7 +94,7 @@ class Gait:
 
     @property
     def left_s(self) -> float:
-        """What is left of the phase [s]; 0 while it waits."""
+        """Time left in the phase; 0 while it waits [s]."""
         return max(0.0, self.duration_s - self.t)
 
     def begin_shift(
@@ -108,10 +108,10 @@ class Gait:
         """Begin to walk: the weight goes onto the first support.
 
         Args:
-            support: the foot.
-            feet: where both are.
+            support: foot of the first support.
+            feet: places of both feet.
             moves: the steps to come.
-            com: where the reference of the centre of mass is, at rest [m].
+            com: reference of the centre of mass, at rest [m].
         """
         self._enter(Phase.SHIFT, self._settings.shift_s)
         self.support = support
@@ -127,12 +127,12 @@ class Gait:
         )
 
     def begin_single(self, move: Move) -> None:
-        """One foot carries alone; ``support`` is it already."""
+        """Begin single support; ``support`` carries already."""
         self._enter(Phase.SINGLE, move.single_s)
         self._double_s = move.double_s
 
     def begin_double(self) -> None:
-        """Both carry: the weight goes onto the foot that has landed."""
+        """Begin double support: the weight goes onto the landed foot."""
         self._enter(Phase.DOUBLE, self._double_s)
         self._from, self.support = self.zmp, 1 - self.support
 
@@ -142,7 +142,7 @@ class Gait:
         self._from = self.zmp
 
     def stand(self) -> None:
-        """The walk is over."""
+        """End the walk."""
         self._enter(Phase.STAND, 0.0)
 
     def advance(
@@ -155,10 +155,10 @@ class Gait:
         """Advance by one tick.
 
         Args:
-            feet: where left and right foot are, or are being set.
+            feet: places of left and right foot, or where they are being set.
             moves: the steps to come after the present one.
-            pause_at: where the ZMP is to stay for now, the clock with it; the weight
-                goes onto the other foot from there [m].
+            pause_at: where the ZMP stays for now while the clock stands still; the
+                weight goes onto the other foot from there [m].
         """
         dt, omega = self._dt, self.omega
         if pause_at is None:
@@ -182,17 +182,17 @@ class Gait:
         self.com_acceleration = (square * (x - p_x), square * (y - p_y))
 
     def middle(self, feet: Sequence[Foothold]) -> Point:
-        """Where the centre of mass belongs when the robot stands on these [m]."""
+        """Return the place of the centre of mass for standing on these feet [m]."""
         left, right = self.point(feet[0]), self.point(feet[1])
         return 0.5 * (left[0] + right[0]), 0.5 * (left[1] + right[1])
 
     def rests(self, feet: Sequence[Foothold]) -> bool:
-        """Whether the centre of mass has come to rest between the feet."""
+        """Return whether the centre of mass has come to rest between the feet."""
         x, y = self.middle(feet)
         return math.hypot(self.com[0] - x, self.com[1] - y) < AT_REST_M
 
     def left_share(self, feet: Sequence[Foothold]) -> float:
-        """Part of the weight that the left foot carries with the wanted ZMP [1]."""
+        """Return the left foot's part of the weight for the desired ZMP [1]."""
         left, right = self.point(feet[0]), self.point(feet[1])
         x, y = left[0] - right[0], left[1] - right[1]
         along = (self.zmp[0] - right[0]) * x + (self.zmp[1] - right[1]) * y
@@ -203,7 +203,7 @@ class Gait:
         self._ticks = 0
 
     def point(self, foot: Foothold) -> Point:
-        """Where the ZMP belongs while a foot carries alone [m]."""
+        """Return the place of the ZMP while a foot carries alone [m]."""
         x, y = self._offset
         cos, sin = math.cos(foot.yaw), math.sin(foot.yaw)
         return foot.x + cos * x - sin * y, foot.y + sin * x + cos * y
@@ -227,7 +227,7 @@ class Gait:
     def _ahead(
         self, feet: Sequence[Foothold], moves: Sequence[Move]
     ) -> tuple[list[ZmpPhase], Point]:
-        """The wanted ZMP from now on, and where the DCM is at its end."""
+        """Return the desired ZMP from now on, and the DCM at its end."""
         phase, left_s = self.phase, self.left_s
         if phase in (Phase.STAND, Phase.SETTLE):
             middle = self.middle(feet)
@@ -247,7 +247,7 @@ class Gait:
     def _walk_on(
         self, feet: Sequence[Foothold], moves: Sequence[Move]
     ) -> tuple[list[ZmpPhase], Point]:
-        """What follows the present phase."""
+        """Return the same for what follows the present phase."""
         here, places = self.point(feet[self.support]), list(feet)
         phases: list[ZmpPhase] = []
         if self.phase is Phase.SINGLE and moves:

@@ -1,4 +1,4 @@
-"""The ground that a walk expects under its feet, and the height over it."""
+"""Expected ground of a walk: its plane and motion, and the CoM height over it."""
 
 from __future__ import annotations
 
@@ -19,32 +19,31 @@ from surefoot.stabilizer.walking.feet import Feet, FootState
 
 _UP = np.array([0.0, 0.0, 1.0])
 EDGE = (0.93, 0.98)
-"""A sole pressed farther out than this begins to tip, and tips [1]."""
+"""Centre of pressure from which a sole begins to tip, and at which it tips [1]."""
 LEAST_FORCE_N = 20.0
-"""Below it a centre of pressure is noise."""
+"""Normal force below which a centre of pressure is noise."""
 STAIRS_RISE_SHARE = 0.625
-"""Of how far the legs let the centre of mass rise over its nominal height: what stairs
-of the plan may use [1]."""
+"""Part of the CoM's possible rise over nominal that planned stairs may use [1]."""
 DEEPEST_KEPT_S = 6.0
 """Time constant with which a deep place of the ground is forgotten [s]."""
 PRESSED_N = 60.0
-"""Soles on which the ground presses more lie on it, or on an edge."""
+"""Normal force above which a sole lies on the ground, or on an edge."""
 TURNS_KEPT_S = 2.0
-"""How both soles turn is remembered for so long, of the time that both are pressed."""
+"""Memory of how both soles turn, in time that both are pressed."""
 STILL_RAD_S, STILL_S = 0.03, 0.1
-"""Soles that turned no faster and no longer have not shown it [rad/s], [s]."""
+"""Speed and duration of turns below which soles have not shown it [rad/s], [s]."""
 TOGETHER = (0.4, 0.7)
-"""Correlation of the soles' turns up to which each turns by itself, and from which on
-their ground is one that turns [1]."""
+"""Correlation of the soles' turns: up to the first each turns by itself, from the
+second on the ground turns [1]."""
 STEEPEST = 0.3
-"""No ground is expected to slope by more than this [rad]."""
+"""Largest slope of expected ground [rad]."""
 
 
 class GroundMotion(Protocol):
-    """How the soles move, and how much of it is their ground's.
+    """Motion of the soles, and the part of it that is the ground's.
 
     Attributes:
-        share: the ground's part, of left and right foot [1].
+        share: the ground's part of it, left and right foot [1].
         ground_twist: (12,) low-passed sole twists.
     """
 
@@ -55,22 +54,23 @@ class GroundMotion(Protocol):
 class ExpectedGround:
     """Normal and motion of the ground: a plane through the standing sole.
 
-    With both feet planted the normal is the mean of the soles', as far as these agree
-    with each other and with the line between them: a platform is followed, stones
-    that each lie as they please count as level. From when one foot leaves until it has
-    landed, the ground turns with the other one's sole, as far as both have been seen to
-    turn together, and about each axis for as long as the pressure keeps off its edge:
-    a sole that tips stands on that very edge, or on a stone's anywhere under it.
+    With both feet planted its normal is the mean of the soles' normals, as far as these
+    agree with each other and with the line between the soles. A platform is followed;
+    stones at random angles count as level. From when one foot leaves until it has
+    landed, the ground turns with the other one's sole: as far as both soles have been
+    seen to turn together, and about each axis only while the pressure is off the sole's
+    edge. A sole that tips stands on that edge, or on an edge of a stone anywhere under
+    it.
 
     Attributes:
         normal: (3,) unit, world.
         velocity: vertical speed at the swing foot [m/s].
         turn: (3,) angular velocity, about the level axes only [rad/s].
-        under: the foot in the air, or that lands, whose ground the other one shows.
-        middle_over_support: height between the feet over that of the one that stands,
-            while the other one is none that shows the ground [m].
+        under: the foot in the air or landing, whose ground the other one shows.
+        middle_over_support: height of the middle between the feet over the standing
+            one, while the other one shows no ground [m].
         edge_share: part of the sole's roll and pitch that is the ground's [1].
-        turns: how far both soles have been seen to turn as one ground [1].
+        turns: degree to which both soles have been seen to turn as one ground [1].
     """
 
     def __init__(
@@ -108,13 +108,13 @@ class ExpectedGround:
     def update(
         self, soles: SolesAndCom, law: GroundMotion, F_meas: Array, *, feet: Feet
     ) -> None:
-        """Go on for a tick.
+        """Advance by one tick.
 
         Args:
             soles: at the present state.
-            law: tells how the soles move, and how much of it is the ground's.
+            law: has the soles' motion, and the ground's part of it.
             F_meas: (12,) wrenches of the ground on the soles.
-            feet: what they are doing.
+            feet: has the states of the feet.
         """
         self.under = feet.arriving
         off = self.under
@@ -136,11 +136,11 @@ class ExpectedGround:
             self.middle_over_support = 0.0
 
     def carry(self, dynamics: Dynamics, law: ForceFeedback) -> None:
-        """Have a foot that lands move with its ground.
+        """Make a landing foot move with its ground.
 
         Args:
             dynamics: quantities at the present state.
-            law: the twists of the soles, written in place.
+            law: has the twists of the soles, written in place.
         """
         if self.under is None:
             return
@@ -151,7 +151,7 @@ class ExpectedGround:
         twist[3:] += missing * (self.turn @ R)
 
     def from_both(self, soles: SolesAndCom) -> None:
-        """Look at both soles, which stand."""
+        """Update the plane from both soles, which stand."""
         mean, trust = self._common(soles)
         w_left, w_right = soles.v_sole[3:6], soles.v_sole[9:12]
         turn = soles.R_world_sole[0] @ w_left + soles.R_world_sole[1] @ w_right
@@ -162,7 +162,7 @@ class ExpectedGround:
         self.turn[:] = 0.0
 
     def _common(self, soles: SolesAndCom) -> tuple[Vec3, float]:
-        """Return the soles' mean normal, and how far they agree on one plane [1]."""
+        """Return the soles' mean normal, and how well they fit one plane [1]."""
         left, right = (R[:, 2] for R in soles.R_world_sole)
         mean = left + right
         mean /= math.sqrt(mean @ mean)
@@ -172,7 +172,7 @@ class ExpectedGround:
         return mean, math.exp(-(apart @ apart + slope * slope) / self._agreement**2)
 
     def _compare_turns(self, soles: SolesAndCom, law: GroundMotion) -> None:
-        """Look whether both soles, pressed, turn together."""
+        """Compare the turns of both soles while they are pressed."""
         (l_x, l_y, _), (r_x, r_y, _) = (
             (R @ law.ground_twist[rows][3:]).tolist()
             for R, rows in zip(soles.R_world_sole, SOLE_ROWS, strict=True)
@@ -186,9 +186,9 @@ class ExpectedGround:
         self.turns = min(max((alike - none) / (whole - none), 0.0), 1.0)
 
     def _agree(self, soles: SolesAndCom, *, support: int) -> None:
-        """Believe both soles that are pressed, as far as they agree.
+        """Update the plane from both pressed soles, as far as they agree.
 
-        One that is pressed at its edge may tip; two do not tip into one plane.
+        One sole pressed at its edge may tip; two do not tip into one plane.
         """
         mean, trust = self._common(soles)
         self.normal += (self._blend * trust) * (mean - self.normal)
@@ -196,7 +196,7 @@ class ExpectedGround:
         self._in_sole[:] = self.normal @ soles.R_world_sole[support]
 
     def stand_on(self, soles: SolesAndCom, *, support: int) -> None:
-        """From now on one sole alone shows the ground.
+        """Begin to take the ground from one sole alone.
 
         Args:
             soles: at the present state.
@@ -213,11 +213,11 @@ class ExpectedGround:
         *,
         support: int,
     ) -> None:
-        """Go on with the ground under one sole.
+        """Update the ground from one sole.
 
         Args:
             soles: at the present state.
-            law: tells how the soles move, and how much of it is the ground's.
+            law: has the soles' motion, and the ground's part of it.
             F_meas: (12,) wrenches of the ground on the soles.
             support: the foot that stands.
         """
@@ -238,7 +238,7 @@ class ExpectedGround:
         shares[1] += blend * (pitch_room - shares[1])
         turns = self.turns
         roll, pitch = turns * shares[0], turns * shares[1]
-        # What a sole that tips leaves on the ground is the point it is pressed at.
+        # Of a tipping sole only the pressed point stays on the ground.
         v_z += (1.0 - roll) * w_x * y - (1.0 - pitch) * w_y * x
         turn, in_sole = self.turn, self._scratch
         in_sole[0], in_sole[1], in_sole[2] = roll * w_x, pitch * w_y, 0.0
@@ -274,12 +274,12 @@ class ExpectedGround:
 
 
 class HeightReference:
-    """The height asked for: over the ground, and its deepest place in reach.
+    """Reference of the CoM's height: over the ground, with its deepest place in reach.
 
-    Stairs of the plan are climbed on time, by a filter of third order. What the ground
-    is off its plan is followed slowly. There, a robot that has walked may stand far
-    from where its ground turns: it sinks deeper, and a leg that is straight by then
-    cannot follow it.
+    Planned stairs are climbed on time, by a filter of third order. The ground's
+    difference from its plan is followed slowly. After a walk a robot may stand far from
+    the axis about which its ground turns. The ground under it then sinks deeper, and a
+    leg that is straight by then cannot follow.
     """
 
     def __init__(
@@ -289,7 +289,8 @@ class HeightReference:
 
         Args:
             settings: time constants.
-            com_rise: highest centre of mass over the soles, from nominal [m].
+            com_rise: largest height of the centre of mass over the soles, from nominal
+                [m].
             period_s: time between two updates [s].
         """
         self._dt, self._climb_rate = period_s, 1.0 / settings.climb_s
@@ -310,11 +311,11 @@ class HeightReference:
         """Advance by one tick.
 
         Args:
-            stance: gets the height, and its planned velocity and acceleration.
-            state: tells the height of the ground that carries.
+            stance: gets the height, with its planned velocity and acceleration.
+            state: has the height of the carrying ground.
             soles: at the present state.
-            ground: its height between the feet.
-            anchors: heights of the footholds by plan.
+            ground: has the height between the feet.
+            anchors: has the planned heights of the footholds.
         """
         level_left, level_right = anchors.level
         carries = state.ground_height - anchors.carrying
@@ -335,7 +336,7 @@ class HeightReference:
         stance.com_velocity[2], stance.com_acceleration[2] = planned[1:]
 
     def _climb(self, to: float) -> None:
-        """Go on to a planned height, by place, velocity and acceleration."""
+        """Approach a planned height, with its velocity and acceleration."""
         place, velocity, acceleration = self._planned
         rate = self._climb_rate
         jerk = rate * (
@@ -347,7 +348,7 @@ class HeightReference:
 
 
 def _room(outward: float) -> float:
-    """Return 1 while the pressure is off the sole's edge, 0 at it [1].
+    """Return 1 while the pressure is off the sole's edge, 0 at the edge [1].
 
     Args:
         outward: centre of pressure from the sole's middle (0) to its edge (1).

@@ -1,4 +1,4 @@
-"""When a phase of a walk is over, and what comes then."""
+"""Decides when a phase of a walk is over, and what comes next."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from surefoot.stabilizer.walking.gait import Gait, Phase
 from surefoot.stabilizer.walking.step_queue import Move
 
 LEAVING_FROM = 0.3
-"""Planned share of the weight under which a foot that is to leave is the walk's."""
+"""Planned share of the weight below which the walk owns a foot that is to leave."""
 
 
 class PhaseChanges:
-    """Ends the phases of a gait, by time and by what the feet and the DCM do."""
+    """Ends the phases of a gait: by time, feet and DCM."""
 
     def __init__(
         self,
@@ -35,9 +35,9 @@ class PhaseChanges:
 
         Args:
             settings: of walking.
-            gait: whose phases end.
-            feet: told which one leaves, and which one does not after all.
-            contacts: of the observer.
+            gait: gait whose phases are ended.
+            feet: is told which foot leaves, or stays after all.
+            contacts: contact monitor of the observer.
             weight: of the robot [N].
             half_sizes: half length and half width of a sole [m].
             period_s: time between two updates [s].
@@ -49,21 +49,21 @@ class PhaseChanges:
         self._waited_s = 0.0
 
     def begin(self) -> None:
-        """Begin a walk, with the shift onto the first foot."""
+        """Begin a walk with the shift onto the first foot."""
         self._waited_s = 0.0
         self._pause.begin()
 
     def pause_at(
         self, dcm: Point, footholds: Callable[[], list[Foothold]]
     ) -> Point | None:
-        """Return where the ZMP stays, both feet down, until the DCM is back.
+        """Return where the ZMP waits, both feet down, until the DCM is back.
 
         Args:
-            dcm: as measured [m].
-            footholds: where the feet are.
+            dcm: estimated DCM [m].
+            footholds: returns the places of both feet.
 
         Returns:
-            None to go on.
+            Place of the ZMP [m]; None to go on.
         """
         if self._gait.phase is not Phase.DOUBLE:
             return None
@@ -78,17 +78,17 @@ class PhaseChanges:
         moved: int | None,
         pauses: bool,
     ) -> int | None:
-        """Go on to the next phase when this one is over.
+        """Change to the next phase when the present one is over.
 
         Args:
             normals: normal forces, left and right [N].
-            footholds: where the feet are.
-            ahead: the steps to come.
-            moved: the foot of the last step; None before there was one.
-            pauses: whether the feet stay down, whatever time it is.
+            footholds: returns the places of both feet.
+            ahead: returns the coming steps.
+            moved: foot of the last step; None before the first.
+            pauses: whether both feet stay down, whatever the time.
 
         Returns:
-            The foot that is to be lifted now, as all else depends on that step.
+            The foot to be lifted now: all else depends on that step. None for no foot.
         """
         gait, feet = self._gait, self._feet
         phase = gait.phase
@@ -124,7 +124,7 @@ class PhaseChanges:
         footholds: Callable[[], list[Foothold]],
         moves: Sequence[Move],
     ) -> int | None:
-        """Have a foot leave, once it is time and it is unloaded; return it then."""
+        """Make a foot leave once it is time and it is unloaded; return it then."""
         gait, feet = self._gait, self._feet
         if moves and feet.states[leaving] is FootState.PLANTED:
             left = gait.left_share(footholds())
@@ -149,10 +149,10 @@ class PhaseChanges:
 
 
 class Pause:
-    """Keeps both feet down while the DCM is off, and over the soles that hold it.
+    """Keeps both feet down while the DCM is off its reference, but over the soles.
 
     Attributes:
-        is_lost: whether it is off and beyond the soles: only a step can help.
+        is_lost: whether the DCM is off and beyond the soles: only a step can help.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class Pause:
         """Begin without a pause.
 
         Args:
-            settings: from which error on, and for how long.
+            settings: has the error from which on to pause, and for how long.
             half_sizes: half length and half width of a sole [m].
             period_s: time between two updates [s].
         """
@@ -175,19 +175,19 @@ class Pause:
         self.is_lost = False
 
     def begin(self) -> None:
-        """Begin with another double support."""
+        """Begin a double support."""
         self._paused_s, self.is_lost = 0.0, False
 
     def at(self, dcm: Point, gait: Gait, feet: Sequence[Foothold]) -> Point | None:
         """Advance by one tick of double support.
 
         Args:
-            dcm: where it is [m].
-            gait: tells where it should be.
-            feet: left and right.
+            dcm: estimated DCM [m].
+            gait: has the reference of the DCM.
+            feet: places of left and right foot.
 
         Returns:
-            Where the ZMP is to stay for now [m]; None to go on.
+            Place where the ZMP waits [m]; None to go on.
         """
         settings = self._settings
         x, y = dcm
@@ -210,20 +210,20 @@ def is_over(
     *,
     half_sizes: tuple[float, float],
 ) -> bool:
-    """Whether a point is over a sole, or on the way from it to another one.
+    """Return whether a point is over a sole, or on the way from it to another one.
 
-    A robot whose DCM is there can wait: its ZMP gets to the DCM's other side.
+    With the DCM there a robot can wait: its ZMP can get to the DCM's other side.
 
     Args:
         point: [m].
         here: place of the sole.
-        there: of the other one; the same for one that stands alone.
+        there: place of the other sole; ``here`` again for a foot that stands alone.
         half_sizes: half length and half width of a sole [m].
     """
     x, y, _ = there.seen_from(here)
     ahead, left, _ = Foothold(*point, 0.0, 0.0).seen_from(here)
-    # Of the sole's places on that way, as parts of it, the point is over some from
-    # the first on and up to the last, in either direction.
+    # A sole moved along the way is under the point from the part ``first`` of the way
+    # up to the part ``last``, whichever its direction.
     first, last = 0.0, 1.0
     for off, way, half in zip((ahead, left), (x, y), half_sizes, strict=True):
         if abs(way) < 1e-6:

@@ -1,20 +1,20 @@
-"""Place and time of the step under way, by a small QP, when the DCM leaves its plan.
+"""Adjusts place and time of the present step, by a small QP, when the DCM is off.
 
-In single support with the ZMP at p the DCM xi moves away from it: after a time T it is
+In single support with the ZMP at p the DCM xi moves away from it. After a time T it is
 p + s (xi - p), with s = exp(w T), as in Khadiv et al. 2016, "Step timing adjustment: a
 step toward generating robust gaits". Then, in double support of duration D, the ZMP
-moves evenly to the place u of the foot that has landed; and as that foot begins to
-carry alone the DCM should be at u + b, b being what the steps after it ask for. Both
-together say what place, time and offset fit each other:
+moves evenly to the place u of the landed foot. When that foot begins to carry alone,
+the DCM should be at u + b, where b is what the following steps ask for. Together this
+relates place, time and offset:
 
     s (xi - p) = g (u - p) + d b,    d = exp(-w D),    g = (1 - d) / (w D)
 
-which is linear in u, s and b. The QP leaves the plan for all three as little as it can,
-by weight, within what the legs reach and how fast they swing.
+which is linear in u, s and b. The QP changes all three as little as it can, by weight,
+within the reach of the legs and the speed of the swing.
 
-A DCM that leaves the outer edge of the standing foot is beyond any step to the moving
-foot's own side. Then that foot crosses: ahead of the standing one, so far that the legs
-do not meet, to its other side. The step after it goes around behind.
+A DCM beyond the outer edge of the standing foot cannot be caught by a step to the
+moving foot's own side. That foot then crosses to the other side, ahead of the standing
+one and so far that the legs do not meet. The next step goes around behind.
 """
 
 from __future__ import annotations
@@ -33,28 +33,27 @@ from surefoot.stabilizer.walking.gait import Gait
 from surefoot.stabilizer.walking.step_queue import Move
 
 EVERY_TICKS = 4
-"""The QP is solved so often."""
+"""Ticks between two solutions of the QP."""
 SETTLED_S = 0.1
-"""A foot is where its shifted goal was so long ago [s]."""
+"""Time after which a foot has reached its shifted goal [s]."""
 ACROSS_M = 0.02
-"""A foot that crosses is set no farther to the other side than it has to be and this:
-thighs meet [m]."""
+"""Margin by which a crossing foot may go farther to the other side than it must: thighs
+meet [m]."""
 NEARLY_M = 0.02
-"""A foot this near to where it may pass the other one may pass [m]."""
+"""Distance to the passing place at which a foot may pass the other one [m]."""
 ARRIVED_M = 0.001
-"""A shift this near to its goal is there [m]."""
+"""Distance to its goal at which a shift has arrived [m]."""
 CROSSING_M_S = 5.0
-"""Fastest shift of a step that crosses, or parts the feet again, where the drives let a
-leg swing so fast."""
+"""Largest speed of the shift when feet cross or part again, if the drives allow it."""
 _AHEAD, _ASIDE, _GROWTH = range(3)
 """Unknowns: shift ahead and to the left [m], and s over its plan [1]."""
 
 
 class StepAdjustment:
-    """Where and when the present step is set off its plan.
+    """Shift in place and time of the present step from its plan.
 
     Attributes:
-        shift: (x, y) of the present step [m].
+        shift: (x, y) of the present step, odometry frame [m].
     """
 
     def __init__(
@@ -72,7 +71,7 @@ class StepAdjustment:
             settings: dead band, weights, speed and limits.
             nearest: least sideways distance of parallel feet [m].
             half_sizes: half length and half width of a sole [m].
-            leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
+            leg_speed: speed of the end of a straight leg, by its drives' speed [m/s].
             period_s: time between two updates [s].
         """
         self._settings, self._dt = settings, period_s
@@ -96,11 +95,11 @@ class StepAdjustment:
         self._row: Array = np.zeros(3)
 
     def begin(self, move: Move, *, start: Point, support: Foothold) -> None:
-        """Begin with another step.
+        """Begin a step.
 
         Args:
             move: the step.
-            start: where the foot is, odometry frame [m].
+            start: place of the foot, odometry frame [m].
             support: foothold of the other foot.
         """
         self._own = 1.0 if move.side == 0 else -1.0
@@ -112,7 +111,7 @@ class StepAdjustment:
         self._ticks = 0
 
     def stop(self) -> None:
-        """The foot is down: it stays where it is."""
+        """End the shift: the foot is down and stays."""
         self._is_over = True
 
     def update(
@@ -128,15 +127,16 @@ class StepAdjustment:
         """Advance by one tick; may change how long the gait's single support lasts.
 
         Args:
-            error: of the DCM against its reference, odometry frame [m].
+            error: DCM minus its reference, odometry frame [m].
             move: the step, as planned.
-            gait: tells time, ZMP and reference of the DCM.
+            gait: has time, ZMP and reference of the DCM.
             support: foothold of the other foot.
-            least_left_s: tells what the foot needs from now on, for a shift [s].
-            foot: where its path has it, and where it would without the shift [m].
+            least_left_s: returns the least time that the foot needs for a shift [s].
+            foot: place of the foot on its path, and where it would be without the shift
+                [m].
 
         Returns:
-            (x, y) by which the steps after it are to be moved, too [m].
+            (x, y) by which the following steps are to be moved, too [m].
         """
         settings = self._settings
         if self._is_over:
@@ -158,13 +158,13 @@ class StepAdjustment:
         return self._follow_goal(move, support, foot)
 
     def _plan_left_s(self, gait: Gait) -> float:
-        """What the plan leaves of single support [s]."""
+        """Return the time of single support that the plan leaves [s]."""
         return max(self._planned_s - gait.t, self._settings.adjust_until_s)
 
     def _fill(self, beyond: Point, move: Move, gait: Gait, support: Foothold) -> bool:
-        """Write the cost; return whether there is more than the ankles can end.
+        """Write the cost; return whether the error is more than the ankles can end.
 
-        What is left over is b's part, and weighs most.
+        The rest goes into b, which weighs most.
         """
         settings, omega, qp, row = self._settings, gait.omega, self._qp, self._row
         growth = math.exp(omega * self._plan_left_s(gait))
@@ -194,7 +194,7 @@ class StepAdjustment:
         qp.q_lin[_GROWTH] = -self._weights[_GROWTH]
         for axis in (_AHEAD, _ASIDE):
             xi = reference[axis] + beyond[axis] - zmps[axis]
-            # The reference, with the present shift and time, is led where it should.
+            # The reference, with present shift and time, leads where it should.
             led = growth_now * reference[axis] - g * place[axis]
             row.fill(0.0)
             row[axis], row[_GROWTH] = -g, growth * xi
@@ -206,12 +206,12 @@ class StepAdjustment:
         return True
 
     def _bound(self, move: Move, gait: Gait, support: Foothold, least_s: float) -> None:
-        """Write what the legs reach, and how soon and late the foot may land."""
+        """Write the bounds: reach of the legs, earliest and latest touchdown."""
         settings, qp, omega = self._settings, self._qp, gait.omega
         limit_x, limit_y = settings.adjust_limit_m
         p_x, p_y, yaw = move.place.seen_from(support)
         half_length, half_width = self._half_sizes
-        # The corner of a sole that is turned against the other one is nearer to it.
+        # A sole that is turned has a corner nearer to the other foot.
         corner = abs(math.sin(yaw)) * half_length + math.cos(yaw) * half_width
         nearest = self._nearest + corner - half_width
         qp.x_l[_AHEAD] = max(-limit_x, min(0.0, -settings.longest_m - p_x))
@@ -248,7 +248,7 @@ class StepAdjustment:
                 gait.duration_s = gait.t + left_s
 
     def _reach_s(self) -> float:
-        """Return how long the foot needs to get where it is to be shifted to [s]."""
+        """Return the time that the foot needs to get to its shifted place [s]."""
         x, y = self._goal[0] - self.shift[0], self._goal[1] - self.shift[1]
         way = math.hypot(x, y)
         return way / min(self._rates) + SETTLED_S if way > ARRIVED_M else 0.0
@@ -256,7 +256,7 @@ class StepAdjustment:
     def _follow_goal(
         self, move: Move, support: Foothold, foot: tuple[Point, Point]
     ) -> Point:
-        """Move the shift towards its goal, no faster than a leg follows."""
+        """Move the shift towards its goal, no faster than a leg can follow."""
         most = self._dt * self._rates[self._is_across]
         goal = self._goal
         if self._is_across:
@@ -265,8 +265,8 @@ class StepAdjustment:
         share = min(1.0, most / max(math.hypot(x, y), most))
         x, y = share * x, share * y
         self.shift = (self.shift[0] + x, self.shift[1] + y)
-        # What follows keeps the way gained ahead, and half of that to the side; all of
-        # it where the feet have crossed.
+        # The following steps keep the shift ahead, and half of that to the side; all of
+        # it once the feet have crossed.
         ahead, left = _turned((x, y), support)
         kept = 1.0 if self._is_across else 0.5
         return _turned((ahead, kept * left), support, back=True)
@@ -274,9 +274,9 @@ class StepAdjustment:
     def _led_around(
         self, goal: Point, move: Move, support: Foothold, foot: tuple[Point, Point]
     ) -> Point:
-        """Return a shift that leads the foot around the other one, to its goal.
+        """Return a shift that leads the foot around the other one to its goal.
 
-        It passes the other foot only far enough ahead of it, or behind.
+        The foot passes the other one only far enough ahead of it, or behind.
         """
         own, nearest = self._own, self._nearest
         passes = self._settings.cross_ahead_m
@@ -298,7 +298,7 @@ class StepAdjustment:
 
 
 def _turned(v: Point, foot: Foothold, *, back: bool = False) -> Point:
-    """Return a vector in the axes of a foothold, or from them in the odometry's."""
+    """Turn a vector into the axes of a foothold, or back into the odometry's."""
     cos, sin = math.cos(foot.yaw), math.sin(foot.yaw)
     if back:
         sin = -sin

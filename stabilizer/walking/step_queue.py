@@ -1,4 +1,4 @@
-"""The steps to come: the plan's, and the one that brings the feet together."""
+"""Coming steps: those of the plan, and the one that brings the feet together."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from surefoot.stabilizer.model import RobotModel
 from surefoot.stabilizer.walking.footsteps import SIDES, Foothold, swing_time
 
 CLOSING_ID = -1
-"""Of a step that no plan has: it brings the feet together."""
+"""Id of the step that brings the feet together; it is in no plan."""
 TOGETHER_M = 0.01
-"""Feet this near to side by side are together [m]."""
+"""Distance from side by side up to which feet are together [m]."""
 NEARLY_TOGETHER_M = 0.03
-"""So are those that a step has just brought so near [m]."""
+"""The same right after a step that was to bring them together [m]."""
 TOGETHER_RAD = 0.03
-"""And turned against each other by no more than this [rad]."""
+"""Angle between feet up to which they are together [rad]."""
 BETWEEN_SOLES_M = 0.001
-"""Soles that a plan sets nearer than this would touch [m]."""
+"""Gap below which two soles would touch [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A step as it is taken.
+    """A step as it is carried out.
 
     Attributes:
-        id: of the plan's step, or CLOSING_ID.
+        id: id of the plan's step, or CLOSING_ID.
         side: 0 for the left foot, 1 for the right one.
-        place: where the foot is to be set.
+        place: place where the foot is to be set.
         single_s: single support.
         double_s: double support after it.
-        height_m: lift.
+        height_m: height to which the foot is lifted [m].
     """
 
     id: int
@@ -52,12 +52,12 @@ class StepQueue:
     """Steps that have not begun.
 
     Attributes:
-        shift: (x, y) by which the plan's places are off, by step adjustment [m].
+        shift: (x, y) added to the plan's places by step adjustment [m].
         last: the step begun last; None before the first.
-        leaving: the foot that the weight shifts off, so that the walk's first step is
-            its; None but between the shift's begin and that step.
+        leaving: the foot that takes the walk's first step, while the weight shifts off
+            it; None otherwise.
         begun: largest id of a plan's step that has begun; -1 before the first.
-        planned: steps of all plans that were taken, so far.
+        planned: steps of all accepted plans so far.
     """
 
     def __init__(
@@ -72,13 +72,13 @@ class StepQueue:
         """Begin without a plan.
 
         Args:
-            settings: how far steps may go.
-            half_width: sole to middle, standing [m].
+            settings: has the limits of steps.
+            half_width: distance of sole to middle, standing [m].
             nearest: least sideways distance of the feet [m].
-            leg_speed: of the end of a straight leg, by the speed of its drives; a step
+            leg_speed: speed of the end of a straight leg, by its drives' speed; a step
                 that needs more than a part of it takes longer [m/s].
-            soles: half length and half width of the left and the right one [m]; none
-                where they are not known.
+            soles: half length and half width of left and right sole [m]; empty when
+                unknown.
         """
         self._soles = soles
         self._leg_speed = leg_speed
@@ -108,20 +108,20 @@ class StepQueue:
         )
 
     def __len__(self) -> int:
-        """Steps of the plan that have not begun."""
+        """Number of the plan's steps that have not begun."""
         return len(self._steps)
 
     def take(self, plan: WalkPlan, feet: Sequence[Foothold], *, walks: bool) -> str:
-        """Put a plan in the place of the steps that have not begun.
+        """Replace the steps that have not begun by those of a plan.
 
         Args:
             plan: the newest.
-            feet: where left and right foot are, or are being set.
-            walks: whether the robot does not stand, so that it is one foot's turn.
+            feet: places of left and right foot, or where they are being set.
+            walks: whether the robot is walking, so that the next foot is fixed.
 
         Returns:
-            Why the plan is refused, in words: then there are no steps left. Empty
-            when it is taken.
+            Why the plan is refused, in words; no steps are left then. Empty when
+            accepted.
         """
         moves = [
             Move(
@@ -149,20 +149,20 @@ class StepQueue:
         return why
 
     def drop(self) -> None:
-        """Forget all steps to come; the feet come together."""
+        """Drop all coming steps; the feet come together."""
         self.planned -= len(self._steps)
         self._steps.clear()
         self._known_for = None
 
     def ahead(self, feet: Sequence[Foothold], count: int) -> list[Move]:
-        """Return the steps to come, the closing one included.
+        """Return the coming steps, the closing one included.
 
         Args:
-            feet: where left and right foot are, or are being set.
-            count: as many, if there are.
+            feet: places of left and right foot, or where they are being set.
+            count: largest number of steps.
 
         Returns:
-            The steps; the same list as long as nothing changes them.
+            The steps; the same list until something changes them.
         """
         asked = (*feet, self.shift, count)
         if asked != self._known_for:
@@ -187,10 +187,10 @@ class StepQueue:
         return moves
 
     def begin(self, feet: Sequence[Foothold]) -> Move:
-        """Take the next step out; :meth:`ahead` has it first.
+        """Remove and return the next step, the first of :meth:`ahead`.
 
         Args:
-            feet: where left and right foot are.
+            feet: places of left and right foot.
         """
         move = self.ahead(feet, 1)[0]
         if self._steps:
@@ -200,7 +200,7 @@ class StepQueue:
         return move
 
     def shift_by(self, x: float, y: float) -> None:
-        """Shift all places to come.
+        """Shift all coming places.
 
         Args:
             x: [m], odometry frame.
@@ -211,9 +211,9 @@ class StepQueue:
     def _closing(
         self, before: Move | None, places: list[Foothold], side: int | None
     ) -> Move | None:
-        """The step that brings the feet together, if needed.
+        """Return the step that brings the feet together, if needed.
 
-        It is by the foot that was not moved last, where no side says otherwise.
+        Without a given side it is by the foot that was not moved last.
         """
         if before is None:
             return None
@@ -221,7 +221,7 @@ class StepQueue:
             side = 1 - before.side
         goal = places[1 - side].beside(0.0, self._width if side == 0 else -self._width)
         x, y, yaw = places[side].seen_from(goal)
-        # Not again for what a foot was set off its place.
+        # No further step for the error of the closing one.
         near = TOGETHER_M if before.id != CLOSING_ID else NEARLY_TOGETHER_M
         if abs(x) < near and abs(y) < near and abs(yaw) < TOGETHER_RAD:
             return None
@@ -231,7 +231,7 @@ class StepQueue:
         return self._paced(closing, goal, start=places[side])
 
     def _paced(self, move: Move, place: Foothold, *, start: Foothold) -> Move:
-        """Return a step to a place, which takes as long as the leg needs for it."""
+        """Return a step to a place, with the time that the leg needs for it."""
         way = math.hypot(place.x - start.x, place.y - start.y)
         least_s = swing_time(
             way,
@@ -246,7 +246,7 @@ class StepQueue:
     def _why_not(
         self, moves: Sequence[Move], feet: Sequence[Foothold], *, walks: bool
     ) -> str:
-        """Why these steps cannot be walked; empty when they can."""
+        """Return why these steps cannot be walked; empty when they can."""
         places = list(feet)
         last, leaving = self.last, self.leaving
         if moves and leaving is not None:
@@ -299,28 +299,28 @@ def nearest_of(model: RobotModel, settings: WalkSettings) -> float:
 
     Args:
         model: of the robot.
-        settings: the gap between its soles.
+        settings: has the gap between the soles.
     """
     return sum(width for _, width in model.half_sizes) + settings.between_soles_m
 
 
 def leg_speed_of(robot: Robot, stance: Stance) -> float:
-    """Return the speed of the end of a straight leg, by that of its drives [m/s]."""
+    """Return the speed of the end of a straight leg, by its drives' speed [m/s]."""
     return stance.com_nominal * robot.servo_profile.velocity_limit_rad_s
 
 
 def foretold(plan: WalkPlan, robot: Robot, settings: WalkSettings) -> tuple[str, float]:
-    """Tell beforehand how a plan goes for a robot that stands.
+    """Predict how a plan goes for a robot that stands.
 
     Args:
-        plan: its steps.
-        robot: that is to take them.
+        plan: the plan.
+        robot: the robot that would walk.
         settings: of walking.
 
     Returns:
-        Why it will be refused, in words, empty when it will be taken; and how long its
-        steps take at least, that which brings the feet together and both shifts of the
-        weight included [s].
+        Why the plan will be refused, in words, empty if accepted; and the least time
+        that it takes [s], including the step that brings the feet together and both
+        shifts of the weight.
     """
     model = RobotModel(robot)
     stance = standing(model)
@@ -341,14 +341,14 @@ def _overlap(
     one: tuple[Foothold, tuple[float, float]],
     other: tuple[Foothold, tuple[float, float]],
 ) -> float:
-    """How far two soles overlap along the axis on which they do least [m].
+    """Return how far two soles overlap, along the axis with the least overlap [m].
 
-    Negative when there is a gap. Two rectangles that do not overlap have a gap along
-    an axis of one of them.
+    Negative for a gap. Two rectangles that do not overlap have a gap along an axis of
+    one of them.
 
     Args:
         one: place, half length and half width of a sole.
-        other: the same.
+        other: the same of the other sole.
     """
     least = math.inf
     for (place, (length, width)), (beside, (its_length, its_width)) in (

@@ -1,4 +1,4 @@
-"""The swing foot: its path, and its task in both QPs."""
+"""Swing foot: its path over the expected ground, and its task in both QPs."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from surefoot.stabilizer.dynamics import SOLE_ROWS, Dynamics, SolesAndCom, cross
 from surefoot.stabilizer.walking.footsteps import GLIDE_PEAK, RAMP, travel_part
 
 LATE_RAMP_S = 0.06
-"""A foot that finds no ground speeds up for so long [s]."""
+"""Time in which a foot that finds no ground speeds up [s]."""
 PACE_RATE = 10.0
-"""How fast a foot that is to be down sooner or later changes its pace [1/s]."""
+"""Rate at which a foot changes its pace to be down sooner or later [1/s]."""
 FASTEST_PACE = 2.0
 SHIFT_RATE = 20.0
-"""Shifts of the target reach the foot through a critically damped filter [rad/s]."""
+"""Bandwidth of the critically damped filter on shifts of the target [rad/s]."""
 
 
 class SwingPath:
     """Horizontal place, heading and height over the expected ground.
 
-    x, y and yaw glide to the target, rest to rest. The height follows two quintics: up
-    to the apex, and down to the ground with a small speed there; later,
-    where the ground was expected and is not, it goes down evenly.
+    x, y and yaw glide to the target, from rest to rest. The height follows two
+    quintics: up to the apex, and down to the ground with a small speed there. If the
+    ground is not met, the foot goes on down (:func:`late_descent`).
 
     Attributes:
         xy: (x, y) [m].
-        unshifted: the same, without the shift [m].
-        xy_rate: its velocity [m/s].
-        xy_acceleration: [m/s^2].
-        yaw: [rad].
-        yaw_rate: [rad/s].
-        height: over the expected ground [m].
-        height_rate: [m/s].
-        height_acceleration: [m/s^2].
-        time: on the path as planned, from its beginning [s].
-        duration_s: to the planned touchdown, from there.
-        start: (x, y) of its beginning [m].
-        way: (x, y) direction from there to the target [1].
+        unshifted: (x, y) without the shift [m].
+        xy_rate: velocity of ``xy`` [m/s].
+        xy_acceleration: acceleration of ``xy`` [m/s^2].
+        yaw: heading [rad].
+        yaw_rate: rate of ``yaw`` [rad/s].
+        height: height over the expected ground [m].
+        height_rate: rate of ``height`` [m/s].
+        height_acceleration: acceleration of ``height`` [m/s^2].
+        time: time on the planned path, from its beginning [s].
+        duration_s: time from the beginning to the planned touchdown [s].
+        start: (x, y) of the beginning [m].
+        way: (x, y) direction from the beginning to the target [1].
         apex: greatest height over the expected ground [m].
     """
 
@@ -79,14 +79,14 @@ class SwingPath:
         """Lift off.
 
         Args:
-            xy: where the foot is [m].
+            xy: place of the foot [m].
             yaw: its heading [rad].
             height: its height over the other foot's ground [m].
-            target: where to set it [m].
-            target_yaw: with which heading [rad].
+            target: place to set it down [m].
+            target_yaw: heading at touchdown [rad].
             rise: height of the foothold over the other foot's ground [m].
-            lift: how high to lift it over the higher of both places [m].
-            duration_s: to the planned touchdown.
+            lift: height to lift it over the higher of both places [m].
+            duration_s: time to the planned touchdown [s].
             climb: height of the foothold over the one that is left, by plan [m].
         """
         self.start, self._to = xy, target
@@ -108,13 +108,13 @@ class SwingPath:
     def advance(
         self, t: float, *, duration_s: float, shift: tuple[float, float], dt: float
     ) -> None:
-        """Compute where the foot belongs at a time.
+        """Compute the state of the path at a time.
 
         Args:
-            t: since lift-off [s].
-            duration_s: until the touchdown as it is wanted now, since lift-off [s].
-            shift: of the target, by step adjustment [m].
-            dt: since the last call [s].
+            t: time since lift-off [s].
+            duration_s: time from lift-off to the touchdown wanted now [s].
+            shift: shift of the target by step adjustment [m].
+            dt: time since the last call [s].
         """
         self._pass_time(t, duration_s, dt)
         T, pace = self._travel_s, self._pace
@@ -140,13 +140,15 @@ class SwingPath:
         self.height_rate, self.height_acceleration = pace * rise, pace * pace * lift
 
     def velocity_after(self, ahead_s: float) -> tuple[float, float, float]:
-        """Return the velocity some time later, the shift's rate as it is now.
+        """Return the velocity after some time, with the present rate of the shift.
 
         Args:
-            ahead_s: how much later, but not past the planned touchdown before it [s].
+            ahead_s: time to look ahead; before the planned touchdown at most up to it
+                [s].
 
         Returns:
-            x, y, and of the height over the expected ground [m/s].
+            Velocity along x and y, and rate of the height over the expected ground
+            [m/s].
         """
         t, pace = self.time, self._pace
         if t < self.duration_s:
@@ -165,7 +167,7 @@ class SwingPath:
         )
 
     def _pass_time(self, t: float, duration_s: float, dt: float) -> None:
-        """Go along the path: as planned, or so that it ends when it now should."""
+        """Advance along the path: as planned, or so that it ends at the wanted time."""
         if t >= duration_s:
             self.time, self._pace = self.duration_s + (t - duration_s), 1.0
         elif duration_s == self.duration_s and self._pace == 1.0:
@@ -178,7 +180,7 @@ class SwingPath:
             self.time = min(self.time + self._pace * dt, self.duration_s)
 
     def stay(self, xy: tuple[float, float], yaw: float) -> None:
-        """Keep a place: a foot that bounced goes straight down again."""
+        """Keep the place of a foot that bounced and goes straight down again."""
         self.xy, self.yaw, self.yaw_rate = xy, yaw, 0.0
         self.xy_rate = self.xy_acceleration = (0.0, 0.0)
 
@@ -198,15 +200,15 @@ class SwingPath:
 
 
 class SwingReference:
-    """Where a swing foot should be, world axes; written in place.
+    """Reference of a swing foot, world axes; written in place.
 
     Attributes:
-        p: (3,) sole [m].
-        v: (3,) its velocity, with the ground's [m/s].
+        p: (3,) position of the sole [m].
+        v: (3,) its velocity, the ground's included [m/s].
         a: (3,) its acceleration [m/s^2].
-        v_ahead: (3,) the velocity by the servos' lag later [m/s].
-        R: (3, 3) orientation.
-        w: (3,) angular velocity, with the ground's [rad/s].
+        v_ahead: (3,) its velocity after the servos' lag [m/s].
+        R: (3, 3) orientation of the sole.
+        w: (3,) its angular velocity, the ground's included [rad/s].
     """
 
     def __init__(self) -> None:
@@ -222,8 +224,8 @@ class SwingReference:
 class SwingTask(Task):
     """One foot in the air follows its reference, in sole axes; first QP only.
 
-    In the second QP its twist takes the place of the wrench law's for that foot: see
-    :meth:`twist`.
+    In the second QP the foot's twist comes from :meth:`twist` instead of the wrench
+    law.
     """
 
     size = 6
@@ -236,7 +238,7 @@ class SwingTask(Task):
 
         Args:
             side: left or right foot.
-            reference: where it should be.
+            reference: reference of the foot.
             settings: gains and weight.
         """
         self._rows = SOLE_ROWS[side]
@@ -248,7 +250,7 @@ class SwingTask(Task):
         self._wanted = np.zeros(3)
 
     def compare(self, soles: SolesAndCom) -> None:
-        """See how far the foot is off: first of all, in every tick.
+        """Compute the foot's error; to be called first in every tick.
 
         Args:
             soles: at the present state.
@@ -266,7 +268,7 @@ class SwingTask(Task):
         return dynamics.Jdot_v_contact[self._rows]
 
     def acceleration(self, dynamics: Dynamics, stance: Stance, out: Array) -> None:
-        """Write a PD law with the path's acceleration ahead [m/s^2, rad/s^2]."""
+        """Write a PD law plus the path's acceleration [m/s^2, rad/s^2]."""
         reference, side = self._reference, self._side
         R = dynamics.R_world_sole[side]
         twist = dynamics.v_sole[self._rows]
@@ -275,12 +277,12 @@ class SwingTask(Task):
         np.multiply(self._off, self._kp, out=wanted)
         wanted += reference.a
         wanted += self._kd * reference.v
-        # The Jacobian's rate is that of the spatial twist: less w x v than a point's.
+        # The Jacobian's rate is that of the spatial twist, which lacks a point's w x v.
         out[:3] = wanted.dot(R) - self._kd * v - cross(w, v)
         out[3:] = self._kp * self._turn + self._kd * (reference.w.dot(R) - w)
 
     def twist(self, dynamics: Dynamics, out: Array) -> None:
-        """Write the sole's wanted twist, sole axes.
+        """Write the sole's desired twist, sole axes.
 
         Args:
             dynamics: quantities at the present state.
@@ -293,13 +295,13 @@ class SwingTask(Task):
 
 
 def late_descent(late_s: float, settings: WalkSettings) -> tuple[float, float]:
-    """Return how fast a foot goes down [m/s], and how far it has gone [m].
+    """Return speed [m/s] and depth [m] of a foot that searches for the ground.
 
-    It begins slowly: the ground may be near, and drives answer the touchdown late.
+    It begins slowly: the ground may be near, and drives answer a touchdown late.
 
     Args:
-        late_s: since it should have touched down [s].
-        settings: speeds at first, and after a while.
+        late_s: time since the expected touchdown [s].
+        settings: has the speeds at first and after a while.
     """
     slow, gain = settings.touchdown_m_s, settings.late_m_s - settings.touchdown_m_s
     ramp = min(late_s, LATE_RAMP_S)
@@ -309,10 +311,10 @@ def late_descent(late_s: float, settings: WalkSettings) -> tuple[float, float]:
 
 
 def glide(s: float) -> tuple[float, float, float]:
-    """Return a way from 0 to 1, rest to rest, with two derivatives, at s.
+    """Return a motion from 0 to 1, from rest to rest, and two derivatives, at s.
 
-    Its speed rises and falls as half a cosine does and is even between: a fifth less
-    than a quintic's at most, since a leg's drives have a fastest speed.
+    Its speed rises and falls like half a cosine and is constant between. The peak is a
+    fifth lower than a quintic's, since a leg's drives have a speed limit.
     """
     if s <= 0.0:
         return 0.0, 0.0, 0.0
@@ -335,17 +337,17 @@ def glide(s: float) -> tuple[float, float, float]:
 def from_rest(
     t: float, T: float, p0: float, p1: float, v1: float
 ) -> tuple[float, float, float]:
-    """Return a quintic from rest to a place and a speed, with two derivatives.
+    """Return a quintic from rest to a place and a speed, and two derivatives.
 
-    Nothing accelerates at its ends: a foot that is late by its servos' lag, or meets
-    the ground a little early, has the last speed all the same.
+    The acceleration is zero at both ends. So a foot that lags by its servos, or meets
+    the ground a little early, still has the last speed.
 
     Args:
-        t: time in it [s].
-        T: its duration [s].
-        p0: place at first.
-        p1: place at last.
-        v1: speed at last.
+        t: time since the beginning [s].
+        T: duration [s].
+        p0: place at the beginning.
+        p1: place at the end.
+        v1: speed at the end.
     """
     s, way, last = t / T, p1 - p0, v1 * T
     square = s * s

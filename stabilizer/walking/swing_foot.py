@@ -1,4 +1,4 @@
-"""The swing foot over the ground it is expected to meet."""
+"""Swing foot over the expected ground: from its path to references in the world."""
 
 from __future__ import annotations
 
@@ -20,19 +20,20 @@ from surefoot.stabilizer.walking.swing import (
 )
 
 CAUGHT_S = 0.003
-"""A force must last so long to be an edge's, at least [s]."""
+"""Least time for which a force must last to be an edge's [s]."""
 BACK_M = 0.01
-"""A foot that is caught goes back by this before it rises."""
+"""Distance by which a caught foot goes back before it rises."""
 FREE_S = 0.1
-"""And has so long to come free."""
+"""Time that it has to come free."""
 
 
 class SwingFoot:
-    """Writes where a foot in the air should be, in the world.
+    """Writes the reference of a foot in the air, in the world.
 
     Attributes:
-        references: where left and right foot should be while they are in the air.
-        tasks: of left and right foot, for both QPs.
+        references: references of left and right foot while in the air.
+        tasks: tasks of left and right foot; accelerations for the first QP, twists for
+            the second.
     """
 
     def __init__(
@@ -49,9 +50,9 @@ class SwingFoot:
 
         Args:
             settings: of walking.
-            ground: read, not advanced.
-            lead_s: by which the velocity is ahead: the lag of the servos [s].
-            leg_speed: of the end of a straight leg, by the speed of its drives [m/s].
+            ground: expected ground; read, not advanced.
+            lead_s: lead of the velocity: the lag of the servos [s].
+            leg_speed: speed of the end of a straight leg, by its drives' speed [m/s].
             weight: of the robot [N].
             period_s: time between two updates [s].
         """
@@ -74,11 +75,11 @@ class SwingFoot:
 
     @property
     def on_its_way(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Where the path has the foot, and where it would without the shift [m]."""
+        """Place of the foot on its path, and the place without the shift [m]."""
         return self._path.xy, self._path.unshifted
 
     def least_left_s(self, move: Move, shift: tuple[float, float]) -> float:
-        """Return how long the foot needs at least to be where it should [s].
+        """Return the least time that the foot needs to get to its place [s].
 
         Args:
             move: the step, as planned.
@@ -103,7 +104,7 @@ class SwingFoot:
             move: the step.
             soles: at the present state.
             rise: of the foothold over the other foot's [m].
-            climb: of the foothold over the one that is left, by plan [m].
+            climb: height of the foothold over the one that is left, by plan [m].
         """
         side = move.side
         p = soles.p_sole[side]
@@ -121,15 +122,15 @@ class SwingFoot:
         )
 
     def is_caught(self, side: int, soles: SolesAndCom, F: Array) -> bool:
-        """Tell whether an edge keeps the foot from going on.
+        """Return whether an edge keeps the foot from going on.
 
-        Friction of ground below pushes back less than it pushes up: a force that
-        does more is that of something in the way.
+        Ground below pushes back by friction, less than it pushes up. A force that
+        pushes back more comes from something in the way.
 
         Args:
             side: the foot.
             soles: at the present state.
-            F: (6,) wrench that it feels, sole frame [N, N m].
+            F: (6,) measured wrench of the foot, sole frame [N, N m].
         """
         path = self._path
         if not self._settings.step_over_m or (self._begun_s and path.time < FREE_S):
@@ -144,19 +145,19 @@ class SwingFoot:
     def step_over(
         self, move: Move, soles: SolesAndCom, *, t: float, left_s: float, rise: float
     ) -> tuple[Move, float]:
-        """Begin again from where the foot is caught: back, higher, and on.
+        """Restart the path from where the foot is caught: back, higher, and on.
 
         Args:
             move: the step.
             soles: at the present state.
             t: since lift-off [s].
-            left_s: until the planned touchdown [s].
+            left_s: time until the planned touchdown [s].
             rise: of the foothold over the other foot's [m].
 
         Returns:
-            The step, and how long the foot needs from now on, the time left or more
-            [s]. Over what is higher than steps may be there is none: then the step is
-            one that ends where the foot is.
+            The step, and the time that the foot needs from now on, at least the time
+            left [s]. If the obstacle is higher than steps may be, the step instead ends
+            where the foot is.
         """
         path, side, higher = self._path, move.side, self._settings.step_over_m
         x, y, _ = soles.p_sole[side].tolist()
@@ -189,7 +190,7 @@ class SwingFoot:
         return move, duration_s
 
     def _height_of(self, side: int, soles: SolesAndCom) -> float:
-        """Return how high a sole is over the other one's ground [m]."""
+        """Return the height of a sole over the other one's ground [m]."""
         slope_x, slope_y = self._ground.slope()
         across = soles.p_sole[side] - soles.p_sole[1 - side]
         level = slope_x * across[0] + slope_y * across[1]
@@ -210,7 +211,7 @@ class SwingFoot:
             side: the foot.
             soles: at the present state.
             t: since lift-off [s].
-            duration_s: until the touchdown as it is wanted now, since lift-off [s].
+            duration_s: time from lift-off to the touchdown wanted now [s].
             shift: of its goal, by step adjustment [m].
         """
         path, ground, reference = self._path, self._ground, self.references[side]
@@ -247,9 +248,9 @@ class SwingFoot:
         Args:
             side: the foot.
             soles: at the present state.
-            xy: where it is to stay [m].
-            yaw: with which heading [rad].
-            since_s: since it bounced; infinite for one that is to hurry [s].
+            xy: place where it is to stay [m].
+            yaw: its heading [rad].
+            since_s: time since it bounced; infinite to hurry [s].
         """
         reference = self.references[side]
         self._path.stay(xy, yaw)
@@ -261,17 +262,17 @@ class SwingFoot:
         self._turn(reference)
 
     def _turn(self, reference: SwingReference) -> None:
-        """Write orientation and turn: along the ground, at the path's heading."""
+        """Write orientation and turn: along the ground, with the path's heading."""
         reference.w[:] = self._ground.turn
         reference.w[2] += self._path.yaw_rate
         _face(self._ground.normal, self._path.yaw, out=reference.R)
 
 
 def _face(normal: Vec3, yaw: float, *, out: Mat) -> None:
-    """Write the rotation with z along a normal and x ahead at a heading."""
+    """Write the rotation with z along a normal and x towards a heading."""
     x, y, z = normal.tolist()
     cos, sin = math.cos(yaw), math.sin(yaw)
-    # x axis: level heading, raised until it lies in the plane.
+    # x axis: the level heading, raised into the plane.
     up = -(x * cos + y * sin) / z
     length = math.sqrt(1.0 + up * up)
     a = (cos / length, sin / length, up / length)

@@ -1,8 +1,7 @@
-"""A walk on top of the two QPs: steps in, references out, tick by tick.
+"""A walk on top of the two QPs: from steps to references, tick by tick.
 
-It writes the stance (centre of mass, base yaw, footholds, planned load), the states
-of the feet, and where the swing foot should be. A robot that was asked for no step is
-left alone.
+It writes the stance (centre of mass, base yaw, footholds, planned load), the states of
+the feet, and the reference of the swing foot. Without steps it changes nothing.
 """
 
 from __future__ import annotations
@@ -45,7 +44,7 @@ from surefoot.stabilizer.walking.step_queue import (
 from surefoot.stabilizer.walking.swing_foot import SwingFoot
 
 ROLL_ON = 0.5
-"""Part of single support after which a force on the swing foot is a touchdown."""
+"""Part of single support after which a force on the swing foot may be a touchdown."""
 
 
 class Walk:
@@ -53,11 +52,11 @@ class Walk:
 
     Attributes:
         gait: phases and references.
-        feet: what each foot is doing.
-        queue: steps to come.
-        state: how the walk goes; None before there was a plan.
-        swing_tasks: of left and right foot, for the first QP.
-        swing_references: where left and right foot should be while they are in the air.
+        feet: states of both feet.
+        queue: coming steps.
+        state: progress of the walk; None before there was a plan.
+        swing_tasks: tasks of left and right foot, for the first QP.
+        swing_references: references of left and right foot while in the air.
     """
 
     def __init__(
@@ -78,15 +77,15 @@ class Walk:
         Args:
             settings: of walking.
             stance: the reference; written once there are steps.
-            robot: what its files say.
+            robot: content of the robot's files.
             model: of it.
-            contacts: of the observer.
-            anchors: of the estimator; None of one that knows no steps, with which
-                every plan is refused.
+            contacts: contact monitor of the observer.
+            anchors: anchors of the estimator; None if it knows no steps: then every
+                plan is refused.
             largest_force: to be asked of a foot that stands [N].
-            height: has the centre of mass follow the ground; None where soles that
-                are commanded carry it along.
-            servo_lag_s: by which joints follow their commands [s].
+            height: makes the centre of mass follow the ground; None if commanded soles
+                carry it along.
+            servo_lag_s: lag of the joints behind their commands [s].
         """
         self._settings, period_s = settings, robot.period_s
         self._has_odometry = anchors is not None
@@ -156,14 +155,14 @@ class Walk:
 
     @property
     def ground_turns(self) -> float:
-        """How far soles that turn show that their ground does; standing, wholly [1]."""
+        """Part of the soles' turns that is the ground's; 1 when standing [1]."""
         return self._ground.turns if self.is_walking else 1.0
 
     def follow(self, plan: WalkPlan) -> None:
-        """Take a plan over, from the next tick on.
+        """Accept or refuse a plan, from the next tick on.
 
         Args:
-            plan: the newest; its steps replace those that have not begun.
+            plan: the newest plan; its steps replace those that have not begun.
         """
         if plan is not self._plan:
             self._plan = plan
@@ -181,12 +180,12 @@ class Walk:
             told.planned = self.queue.planned
 
     def end_early(self, why: str, *, blind: tuple[bool, bool]) -> None:
-        """Take no steps any more; the one under way is ended.
+        """Take no further steps; the present one is completed.
 
         Args:
-            why: in words.
-            blind: whether the left and the right foot feel nothing: such a foot, in
-                the air, is taken to touch down when it should.
+            why: reason in words.
+            blind: whether left and right foot feel nothing. Such a foot, in the air,
+                counts as touched down when it is due.
         """
         self._blind = blind
         if any(blind):
@@ -194,10 +193,10 @@ class Walk:
             self._told.refusal, self._told.planned = why, self.queue.planned
 
     def expect_age(self, forces_s: float) -> None:
-        """Expect force readings of an age.
+        """Allow for late force readings.
 
         Args:
-            forces_s: largest of them [s].
+            forces_s: largest age of force readings [s].
         """
         self._feels_late = forces_s > 0.0
 
@@ -217,10 +216,10 @@ class Walk:
             state: of the robot.
             soles: as measured.
             stance: gets centre of mass, base, footholds and planned load.
-            law: tells how the soles move, and how much of it is the ground's.
+            law: has the soles' motion, and the ground's part of it.
             tick: of the robot.
-            commanded: soles that the swing foot's path goes on from; as measured when
-                None.
+            commanded: soles from which the swing foot's path goes on; the measured ones
+                when None.
         """
         if not self.is_walking and not self._begins(state, stance, tick):
             if self.queue.last is not None:
@@ -269,14 +268,14 @@ class Walk:
         self._tell()
 
     def swing_twist(self, dynamics: Dynamics, law: ForceFeedback) -> None:
-        """Write what a foot is to do that the wrench law does not know.
+        """Write the twists of a foot that the wrench law does not know.
 
-        One in the air follows its path. One that lands moves with the ground that the
-        other sole shows, for as long as its own does not.
+        A foot in the air follows its path. A landing foot moves with the ground that
+        the other sole shows, until its own sole does.
 
         Args:
             dynamics: quantities at the present state.
-            law: the twists of the soles, written in place.
+            law: has the twists of the soles, written in place.
         """
         if (airborne := self.feet.airborne) is not None:
             twist = law.r[SOLE_ROWS[airborne]]
@@ -291,10 +290,11 @@ class Walk:
             self._height.follow(stance, state, soles, self._ground, self._anchors)
 
     def _footholds(self) -> list[Foothold]:
-        """Where the feet are; of the one on its way, where it is being set.
+        """Return the places of the feet; for the swing foot, where it is being set.
 
-        Heights are those of the plan: estimated ones drift on ground that moves. Kept
-        until something moves them: the estimator, a lift-off or touchdown, a shift.
+        Heights are planned ones: estimated ones drift on moving ground. The places are
+        kept until something moves them: the estimator, a lift-off or touchdown, a
+        shift.
         """
         if self._places is not None:
             return self._places
@@ -371,7 +371,7 @@ class Walk:
             )
 
     def _adjust(self, soles: SolesAndCom) -> None:
-        """Compare the DCM with its reference; shift the step where it left it."""
+        """Compare the DCM with its reference; shift the step if it is off."""
         gait = self.gait
         x, y = self._told.compare(soles, gait)
         move = self._move
@@ -415,9 +415,9 @@ class Walk:
             self.feet.carry_early(stance)
 
     def _step_over(self, side: int, soles: SolesAndCom) -> None:
-        """Have a foot that is caught go on higher, and take the time for it.
+        """Make a caught foot go on higher, and take the time for it.
 
-        Where that is too high the step ends here, and with it the walk.
+        If that is too high, the step and the walk end here.
         """
         planned, gait, level = self._move, self.gait, self._anchors.level
         assert planned is not None
@@ -444,10 +444,10 @@ class Walk:
             )
 
     def _write_swing(self, side: int, soles: SolesAndCom) -> None:
-        """Write where the foot in the air should be."""
+        """Write the reference of the foot in the air."""
         if self.feet.states[side] is FootState.RELANDING:
             x, y, _ = self._anchors.p[side]
-            # Nobody waits for one that came early; felt late, it would hop on and on.
+            # Nothing waits for an early foot; felt late, it would hop on and on.
             is_early = self.gait.phase is Phase.SINGLE and self.gait.left_s > 0.0
             self._swing.go_down(
                 side,
@@ -468,7 +468,7 @@ class Walk:
             )
 
     def _tell(self) -> None:
-        """Bring what is told of the walk up to date."""
+        """Update the reported state of the walk."""
         told = self._told
         told.phase, told.phase_s = self.gait.phase, self.gait.t
         told.feet = self.feet.states
@@ -476,7 +476,7 @@ class Walk:
         told.see(self._anchors, self._footholds())
 
     def _stand(self, stance: Stance) -> None:
-        """Leave the stance that the walk has ended in."""
+        """Keep the stance in which the walk has ended."""
         self._move = self.queue.leaving = None
         self._anchors.by_load = False
         self._tell()

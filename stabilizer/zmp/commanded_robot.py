@@ -1,17 +1,18 @@
-"""The robot as the baseline commands it: kinematics, and joints from feet and CoM.
+"""Commanded robot of the ZMP baseline: joints from soles, CoM and base by a QP.
 
 In words: find the acceleration of base and joints with which
 
-    the soles take up the admittance's twists       weight 1e4
-    the centre of mass follows the pendulum         weight 1000, legs and base only
+    the soles follow the admittance's twists        weight 1e4
+    the centre of mass follows the pendulum         weight ``zmp.com_weight``
     the base turns to its desired orientation       weight 200
     the joints return to the posture                weight 10
 
-within the joints' position and velocity limits. The base of the Walker is pelvis and
-torso in one, so their two tasks of weight 100 are one here.
+within the joints' position and velocity limits. Only legs and base serve the centre of
+mass. The base of the Walker is pelvis and torso in one, so their two tasks of weight
+100 are one here.
 
-The unknown of the QP is the velocity after the tick, v + a dt, and the cost is divided
-by the contact weight and by dt^-2: the same optimum in numbers of size one.
+The unknown of the QP is the velocity after the tick, v + a dt. The cost is divided by
+the contact weight and by dt^-2: same optimum, numbers of size one.
 """
 
 from __future__ import annotations
@@ -32,11 +33,11 @@ CONTACT_WEIGHT, BASE_WEIGHT, POSTURE_WEIGHT = 1e4, 200.0, 10.0
 BASE_STIFFNESS = 10.0
 POSTURE_STIFFNESS = 1.0
 SINGLE_SUPPORT_STIFFNESS = 1000.0
-"""Of the standing foot's position while the other one is lifted [1/s^2]."""
+"""Stiffness of the standing foot's position while the other foot is lifted [1/s^2]."""
 
 
 class Kinematics:
-    """Centre of mass and soles at one state, named as in ``Dynamics``."""
+    """Centre of mass and soles at one state; names as in ``Dynamics``."""
 
     def __init__(self, model: RobotModel) -> None:
         """Allocate every array once."""
@@ -95,7 +96,7 @@ CONTACT, COM, BASE = slice(0, 12), slice(12, 15), slice(3, 6)
 
 @dataclass
 class ComTarget:
-    """Where the commanded centre of mass should be: (3,) each [m, m/s, m/s^2]."""
+    """Target of the commanded centre of mass: (3,) each [m, m/s, m/s^2]."""
 
     position: Vec3
     velocity: Vec3
@@ -103,15 +104,15 @@ class ComTarget:
 
 
 class CommandedRobot:
-    """Configuration and velocity that are commanded, base included.
+    """Commanded configuration and velocity, base included.
 
     Attributes:
         q: (7 + n_a,) configuration in the stance frame.
         v: (n_v,) velocity.
         kinematics: at that state.
         qp: the last problem.
-        p_stance: where the soles return to [m].
-        swings: whether the left and the right foot follow a path through the air.
+        p_stance: positions to which the soles return [m].
+        swings: whether left and right foot follow a path through the air.
     """
 
     def __init__(
@@ -149,7 +150,7 @@ class CommandedRobot:
         self.take_stance()
 
     def start(self, q_joint: Array) -> None:
-        """Begin at rest in a posture, its soles where they stand.
+        """Begin at rest in a posture, with the soles where they stand.
 
         Args:
             q_joint: (n_a,) joints, model order [rad].
@@ -161,21 +162,21 @@ class CommandedRobot:
         self.take_stance()
 
     def take_stance(self) -> None:
-        """Make the present soles the ones to return to."""
+        """Take the present sole poses as those to return to."""
         self._R_stance = [R.copy() for R in self.kinematics.R_world_sole]
         self.p_stance = [p.copy() for p in self.kinematics.p_sole]
         self.swings = [False, False]
 
     def stand_at(self, side: int, *, p: Vec3, yaw: float) -> None:
-        """Move the whole commanded robot such that a sole is at a place.
+        """Move the whole commanded robot so that a sole is at a given place.
 
-        What it steps on slips and gives way a little; without this the commanded
-        feet would ever more be beside those of the robot.
+        Ground slips and gives way a little. Without this the commanded feet would drift
+        away from those of the robot.
 
         Args:
             side: the foot.
-            p: (3,) where its sole is [m].
-            yaw: with which heading [rad].
+            p: (3,) place of its sole [m].
+            yaw: heading of the sole [rad].
         """
         R, there = self.kinematics.R_world_sole[side], self.kinematics.p_sole[side]
         turn = pin.exp3(np.array([0.0, 0.0, -yaw_from(R, yaw)]))
@@ -187,12 +188,12 @@ class CommandedRobot:
         self.kinematics.update_jacobians(self.q, self.v)
 
     def swing(self, side: int, reference: SwingReference, twist: Array) -> None:
-        """Have a foot in the air follow its path.
+        """Make a foot in the air follow its path.
 
         Args:
             side: the foot.
-            reference: where it should be, in the world of the commanded robot.
-            twist: (12,) desired sole twists; those of the foot are written.
+            reference: reference of the foot, in the world of the commanded robot.
+            twist: (12,) desired sole twists; the foot's entries are written.
         """
         R = self.kinematics.R_world_sole[side]
         self.swings[side] = True
@@ -203,7 +204,7 @@ class CommandedRobot:
         twist[start + 3 : start + 6] = reference.w @ R
 
     def set_down(self, side: int) -> None:
-        """Have a foot that has swung return to where it is now from now on."""
+        """End a swing: from now on the foot returns to where it is now."""
         if self.swings[side]:
             self.swings[side] = False
             self.p_stance[side][:] = self.kinematics.p_sole[side]
@@ -265,12 +266,12 @@ class CommandedRobot:
         return desired
 
     def integrate(self, velocity: Array, q_measured: Array, *, fade: float) -> None:
-        """Take up a velocity, never far from the robot.
+        """Integrate a velocity, but keep near the measured joints.
 
         Args:
             velocity: (n_v,) of base and joints.
             q_measured: (n_a,) joints, model order [rad].
-            fade: part of the motion that is carried out.
+            fade: part of the motion to carry out [1].
         """
         model, reach = self._model, self._limits.windup_limit_rad
         self.v[:] = velocity
@@ -279,13 +280,13 @@ class CommandedRobot:
         low = np.maximum(q_measured - reach, model.lower)
         high = np.minimum(q_measured + reach, model.upper)
         kept = np.clip(joints, low, np.maximum(low, high))
-        # Speed into a limit would only be lost later, as a jump.
+        # Speed into a limit is dropped; it would come out later as a jump.
         self.v[N_BASE_V:][kept != joints] = 0.0
         joints[:] = kept
         self.kinematics.update_jacobians(self.q, self.v)
 
     def _add_stance_pull(self, t: Array, in_contact: list[bool]) -> None:
-        """Add the slow return of the soles, stiff for a foot that stands alone."""
+        """Add the slow return of the soles; stiff for a foot that stands alone."""
         alone = in_contact[0] != in_contact[1]
         for side in (0, 1):
             R, p = self.kinematics.R_world_sole[side], self.kinematics.p_sole[side]

@@ -45,14 +45,14 @@ from surefoot.stabilizer.zmp.distribution import (
 from surefoot.stabilizer.zmp.foot_admittance import FootAdmittance, ZmpCompensation
 
 GROUND_SPEED_LAG_S = 0.02
-"""Low-pass of the ground's vertical speed, for a level height [s]."""
+"""Low-pass of the ground's vertical speed, used for a level height [s]."""
 
 
 class UnknownGround:
-    """Ground of which nothing is known but what stands on it: taken to be at rest."""
+    """Ground that is assumed to be at rest, since only the feet on it are known."""
 
     def __init__(self) -> None:
-        """Have no part in how the soles move."""
+        """Take no part of the soles' motion as the ground's."""
         self.share = [0.0, 0.0]
         self.ground_twist: Array = np.zeros(12)
 
@@ -113,7 +113,7 @@ class ZmpController(BalanceController):
         self._lift_rate = 0.0
 
     def follow_plan(self, plan: WalkPlan) -> None:
-        """Walk by a plan from the next step on; see :class:`Walks`."""
+        """Follow a plan from the next call of ``step`` on; see :class:`Walks`."""
         self.walk.follow(plan)
 
     def _take_over(self, q_command: Array) -> None:
@@ -169,7 +169,7 @@ class ZmpController(BalanceController):
         return QpStatus.OK, QpStatus.OK
 
     def _stand_on_support(self) -> None:
-        """Have the commanded robot stand where the real one does, once a step."""
+        """Move the commanded robot to where the real one stands, once per step."""
         gait = self.walk.gait
         is_due = gait.phase in (Phase.SHIFT, Phase.DOUBLE) and gait.left_s == 0.0
         if is_due and not self._is_placed:
@@ -181,12 +181,12 @@ class ZmpController(BalanceController):
         self._is_placed = is_due
 
     def _levels(self) -> list[float]:
-        """Heights of the footholds, as planned [m]."""
+        """Return the planned heights of the footholds [m]."""
         anchors = self.observer.anchors
         return [0.0, 0.0] if anchors is None else anchors.level
 
     def _swing(self, twist: Array) -> None:
-        """Lead a foot in the air by its path, and set it down where it lands."""
+        """Lead a foot in the air along its path, and set it down where it lands."""
         airborne = self.walk.feet.airborne
         for side, reference in enumerate(self.walk.swing_references):
             if side == airborne:
@@ -195,13 +195,13 @@ class ZmpController(BalanceController):
                 self.commanded.set_down(side)
 
     def _follow_height(self, ground: float) -> None:
-        """Follow the ground: how far the CoM is to be from its height over the feet."""
+        """Update the CoM's height over the feet from the ground's height."""
         stance, travel = self.stance, self.model.com_travel
         if self.walk.state is not None:
             left, right = self._levels()
             self._level += self._level_blend * (0.5 * (left + right) - self._level)
             stance.com_height = stance.com_nominal + self._level
-        # Over the feet first, then where it is in the world, each within reach.
+        # First the height over the feet, then the one in the world, each within reach.
         stance.limit_height(self._level, travel=travel)
         self._height = stance.com.item(2)
         stance.limit_height(ground, travel=travel)
@@ -212,7 +212,7 @@ class ZmpController(BalanceController):
         self._lift = lift
 
     def _distribute(self, state: ObservedState) -> QpStatus:
-        """Run DCM feedback, distribution, and the CoM admittance between them."""
+        """Run DCM feedback and distribution, and the CoM admittance between them."""
         measured, in_contact = self.measured, state.in_contact
         R, p, com = measured.R_world_sole, measured.p_sole, measured.p_com
         plane = contact_plane(R, p, in_contact)
@@ -251,7 +251,7 @@ class ZmpController(BalanceController):
         return QpStatus.OK
 
     def _com_target(self) -> ComTarget:
-        """Join pendulum, CoM admittance and height."""
+        """Return the sum of pendulum, CoM admittance and height."""
         admittance, pendulum = self.com_admittance, self.pendulum
         position = pendulum.com + admittance.offset
         velocity = pendulum.velocity + admittance.velocity
@@ -280,6 +280,6 @@ class ZmpController(BalanceController):
 
 
 def _heading(q: Array) -> float:
-    """Return the twist of the base about the vertical [rad]."""
+    """Return the heading of the base [rad]."""
     _, _, z, w = q[N_BASE_V - 3 : N_BASE_V + 1]
     return 2.0 * math.atan2(z, w)

@@ -1,4 +1,4 @@
-"""Feedback of the divergent component of motion, and an estimate of its bias."""
+"""DCM feedback of the ZMP baseline: desired CoM acceleration, and a bias estimate."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ LEAST_STIFFNESS = 1.0
 
 
 class DcmBiasEstimator:
-    """Kalman filter of the DCM error e and of the bias b that is measured on top.
+    """Kalman filter of the DCM error e and the bias b in its measurement.
 
     A model with misplaced masses puts the centre of mass beside its true place. The
-    pendulum separates the two: a true error e diverges from the ZMP error z with
+    pendulum separates error and bias: a true error e diverges from the ZMP error z with
     de/dt = omega (e - z), a bias does not. Per tick, with a = exp(omega dt):
 
         e <- a e + (1 - a) z of the tick before,   b <- b turned with the base,
         measured: e + b.
 
-    Noise is the same along x and y, so both axes share one covariance, which turning
-    leaves as it is. The variances scale with the period, so that any rate gives the
-    same filter. After Caron's stabilizer in mc_rtc (``dcm_bias``), which uses
-    the estimator of Benallegue's state-observation library.
+    Noise is the same along x and y, so both axes share one covariance, which a rotation
+    leaves unchanged. The variances scale with the period, so that any rate gives the
+    same filter. After Caron's stabilizer in mc_rtc (``dcm_bias``), which uses the
+    estimator of Benallegue's state-observation library.
 
     Attributes:
         error: (3,) e, horizontal, world frame [m].
@@ -76,7 +76,7 @@ class DcmBiasEstimator:
             measured: (3,) DCM error, desired less measured, horizontal [m].
             zmp: (3,) ZMP error, desired less measured, horizontal [m].
             omega: natural frequency of the pendulum [rad/s].
-            yaw: heading of the base, with which the bias turns [rad].
+            yaw: heading of the base; the bias turns with it [rad].
         """
         if self._is_running:
             self._predict(omega, yaw)
@@ -117,7 +117,7 @@ class DcmBiasEstimator:
 
 
 def _turned(vector: Vec3, angle: float) -> Vec3:
-    """Return a horizontal vector turned about the vertical."""
+    """Return a horizontal vector, turned about the vertical."""
     cos, sin = math.cos(angle), math.sin(angle)
     x, y, _ = vector
     return np.array([cos * x - sin * y, sin * x + cos * y, 0.0])
@@ -136,7 +136,7 @@ class StandingPendulum:
         com: (3,) reference of the centre of mass [m].
         velocity: (3,) [m/s].
         acceleration: (3,) [m/s^2].
-        zmp: (3,) its zero-moment point [m].
+        zmp: (3,) ZMP of the pendulum [m].
         omega: natural frequency of the pendulum [rad/s].
     """
 
@@ -144,7 +144,7 @@ class StandingPendulum:
         """Begin at rest.
 
         Args:
-            com: (3,) over the ground at z = 0 [m].
+            com: (3,) centre of mass, over ground at z = 0 [m].
             period_s: time between two updates [s].
         """
         self._dt = period_s
@@ -158,8 +158,8 @@ class StandingPendulum:
         """Advance by one period.
 
         Args:
-            target: (3,) where the centre of mass should come to rest; the centre of
-                pressure belongs right under it, at z = 0 [m].
+            target: (3,) place where the centre of mass should come to rest; the centre
+                of pressure then lies under it, at z = 0 [m].
         """
         dt = self._dt
         step = np.clip(target - self.com, -FARTHEST_M, FARTHEST_M)
@@ -173,11 +173,11 @@ class StandingPendulum:
         self.velocity += dt * self.acceleration
 
     def follow(self, stance: Stance, *, zmp: Point, omega: float) -> None:
-        """Be where a walk has the centre of mass.
+        """Take over the centre of mass of a walk.
 
         Args:
-            stance: of the walk.
-            zmp: wanted zero-moment point [m].
+            stance: stance of the walk.
+            zmp: desired ZMP [m].
             omega: of the walk's pendulum [rad/s].
         """
         self.com[:2] = stance.com[:2]
@@ -249,7 +249,7 @@ class LeakyIntegrator:
         self.value: Vec3 = np.zeros(3)
 
     def update(self, rate: Vec3) -> Vec3:
-        """Advance by one period; returns (3,) the integral, reused."""
+        """Advance by one period and return (3,) the integral, reused."""
         self.value *= self._keep
         self.value += self._dt * rate
         np.clip(self.value, -self._limit, self._limit, out=self.value)

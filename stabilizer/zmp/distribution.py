@@ -1,4 +1,4 @@
-"""Distribution QP: how both feet share the desired net wrench.
+"""Distribution QP of the ZMP baseline: both feet's wrenches from a net wrench.
 
 In words: find the sole wrenches F = (F_left, F_right) that
 
@@ -25,13 +25,13 @@ from surefoot.stabilizer.model import RobotModel, skew
 from surefoot.stabilizer.qp import DenseQp, QpSolution
 
 ANKLE_SCALE = np.array([1e-3, 1e-3, 1e-4, 1.0, 1.0, 1e-4])
-"""D: residual scale of force [1/N] and moment [1/(N m)] at the ankle."""
+"""D: scale of force [1/N] and moment [1/(N m)] residuals at the ankle."""
 CONE_ROWS = 16
 ROWS_PER_FOOT = CONE_ROWS + 1
 LEAST_FOOT_FORCE_N = 1.0
-"""A foot that feels less does not count [N]."""
+"""Normal force below which a foot does not count [N]."""
 LEAST_NET_FORCE_N = 1.0
-"""With less there is no zero-moment point [N]."""
+"""Normal force below which there is no zero-moment point [N]."""
 
 
 def wrench_face_matrix(
@@ -39,8 +39,9 @@ def wrench_face_matrix(
 ) -> Mat:
     """Return (16, 6) rows C with C F <= 0, F = [force; moment] in the sole frame.
 
-    Friction pyramid, centre of pressure inside the rectangle, and the yaw moment
-    that friction over the whole rectangle can hold besides the other components.
+    The rows are a friction pyramid, the centre of pressure inside the rectangle, and
+    the yaw moment that friction over the whole rectangle can hold with the other
+    components.
 
     Args:
         friction: coefficient mu.
@@ -68,7 +69,7 @@ class Plane(NamedTuple):
 def contact_plane(
     R_world_sole: list[Mat], p_sole: list[Vec3], in_contact: list[bool]
 ) -> Plane:
-    """Return the plane between two standing feet, or of the one that stands.
+    """Return the plane between two standing feet, or that of the one standing foot.
 
     Args:
         R_world_sole: rotations of left and right sole.
@@ -86,8 +87,8 @@ def contact_plane(
 def sole_to_world(R_world_sole: Mat, p_sole: Vec3, point: Vec3) -> Mat:
     """Return (6, 6) map of a sole-frame wrench to world axes, about a point.
 
-    The moment is taken about ``point``, never about the world's origin: far from
-    there, rounding and the lever of small force errors would swamp it.
+    The moment is taken about ``point``, not about the world's origin: far from there,
+    rounding and the lever of small force errors would dominate it.
 
     Args:
         R_world_sole: rotation of the sole.
@@ -126,8 +127,8 @@ def zero_moment_point(wrench: Array, plane: Plane, *, otherwise: Vec3) -> Vec3:
 
     Args:
         wrench: (6,) world axes, about the plane's origin.
-        plane: where the point lies.
-        otherwise: (3,) the answer without any force.
+        plane: plane of the point.
+        otherwise: (3,) result when there is no force [m].
     """
     force, moment = wrench[:3], wrench[3:]
     normal_force = float(plane.normal @ force)
@@ -146,7 +147,7 @@ class WrenchDistribution:
 
     def __init__(self, model: RobotModel, settings: ZmpSettings) -> None:
         """Allocate a problem for two feet and one for each foot alone."""
-        # Costs relative to the net wrench's, which keeps the numbers small.
+        # Costs are relative to the net wrench's, which keeps the numbers small.
         self._ankle = settings.ankle_torque_weight / settings.net_wrench_weight
         self._share = settings.pressure_weight / settings.net_wrench_weight
         self._cones = [
@@ -187,12 +188,12 @@ class WrenchDistribution:
         """Distribute a net wrench.
 
         Args:
-            wrench: (6,) desired, world axes, moment about ``point``.
+            wrench: (6,) desired net wrench, world axes, moment about ``point``.
             R_world_sole: rotations of the soles.
             p_sole: (3,) their positions [m].
             point: (3,) what moments are about: the centre of mass [m].
             in_contact: which feet stand.
-            left_share: part of the load the left foot should carry.
+            left_share: part of the load that the left foot should carry [1].
 
         Returns:
             The QP's solution, None when no foot stands; ``F`` keeps its last value
@@ -229,7 +230,7 @@ class WrenchDistribution:
 
 
 def centre_of_pressure(F: Array) -> tuple[float, float]:
-    """Return where one foot's wrench (6,) acts, sole frame [m]; middle if nowhere."""
+    """Return one foot's centre of pressure, sole frame [m]; middle without force."""
     normal = F.item(NORMAL)
     if normal <= 0.0:
         return 0.0, 0.0

@@ -1,8 +1,8 @@
-"""Foot admittance: desired velocities of the commanded soles, from the wrench error.
+"""Foot admittance of the ZMP baseline: desired sole twists from the wrench error.
 
-Every foot yields: one whose centre of pressure is too far forward lifts its toe, one
-whose is too far left lifts its left edge, one that carries more than its share rises
-relative to the other.
+Every foot yields. With its centre of pressure too far forward it lifts its toe; too far
+left, its left edge. A foot with more than its share of the load rises relative to the
+other.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class FootAdmittance:
                 self.twist[6 * side + 3 : 6 * side + 5] = self.foot_damping(
                     F_meas[rows], F_desired[rows]
                 )
-            # World's vertical, in the commanded sole frame.
+            # The world's vertical in the commanded sole frame.
             self.twist[6 * side : 6 * side + 3] = speeds[side] * R_commanded[side][2]
         return self.twist
 
@@ -76,7 +76,7 @@ class FootAdmittance:
         """Foot damping control: compute the rotation about x and y of one sole [rad/s].
 
         The desired moment is that of the desired centre of pressure under the measured
-        normal force, so an error of the load does not turn the foot.
+        normal force, so that a load error does not turn the foot.
 
         Args:
             F_meas: (6,) measured wrench, sole frame.
@@ -139,7 +139,7 @@ class FootAdmittance:
     def _seek_touchdown(
         self, side: int, F_meas: Array, in_contact: list[bool]
     ) -> float:
-        """Descend with a lifted foot while the other one stands; in the air, stay."""
+        """Return a lifted foot's speed [m/s]; zero unless the other foot stands."""
         other_stands = in_contact[1 - side]
         if in_contact[side] or not other_stands:
             return 0.0
@@ -158,8 +158,7 @@ class ZmpCompensation:
     """ZMP compensation control (ZMPCC): offset of the CoM reference.
 
     The CoM moves in the direction in which the measured ZMP exceeds the distributed
-    one:
-    cd = -A (z_distributed - z_measured).
+    one: cd = -A (z_distributed - z_measured).
 
     Attributes:
         offset: (3,) [m].
