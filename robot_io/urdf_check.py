@@ -28,6 +28,10 @@ _OTHERS = {
 }
 UNUSED_TAGS = ("calibration", "safety_controller")
 """Of joints: nothing here reads them; Pinocchio refuses those that lack a number."""
+_TAKEN = ("root_joint", "universe")
+"""Names of joints that Pinocchio adds itself."""
+_GROUND = "world"
+"""MuJoCo's name for what stands still."""
 _LEAST_MASS_KG, _LARGEST_MASS_KG = 0.1, 1000.0
 LARGEST_ANGLE_RAD = 4.0 * math.pi
 """A range beyond it is in degrees."""
@@ -68,6 +72,12 @@ class Urdf:
         self.joints = self._named(element, "joint")
         self._above = joints_above(path, self.links, self.joints.values())
         self.root = next(link for link in self.links if link not in self._above)
+        if self.root == _GROUND:
+            raise self.refused(
+                f"link {_GROUND!r}, on which all others hang, stands for the ground; "
+                "rename it if it is the robot's base, or take it out together with "
+                "what is not the robot"
+            )
         for name, joint in self.joints.items():
             self._check_joint(name, joint)
         self._inertials = {
@@ -194,6 +204,11 @@ class Urdf:
         self.origin(joint)
         if kind == _FIXED:
             return
+        if name in _TAKEN:
+            raise self.refused(
+                f"{place}: the name is taken, as Pinocchio adds a joint called so; "
+                "rename it"
+            )
         self.axis(joint)
         limit = joint.find("limit")
         if limit is None:

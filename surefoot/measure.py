@@ -363,7 +363,8 @@ def write_profile(
     """Write a robot file that extends the robot's by what was identified.
 
     A file that itself extends another one is written anew, with all it says. The
-    offsets of the ankle sensors are stored beside it as they are beside the robot's.
+    offsets of the ankle sensors are stored beside it as they are beside the robot's;
+    those that were measured for it stay.
 
     Raises:
         UsageError: the file is there.
@@ -387,8 +388,8 @@ def write_profile(
     lines += [f"# {line}" for line in in_lines(drives)]
     with new_file(out, overwrite=overwrite) as file:
         file.write(("\n".join(lines) + "\n\n" + tomli_w.dumps(table)).encode())
-    if not tare.is_zero and robot.path != out.resolve():
-        save_tare(out, tare)
+    if not tare.is_zero:
+        save_tare(out, tare, overwrite=False)
     return profile
 
 

@@ -83,6 +83,15 @@ def under_a_world(kind: str) -> Change:
     return change
 
 
+def with_a_base_called(name: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        part(root, "link", "torso").set("name", name)
+        for end in root.iterfind("joint/*[@link='torso']"):
+            end.set("link", name)
+
+    return change
+
+
 def with_toes(root: ElementTree.Element) -> None:
     for side in SIDES:
         joint(
