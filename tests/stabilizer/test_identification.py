@@ -165,6 +165,21 @@ def test_the_command_writes_a_robot_file_and_replaces_none(tmp_path: Path) -> No
     assert out.read_text() == before
 
 
+@pytest.mark.parametrize(
+    ("name", "told"), [("mine", "robot file"), ("mine.toml", "tared.tare.toml: left")]
+)
+def test_what_could_not_be_used_is_refused_before_anything_moves(
+    name: str, told: str, tmp_path: Path
+) -> None:
+    tared = tmp_path / "tared.toml"
+    tared.write_text(f'extends = "{find_robot("walker")}"\n')
+    (tmp_path / "tared.tare.toml").write_text("left = [1.0]\n")
+    words = ["identify", "--inline", "--robot", str(tared), "--joint", JOINT]
+    answer = CliRunner().invoke(app, [*words, "--out", str(tmp_path / name)])
+    assert told in str(answer.exception)
+    assert not (tmp_path / name).exists()
+
+
 def test_offsets_measured_for_the_file_it_replaces_stay(
     walker: Robot, tmp_path: Path
 ) -> None:
