@@ -72,11 +72,10 @@ class Urdf:
         self.joints = self._named(element, "joint")
         self._above = joints_above(path, self.links, self.joints.values())
         self.root = next(link for link in self.links if link not in self._above)
-        if self.root == _GROUND:
+        if _GROUND in self.links and self._moves(_GROUND):
             raise self.refused(
-                f"link {_GROUND!r}, on which all others hang, stands for the ground; "
-                "rename it if it is the robot's base, or take it out together with "
-                "what is not the robot"
+                f"link {_GROUND!r} stands for the ground and cannot move; rename it if "
+                "it is the robot's, or take it out together with what is not"
             )
         for name, joint in self.joints.items():
             self._check_joint(name, joint)
@@ -91,6 +90,10 @@ class Urdf:
     def joint_above(self, link: str) -> ElementTree.Element | None:
         """The joint that carries a link; None for the root."""
         return self._above.get(link)
+
+    def _moves(self, link: str) -> bool:
+        joint = self.joint_above(link)
+        return joint is None or joint.get("type") != _FIXED
 
     def up(self, link: str) -> list[str]:
         """A link and all above it, the root last."""
@@ -323,7 +326,7 @@ def without_shapes(path: Path) -> str:
 
     Meshes need not be there, and a mistake in a colour stops nobody's controller.
     """
-    return bare_text(ElementTree.parse(path).getroot())
+    return bare_text(read_urdf_element(path))
 
 
 def drop(element: ElementTree.Element, tags: Iterable[str]) -> None:
@@ -344,17 +347,19 @@ def bare_text(element: ElementTree.Element) -> str:
 
 
 def read_urdf_element(path: Path) -> ElementTree.Element:
-    """Read the XML of a URDF.
+    """Read the XML of a URDF; a robot without a name gets its file's.
 
     Raises:
         RobotFileError: there is no such file, or it is no XML.
     """
     try:
-        return ElementTree.parse(path).getroot()
+        root = ElementTree.parse(path).getroot()
     except OSError as error:
         raise RobotFileError(f"{path}: cannot be read ({error.strerror})") from error
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise RobotFileError(f"{path}: not valid XML: {error}") from error
+    root.set("name", root.get("name") or path.stem)  # Pinocchio reads none without
+    return root
 
 
 def joints_above(

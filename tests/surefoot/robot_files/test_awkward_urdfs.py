@@ -87,6 +87,7 @@ STANDS = {
     "joint called as a sole": case(
         altered("head_yaw", name="left_foot_plate"), "271 x 155 mm"
     ),
+    "no name": case(urdf.without_a_name, "28 joints, in the order"),
     "skin": case(urdf.with_a_skin, "28 joints, in the order"),
     "axes of zeros": case(urdf.with_axes_of_zeros, "28 joints, in the order"),
     "root at the ground": case(
@@ -205,7 +206,10 @@ REFUSED = {
     ),
     "rooted in a sole": case(urdf.nothing, "whose root is", left_sole="torso"),
     "base called world": case(
-        urdf.with_a_base_called("world"), "stands for the ground"
+        urdf.with_a_link_called("torso", "world"), "stands for the ground"
+    ),
+    "hand called world": case(
+        urdf.with_a_link_called("left_hand", "world"), "stands for the ground"
     ),
     "joint called as Pinocchio's": case(
         altered("left_knee", name="root_joint"), "'root_joint': the name is taken"
