@@ -184,7 +184,7 @@ def identify(
             "--scenario: only a robot in this process has one; add --inline"
         )
     target = out or Path(f"{model.file.name}-identified.toml")
-    check_out(target, overwrite=overwrite)
+    check_out(model, target, overwrite=overwrite)
     meeting = None
     if not inline:
         meeting = choose_endpoints(endpoints, connect=connect)

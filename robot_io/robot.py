@@ -123,13 +123,20 @@ def load_tare(robot_path: Path) -> Tare:
     return convert(read_toml(path), Tare, source=str(path))
 
 
-def save_tare(robot_path: Path, tare: Tare) -> Path:
+def save_tare(robot_path: Path, tare: Tare, *, overwrite: bool = True) -> Path:
     """Write the offsets, all at once or not at all; return where.
+
+    Args:
+        robot_path: of the robot file that they stand beside.
+        tare: the offsets.
+        overwrite: in place of those that are there, which stay otherwise.
 
     Raises:
         OSError: it cannot be written there.
     """
     path = tare_path(robot_path)
+    if path.exists() and not overwrite:
+        return path
     with atomic_file(path) as file:
         tomli_w.dump(msgspec.to_builtins(tare), file)
     return path
@@ -329,28 +336,44 @@ def _read(path: Path) -> tuple[RobotFile, Path]:
     table = read_toml(path)
     folder = path.parent
     if EXTENDS in table:
-        below = path.parent / str(table.pop(EXTENDS))
-        table, folder = _merged(path, table, below=below)
+        below = table.pop(EXTENDS)
+        if not isinstance(below, str):
+            raise FileFormatError(
+                f"{path}: {EXTENDS}: got {below!r}, expected the path of a robot file, "
+                "relative to this one",
+                field=EXTENDS,
+            )
+        table, folder = _extended(path, table, below=path.parent / below)
     return convert(table, RobotFile, source=str(path)), folder
 
 
-def _merged(
+def _extended(
     path: Path, table: dict[str, Any], *, below: Path
 ) -> tuple[dict[str, Any], Path]:
-    """Lay a table over another file's: tables are merged, all else is replaced."""
-    base = read_toml(below)
+    """Lay a table over another file's; return it with the folder of its URDF."""
+    try:
+        base = read_toml(below)
+    except FileFormatError as error:
+        raise FileFormatError(f"{path}: {EXTENDS}: {error}", field=EXTENDS) from error
+    if below.samefile(path):
+        raise FileFormatError(
+            f"{path}: {EXTENDS}: names this file itself; name the one that it changes",
+            field=EXTENDS,
+        )
     if EXTENDS in base:
         raise FileFormatError(
             f"{path}: {EXTENDS}: {below} itself extends another file; extend that one",
             field=EXTENDS,
         )
-    folder = path.parent if "urdf" in table else below.parent
-    for name, value in table.items():
-        if isinstance(value, dict) and isinstance(base.get(name), dict):
-            base[name] = {**base[name], **value}
-        else:
-            base[name] = value
-    return base, folder
+    return _merged(base, table), path.parent if "urdf" in table else below.parent
+
+
+def _merged(below: Any, above: Any) -> Any:
+    """Merge tables, and those in them; all else is replaced."""
+    if not (isinstance(below, dict) and isinstance(above, dict)):
+        return above
+    laid = {name: _merged(below.get(name), value) for name, value in above.items()}
+    return {**below, **laid}
 
 
 def _bus_keys(file: RobotFile, path: Path) -> dict[str, str]:

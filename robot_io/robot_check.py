@@ -74,6 +74,11 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
 
 
 def _check_file(file: RobotFile, path: Path) -> None:
+    if not (file.name.strip() and file.name.isprintable()):
+        raise FileFormatError(
+            f"{path}: name: got {file.name!r}, expected one line to show to people",
+            field="name",
+        )
     sides = [foot.side for foot in file.foot]
     if sides != ["left", "right"]:
         raise FileFormatError(
@@ -82,7 +87,7 @@ def _check_file(file: RobotFile, path: Path) -> None:
     if file.servo.profile not in file.servo.profiles:
         raise FileFormatError(
             f"{path}: servo.profile: got {file.servo.profile!r}, the file has "
-            f"{', '.join(sorted(file.servo.profiles))}",
+            f"{', '.join(sorted(file.servo.profiles)) or 'none'}",
             field="servo.profile",
         )
     tick_s = 1.0 / file.rate_hz

@@ -28,6 +28,10 @@ _OTHERS = {
 }
 UNUSED_TAGS = ("calibration", "safety_controller")
 """Of joints: nothing here reads them; Pinocchio refuses those that lack a number."""
+_TAKEN = ("root_joint", "universe")
+"""Names of joints that Pinocchio adds itself."""
+_GROUND = "world"
+"""MuJoCo's name for what stands still."""
 _LEAST_MASS_KG, _LARGEST_MASS_KG = 0.1, 1000.0
 LARGEST_ANGLE_RAD = 4.0 * math.pi
 """A range beyond it is in degrees."""
@@ -68,6 +72,11 @@ class Urdf:
         self.joints = self._named(element, "joint")
         self._above = joints_above(path, self.links, self.joints.values())
         self.root = next(link for link in self.links if link not in self._above)
+        if _GROUND in self.links and self._moves(_GROUND):
+            raise self.refused(
+                f"link {_GROUND!r} stands for the ground and cannot move; rename it if "
+                "it is the robot's, or take it out together with what is not"
+            )
         for name, joint in self.joints.items():
             self._check_joint(name, joint)
         self._inertials = {
@@ -81,6 +90,10 @@ class Urdf:
     def joint_above(self, link: str) -> ElementTree.Element | None:
         """The joint that carries a link; None for the root."""
         return self._above.get(link)
+
+    def _moves(self, link: str) -> bool:
+        joint = self.joint_above(link)
+        return joint is None or joint.get("type") != _FIXED
 
     def up(self, link: str) -> list[str]:
         """A link and all above it, the root last."""
@@ -194,6 +207,11 @@ class Urdf:
         self.origin(joint)
         if kind == _FIXED:
             return
+        if name in _TAKEN:
+            raise self.refused(
+                f"{place}: the name is taken, as Pinocchio adds a joint called so; "
+                "rename it"
+            )
         self.axis(joint)
         limit = joint.find("limit")
         if limit is None:
@@ -308,7 +326,7 @@ def without_shapes(path: Path) -> str:
 
     Meshes need not be there, and a mistake in a colour stops nobody's controller.
     """
-    return bare_text(ElementTree.parse(path).getroot())
+    return bare_text(read_urdf_element(path))
 
 
 def drop(element: ElementTree.Element, tags: Iterable[str]) -> None:
@@ -329,17 +347,19 @@ def bare_text(element: ElementTree.Element) -> str:
 
 
 def read_urdf_element(path: Path) -> ElementTree.Element:
-    """Read the XML of a URDF.
+    """Read the XML of a URDF; a robot without a name gets its file's.
 
     Raises:
         RobotFileError: there is no such file, or it is no XML.
     """
     try:
-        return ElementTree.parse(path).getroot()
+        root = ElementTree.parse(path).getroot()
     except OSError as error:
         raise RobotFileError(f"{path}: cannot be read ({error.strerror})") from error
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise RobotFileError(f"{path}: not valid XML: {error}") from error
+    root.set("name", root.get("name") or path.stem)  # Pinocchio reads none without
+    return root
 
 
 def joints_above(

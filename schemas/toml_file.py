@@ -18,7 +18,13 @@ import msgspec
 import tomli_w
 
 from surefoot.schemas.errors import FileFormatError
-from surefoot.schemas.validation import explain, find_non_finite, nearest, suggest_key
+from surefoot.schemas.validation import (
+    dotted,
+    explain,
+    find_non_finite,
+    nearest,
+    suggest_key,
+)
 
 _T = TypeVar("_T", bound=msgspec.Struct)
 LARGEST_NUMBER = 1e12
@@ -39,7 +45,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         FileFormatError: the file is missing, unreadable or not TOML.
     """
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))  # Windows marks it
     except FileNotFoundError as error:
         raise FileFormatError(f"{path}: no such file") from error
     except IsADirectoryError as error:
@@ -109,6 +115,7 @@ def convert(raw: dict[str, Any], kind: type[_T], *, source: str) -> _T:
         field, text = explain(error, raw, kind)
         if "unknown field" in text:
             text = f"no such key{suggest_key(field, kind)}"
+        field = dotted(field)
         place = f"{source}: {field}" if field else source
         raise FileFormatError(f"{place}: {text}", field=field) from error
     # Whole numbers are floats here wherever the file format has floats.

@@ -271,6 +271,9 @@ _WITHIN = re.compile(r"^at `([^`]+)`: ")
 _NAMED_FIELD = re.compile(r"field `([^`]+)`")
 _CHOICE = re.compile(r"^Invalid (?:enum )?value ")
 _EXPECTED = re.compile(r"^Expected `([^`]+)`(.*?)(?:, got `[^`]+`)?$")
+_ANY_KEY = "[...]"
+"""What msgspec calls a key of a table that may have any."""
+_KEY = re.compile(r"\[([^\d.\]][^\]]*)\]")
 _STEP = re.compile(r"\[(\d+)\]|([^.\[\]]+)")
 
 
@@ -289,6 +292,8 @@ def explain(
     path = place.group(1) if place else ""
     if place:
         text = text[: place.start()]
+    if _ANY_KEY in path:
+        path = _with_key(path, error, raw, kind)
     within = _WITHIN.match(text)
     if within:
         path = f"{path}.{within.group(1)}" if path else within.group(1)
@@ -300,6 +305,32 @@ def explain(
             return path, _missing(path, raw, kind)
         return path, text + _choices(valid_values(path, kind), None)
     return path, _reworded(text, path, raw, kind)
+
+
+def dotted(path: str) -> str:
+    """Return a path as TOML writes it: keys behind dots, places in brackets."""
+    return _KEY.sub(r".\1", path)
+
+
+def _with_key(
+    path: str, error: msgspec.ValidationError, raw: Any, kind: type[msgspec.Struct]
+) -> str:
+    """Say which key of a table that may have any is meant: ``profiles[mine].lag_s``."""
+    around, _, rest = path.partition(_ANY_KEY)
+    table, is_found = _value_at(raw, around)
+    for key, value in table.items() if is_found and isinstance(table, dict) else ():
+        try:
+            msgspec.convert(_replaced(raw, around, {key: value}), kind)
+        except msgspec.ValidationError as alone:
+            if str(alone) == str(error):
+                return f"{around}[{key}]{rest}"
+    return path
+
+
+def _replaced(raw: Any, path: str, value: Any) -> Any:
+    """A table with another value at a path of keys."""
+    name, _, rest = path.partition(".")
+    return {**raw, name: _replaced(raw[name], rest, value) if rest else value}
 
 
 def _reworded(text: str, path: str, raw: Any, kind: type[msgspec.Struct]) -> str:

@@ -346,12 +346,16 @@ def profile_of(robot: Robot, drives: Sequence[Drive]) -> ServoProfile:
     )
 
 
-def check_out(out: Path, *, overwrite: bool) -> None:
-    """Refuse a place that cannot be written, before anything moves.
+def check_out(robot: Robot, out: Path, *, overwrite: bool) -> None:
+    """Refuse what cannot be written, or read afterwards, before anything moves.
 
     Raises:
-        UsageError: it is taken, or its folder is not there.
+        UsageError: it is taken or no robot file, or its folder is not there.
+        FileFormatError: the file with the robot's offsets is malformed.
     """
+    if out.suffix != ".toml":
+        raise UsageError(f"--out {out}: expected the name of a robot file (.toml)")
+    load_tare(robot.path)
     check_replaceable(out, signature=SIGNATURE, overwrite=overwrite)
     if not out.parent.is_dir():
         raise UsageError(f"--out {out}: there is no folder {out.parent}")
@@ -363,22 +367,21 @@ def write_profile(
     """Write a robot file that extends the robot's by what was identified.
 
     A file that itself extends another one is written anew, with all it says. The
-    offsets of the ankle sensors are stored beside it as they are beside the robot's.
+    offsets of the ankle sensors are stored beside it as they are beside the robot's;
+    those that were measured for it stay.
 
     Raises:
         UsageError: the file is there.
-        FileFormatError: the file with the offsets is malformed; nothing was written.
         OSError: it cannot be written.
     """
     profile, tare = profile_of(robot, drives), load_tare(robot.path)
     profiles = {**robot.file.servo.profiles, PROFILE: profile}
     servo = {"profile": PROFILE, "profiles": msgspec.to_builtins(profiles)}
     source = read_toml(robot.path)
-    below = robot.path
-    table: dict[str, Any] = {}
+    below, table = robot.path, dict[str, Any]()
     if EXTENDS in source:
-        below = robot.path.parent / str(source[EXTENDS])
-        table = {name: value for name, value in source.items() if name != EXTENDS}
+        below = robot.path.parent / source.pop(EXTENDS)
+        table = source
     start = out.resolve().parent
     table = {EXTENDS: os.path.relpath(below.resolve(), start), **table, "servo": servo}
     if "urdf" in table:
@@ -387,8 +390,8 @@ def write_profile(
     lines += [f"# {line}" for line in in_lines(drives)]
     with new_file(out, overwrite=overwrite) as file:
         file.write(("\n".join(lines) + "\n\n" + tomli_w.dumps(table)).encode())
-    if not tare.is_zero and robot.path != out.resolve():
-        save_tare(out, tare)
+    if not tare.is_zero:
+        save_tare(out, tare, overwrite=False)
     return profile
 
 

@@ -30,7 +30,7 @@ MOST_TICKS = 100_000
 """Of so many ticks it is known when they began; a command that answers one before
 them, where the robot file lets it, is judged by ticks alone."""
 ROUNDING_S = 1e-9
-"""A command exactly as old as allowed must not be refused for its last bit."""
+"""What is exactly as old or as silent as allowed must not be refused for a last bit."""
 ROUNDING_RAD = 1e-9
 """A command beyond a limit by less is cut to it without a word: a controller that
 asks for exactly the limit must not be reported for its last bit."""
@@ -224,7 +224,7 @@ class CommandGate:
             self._began[tick % len(self._began)] = (tick, now_s)
         self._before = self._posture
         if self._listens():
-            self._watch(now_s - self._heard_s)
+            self._watch(now_s - self._heard_s - ROUNDING_S)
         if tick is not None and self.mode is RobotMode.ACTIVE:
             self._watch_delay(tick)
         lease = self.modes.lease

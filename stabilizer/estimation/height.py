@@ -122,6 +122,7 @@ class HeightFilter:
         """
         self._settings = settings
         self._stroke = stroke
+        self._whole_stroke = max(stroke[1] - stroke[0], LEAST_ROOM_M)
         self._dt = period_s
         self._forget = math.exp(-period_s / GROUND_SPEED_MEMORY_S)
         self._forget_at_end = math.exp(-period_s / AT_END_MEMORY_S)
@@ -281,7 +282,7 @@ class HeightFilter:
         if self._is_taken:
             braking = min(braking, 2.0 * BRAKING_M_S2)
             self._level_rate += math.copysign(braking * self._dt, closing)
-            most = RIDES * (highest - lowest)
+            most = RIDES * self._whole_stroke
             self._taken = min(self._taken + abs(speed) * self._dt, most)
         elif self._level_rate:
             self._level_rate -= self._dt / LEVEL_RESTS_S * self._level_rate
@@ -292,7 +293,7 @@ class HeightFilter:
 
     def _riding(self) -> float:
         """Return the part of the ground's motion that the robot follows [1]."""
-        parts = self._taken / (self._stroke[1] - self._stroke[0])
+        parts = self._taken / self._whole_stroke
         wanted = min(max((parts - RIDES_FROM) / (RIDES - RIDES_FROM), 0.0), 1.0)
         self._ride += self._dt / RIDE_LAG_S * (wanted - self._ride)
         return self._ride

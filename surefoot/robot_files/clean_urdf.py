@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import fnmatch
 import math
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 
@@ -63,7 +63,7 @@ def choose_joints(
     """
     legs = {j.get("name", "") for sole in soles for j in draft.chain(sole)}
     for pattern in (*fix, *keep):
-        if not fnmatch.filter(draft.joints, pattern):
+        if not any(_fits(name, pattern) for name in draft.joints):
             raise RobotFileError(
                 f"{draft.path}: no joint fits {pattern!r}; the joints are "
                 f"{listed([n for n, j in draft.joints.items() if _moves(j)])}"
@@ -80,8 +80,8 @@ def choose_joints(
             drop(joint, ("mimic",))
             continue
         why = _reason(draft, name, leaders=leaders, feet=feet, is_leg=name in legs)
-        kept = any(fnmatch.fnmatch(name, pattern) for pattern in keep)
-        asked = any(fnmatch.fnmatch(name, pattern) for pattern in fix)
+        kept = any(_fits(name, pattern) for pattern in keep)
+        asked = any(_fits(name, pattern) for pattern in fix)
         if asked or (legs_only and name not in legs):
             why = "as asked"
         elif kept and why not in (None, _FOLLOWS, _ENDLESS):
@@ -102,6 +102,12 @@ def choose_joints(
             draft.fix(draft.joints[name])
         count = "a joint" if len(names) == 1 else f"{len(names)} joints"
         draft.note("changed", f"{count} fixed, {why}: {listed(names)}")
+
+
+def _fits(name: str, pattern: str) -> bool:
+    """Whether a name is a pattern's; only * stands for others, [ is one of a name."""
+    parts = map(re.escape, pattern.split("*"))
+    return re.fullmatch(".*".join(parts), name, re.DOTALL) is not None
 
 
 _FOLLOWS = "they follow another joint (<mimic>)"

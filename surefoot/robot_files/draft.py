@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -356,6 +357,12 @@ def _meshes(
 
 
 def _mesh_path(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
+    """Look for a mesh by its name, also where that is a URI with %20 for a blank."""
+    places = (_mesh_called(n, urdf, package_dirs) for n in (name, unquote(name)))
+    return next(filter(None, places), None)
+
+
+def _mesh_called(name: str, urdf: Path, package_dirs: Sequence[Path]) -> Path | None:
     """Look for a mesh where ROS would, and beside and above the URDF."""
     match = re.match(r"(?:package|model)://+(.*)", name)
     folders = [*package_dirs, *urdf.resolve().parents]

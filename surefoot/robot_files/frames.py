@@ -90,7 +90,7 @@ def measure_sole(
     """
     links = foot_links(draft, link)
     tags: tuple[Tag, ...] = ("collision", "visual")
-    words = "none of them has a shape;"
+    words = "none of them has a shape (box, sphere, cylinder or mesh);"
     lost = [draft.lost[name] for name in links if name in draft.lost]
     if lost:
         words = (

@@ -44,7 +44,7 @@ SMALLEST_SOLE, LARGEST_SOLE = 0.06, 0.4
 ROTOR_SHARE = 3e-4
 """Rotor inertia of a leg joint over mass times height squared; the Walker's: 4e-3."""
 HEAVY_PLATE_SHARE = 0.1
-KNEE_RISE_MM = 20.0
+KNEE_RISE_SHARE = 0.025
 ANKLE_DEG = 5.0
 _MM = 1e3
 
@@ -136,12 +136,12 @@ def warnings_of(robot: Robot) -> list[str]:
     ]
 
 
-def reach_findings(robot: Robot, reach: Reach) -> list[Finding]:
-    """Judge how far the legs reach."""
+def reach_findings(robot: Robot, reach: Reach, com_height_m: float) -> list[Finding]:
+    """Judge how far the legs reach; the CoM's height is above the soles."""
     sink, rise = robot.file.com_travel_m
     found_rise, found_sink = _MM * reach.rise_m, _MM * reach.sink_m
     is_short = found_rise < _MM * rise - 5.0 or found_sink < -_MM * sink - 5.0
-    is_straight = found_rise < KNEE_RISE_MM
+    is_straight = found_rise < KNEE_RISE_SHARE * _MM * com_height_m
     advice = ""
     if is_straight:
         advice = "bend the knees more: straight legs cannot follow ground that sinks"
@@ -381,7 +381,7 @@ def judge(robot: Robot, margins: LoopMargins) -> RobotFileReport:
             *quick_findings(robot),
             one_foot_finding(one_foot_share(model)),
             capture_finding(capture),
-            *reach_findings(robot, search.reach()),
+            *reach_findings(robot, search.reach(), float(stand(model).com[2])),
             _margins(margins),
         ],
         scenarios=fits,

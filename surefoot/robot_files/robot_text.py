@@ -20,6 +20,8 @@ FASTEST_RAD_S, USUAL_RAD_S = 50.0, 6.0
 """A joint speed above the first is no limit; the second stands for it."""
 STRONGEST = 2.0
 """A torque of more than this many times mass x gravity x height is no limit."""
+HOLD_S, HOLD_TICKS = 0.02, 4
+"""Silence that is borne: the longer of the two."""
 _DAMPING = 1.0
 _UPRIGHT_AXIS = 0.7
 GUESSED = "  # guessed"
@@ -41,7 +43,7 @@ lag_s = 0.02  # guessed
 """
 _GATE = """[gate]
 step_limit_rad = {step}
-hold_after_s = 0.02
+hold_after_s = {hold}
 fault_after_s = 1.0
 
 # Their order is the order of every array on the bus. kp, kd, damping: the servo's law,
@@ -322,7 +324,10 @@ def robot_text(
             head,
             soles,
             _SERVO,
-            _GATE.format(step=round(20.0 / rate_hz, 5)),
+            _GATE.format(
+                step=round(20.0 / rate_hz, 5),
+                hold=round(max(HOLD_S, HOLD_TICKS / rate_hz), 4),
+            ),
             *map(_joint_text, joints),
         )
     )

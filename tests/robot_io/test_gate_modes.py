@@ -169,6 +169,17 @@ def test_silence_leads_to_hold_then_to_fault() -> None:
     assert gate.modes.detail == "no command for 1.001 s"
 
 
+@pytest.mark.parametrize("start", range(0, 900, 100))
+def test_a_silence_as_long_as_is_borne_is_borne_at_every_tick(start: int) -> None:
+    """At 50 Hz one tick is 0.02 s; some ticks are that and a last bit apart."""
+    gate = active_gate()
+    ticks = round(GATE.hold_after_s / PERIOD_S)
+    for tick in range(start, start + 100):
+        assert at_tick(gate, tick).accepted
+        gate.begin_tick(now_s=(tick + ticks) * PERIOD_S)
+        assert gate.mode is RobotMode.ACTIVE
+
+
 def test_refused_commands_do_not_feed_the_watchdog() -> None:
     gate = active_gate()
     at_tick(gate, 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
@@ -35,12 +36,13 @@ def follow(
     by_feet: Ground = lambda _: 0.0,
     moves: bool = False,
     steps: bool = False,
+    stroke: tuple[float, float] = STROKE,
 ) -> tuple[Array, Array]:
     """Return true and estimated height of the ground, a row per tick.
 
     The feet feel an acceleration that nothing else does.
     """
-    height = HeightFilter(EstimatorSettings(), stroke=STROKE, period_s=PERIOD_S)
+    height = HeightFilter(EstimatorSettings(), stroke=stroke, period_s=PERIOD_S)
     rows = []
     for time_s in PERIOD_S * np.arange(round(duration_s / PERIOD_S)):
         before, now, after = (ground(time_s + d) for d in (-STEP_S, 0.0, STEP_S))
@@ -69,6 +71,12 @@ def test_ground_beyond_the_stroke_takes_the_level_along(lift: float) -> None:
     back = estimate[-1]
     assert abs(back) < 0.01
     assert np.min(estimate * np.sign(lift)) > -0.35 * abs(end)
+
+
+def test_legs_without_a_stroke_go_along_with_all_ground() -> None:
+    ground = partial(ramp, lift=0.1)
+    _, estimate = follow(ground, duration_s=2.0, stroke=(0.0, 0.0))
+    np.testing.assert_array_equal(estimate, 0.0)
 
 
 def test_after_a_slow_lift_the_stroke_s_end_is_left_soon() -> None:

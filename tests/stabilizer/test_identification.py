@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from surefoot.cli.app import app
 from surefoot.errors import ChildFailedError, UsageError
-from surefoot.measure import identify_drives, judged, profile_of
+from surefoot.measure import identify_drives, judged, profile_of, write_profile
 from surefoot.robot_io.robot import (
     Robot,
     Tare,
@@ -40,6 +40,20 @@ def with_drives(robot: Robot, *, lag_s: float, speed: float) -> Robot:
     servo = msgspec.structs.replace(robot.file.servo, profiles={"true": profile})
     servo = msgspec.structs.replace(servo, profile="true")
     return replace(robot, file=msgspec.structs.replace(robot.file, servo=servo))
+
+
+def a_drive(joint: str, lag_s: float = 0.02, speed: float = 3.1) -> Drive:
+    return Drive(
+        joint=joint,
+        lag_s=lag_s,
+        velocity_limit_rad_s=speed,
+        is_bound=False,
+        delay_s=0.001,
+        backlash_rad=0.0,
+        backlash_is_bound=False,
+        stiffness_scale=1.0,
+        misfit_rad=0.0,
+    )
 
 
 def imperfect(**error: float) -> Scenario:
@@ -119,22 +133,8 @@ def test_the_profile_is_that_of_the_legs_however_many_arms_were_moved(
     walker: Robot,
 ) -> None:
     """It is the legs' lag that is made up for while the robot balances."""
-
-    def drive(joint: str, lag_s: float, speed: float) -> Drive:
-        return Drive(
-            joint=joint,
-            lag_s=lag_s,
-            velocity_limit_rad_s=speed,
-            is_bound=False,
-            delay_s=0.001,
-            backlash_rad=0.0,
-            backlash_is_bound=False,
-            stiffness_scale=1.0,
-            misfit_rad=0.0,
-        )
-
-    legs = [drive(name, 0.02, 3.1) for name in ("left_knee", "right_ankle_roll")]
-    arms = [drive(name, 0.005, 1.0) for name in walker.joint_names if "wrist" in name]
+    legs = [a_drive(name, 0.02, 3.1) for name in ("left_knee", "right_ankle_roll")]
+    arms = [a_drive(name, 0.005, 1.0) for name in walker.joint_names if "wrist" in name]
     assert len(arms) > len(legs)
     assert profile_of(walker, [*arms, *legs]) == profile_of(walker, legs)
     assert profile_of(walker, arms).lag_s == 0.005
@@ -163,3 +163,32 @@ def test_the_command_writes_a_robot_file_and_replaces_none(tmp_path: Path) -> No
     again = CliRunner().invoke(app, words)
     assert "is there already" in str(again.exception)
     assert out.read_text() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "told"), [("mine", "robot file"), ("mine.toml", "tared.tare.toml: left")]
+)
+def test_what_could_not_be_used_is_refused_before_anything_moves(
+    name: str, told: str, tmp_path: Path
+) -> None:
+    tared = tmp_path / "tared.toml"
+    tared.write_text(f'extends = "{find_robot("walker")}"\n')
+    (tmp_path / "tared.tare.toml").write_text("left = [1.0]\n")
+    words = ["identify", "--inline", "--robot", str(tared), "--joint", JOINT]
+    answer = CliRunner().invoke(app, [*words, "--out", str(tmp_path / name)])
+    assert told in str(answer.exception)
+    assert not (tmp_path / name).exists()
+
+
+def test_offsets_measured_for_the_file_it_replaces_stay(
+    walker: Robot, tmp_path: Path
+) -> None:
+    out, tared = tmp_path / "mine.toml", tmp_path / "tared.toml"
+    tared.write_text(f'extends = "{find_robot("walker")}"\n')
+    save_tare(tared, Tare(left=[1.0] * 6))
+    newer = Tare(left=[2.0] * 6, measured_on="2026-01-02")
+    write_profile(load_robot(tared), [a_drive(walker.joint_names[0])], out)
+    save_tare(out, newer)
+    drives = [a_drive(walker.joint_names[0])]
+    write_profile(load_robot(tared), drives, out, overwrite=True)
+    assert load_tare(out) == newer

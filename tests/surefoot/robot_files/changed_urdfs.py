@@ -83,6 +83,19 @@ def under_a_world(kind: str) -> Change:
     return change
 
 
+def with_a_link_called(link: str, name: str) -> Change:
+    def change(root: ElementTree.Element) -> None:
+        part(root, "link", link).set("name", name)
+        for end in root.iterfind(f"joint/*[@link='{link}']"):
+            end.set("link", name)
+
+    return change
+
+
+def without_a_name(root: ElementTree.Element) -> None:
+    del root.attrib["name"]
+
+
 def with_toes(root: ElementTree.Element) -> None:
     for side in SIDES:
         joint(

@@ -76,11 +76,18 @@ STANDS = {
     "other letters": case(
         urdf.in_other_letters, "as asked: \u9996 yaw \u03c8", fix=("\u9996*",)
     ),
+    "joint with brackets": case(
+        altered("head_yaw", name="head[0]"), "as asked: head[0]", fix=("head[0]",)
+    ),
+    "mesh named as in a URI": case(
+        urdf.with_meshes(filename="package://feet/fo%6Ft.obj"), "240 x 120 mm"
+    ),
     "soles turned": case(urdf.with_soles_turned, "left sole: 271 x 155 mm"),
     "mesh mirrored": case(urdf.with_meshes(scale="0.1 0.1 -0.1"), "240 x 120 mm"),
     "joint called as a sole": case(
         altered("head_yaw", name="left_foot_plate"), "271 x 155 mm"
     ),
+    "no name": case(urdf.without_a_name, "28 joints, in the order"),
     "skin": case(urdf.with_a_skin, "28 joints, in the order"),
     "axes of zeros": case(urdf.with_axes_of_zeros, "28 joints, in the order"),
     "root at the ground": case(
@@ -198,6 +205,15 @@ REFUSED = {
         urdf.nothing, "in 11 of 12 directions", fix=("*_hip_yaw",)
     ),
     "rooted in a sole": case(urdf.nothing, "whose root is", left_sole="torso"),
+    "base called world": case(
+        urdf.with_a_link_called("torso", "world"), "stands for the ground"
+    ),
+    "hand called world": case(
+        urdf.with_a_link_called("left_hand", "world"), "stands for the ground"
+    ),
+    "joint called as Pinocchio's": case(
+        altered("left_knee", name="root_joint"), "'root_joint': the name is taken"
+    ),
     "turn of no number": case(urdf.with_a_turn_of_no_number, "'tool': origin: rpy"),
     "mesh that is not there": case(
         urdf.with_meshes(filename="feet/lost.stl"),

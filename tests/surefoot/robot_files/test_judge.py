@@ -15,6 +15,7 @@ from surefoot.errors import UsageError
 from surefoot.robot_files.judge import (
     one_foot_finding,
     quick_findings,
+    reach_findings,
     warnings_of,
 )
 from surefoot.robot_files.scenario_fit import fit, scale_to_robot
@@ -33,6 +34,7 @@ from surefoot.stabilizer.stance.nominal import (
     reach_search,
     stand,
 )
+from surefoot.stabilizer.stance.solver import Reach
 from surefoot.stabilizer.walking.feet import FootState
 
 WALKER = load_robot("walker")
@@ -195,3 +197,12 @@ def test_slow_heave_takes_the_robot_along() -> None:
         ],
     )
     assert fit(slow, WALKER).why == ""
+
+
+@pytest.mark.parametrize(("height_m", "is_straight"), [(0.13, False), (0.83, True)])
+def test_legs_are_straight_for_the_robot_s_height(
+    height_m: float, is_straight: bool
+) -> None:
+    reach = Reach(rise_m=0.016, sink_m=0.3, roll_rad=0.3, pitch_rad=(0.4, 0.4))
+    rise, _ = reach_findings(WALKER, reach, height_m)
+    assert ("straight legs" in rise.advice) is is_straight

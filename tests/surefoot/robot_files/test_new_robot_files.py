@@ -66,6 +66,14 @@ def test_what_cannot_be_written_whole_is_not_there(tmp_path: Path) -> None:
     assert own.read_text() == "a file of somebody's"
 
 
+@pytest.mark.parametrize(("rate_hz", "hold_s"), [(50.0, 0.08), (1000.0, 0.02)])
+def test_a_slow_loop_may_miss_a_tick_before_it_is_held(
+    rate_hz: float, hold_s: float, tmp_path: Path
+) -> None:
+    robot = made(tmp_path, urdf.nothing, replace(FEET, rate_hz=rate_hz)).robot
+    assert robot.file.gate.hold_after_s == hold_s
+
+
 def test_a_name_may_end_no_comment(tmp_path: Path) -> None:
     robot = made(tmp_path, urdf.nothing, replace(FEET, name="a--b"))
     assert robot.robot.file.name == "a--b"
