@@ -207,8 +207,10 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
             controller=about.controller,
             settings=folder / SETTINGS,
             seed=about.seed,
+            mode=about.mode,
+            relay=None if about.relay is None else str(folder / RELAY),
         )
-    return result, replace(plan, mode=about.mode, scenario_name=about.scenario)
+    return result, replace(plan, scenario_name=about.scenario)
 
 
 @contextmanager
