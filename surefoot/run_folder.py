@@ -152,6 +152,13 @@ def folder_of_run(place: Path) -> Path:
     return place.parent if is_inside else place
 
 
+def record_of_run(place: Path) -> Path:
+    """The record of the bus in a run's folder, also one cut off; others as they are."""
+    settle_run(place)
+    records = (place / f"{RECORD}{end}" for end in _ENDS)
+    return next((record for record in records if record.is_file()), place)
+
+
 def read_ends(folder: Path) -> tuple[RunResult, About]:
     """Figures of a finished run, and what was noted at its start.
 

@@ -18,13 +18,13 @@ from surefoot.recording.mcap_records import RecordError
 from surefoot.recording.read import Record, read_record, with_nan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.run_folder import (
-    RECORD,
     SCENARIO,
     SETTINGS,
     TICKS,
     About,
     naming_run,
     read_ends,
+    record_of_run,
 )
 from surefoot.schemas.arrays import NS_PER_MS, Array, Vec3
 from surefoot.schemas.codec import Head
@@ -244,7 +244,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
         )
     scenario = load_scenario(folder / SCENARIO)
     plant = Plant(robot, scenario, seed=result.seed)
-    records = (folder / RECORD, folder / f"{RECORD}.partial")
+    record = record_of_run(folder)
     return RunData(
         label=label,
         result=result,
@@ -256,7 +256,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
         signals=signals,
         com_reference=plant.com_reference,
         ground=ground_blocks(plant.world),
-        heard=next((read_heard(r) for r in records if r.is_file()), None),
+        heard=None if record == folder else read_heard(record),
         logs={
             path.stem: path.read_text(encoding="utf-8", errors="replace")
             for path in sorted(folder.glob("*.log"))
