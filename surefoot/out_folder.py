@@ -136,7 +136,30 @@ def write_whole(path: Path, data: bytes) -> None:
 
 def write_json(path: Path, value: Any) -> None:
     """Write a struct, or built-in types, as indented JSON, whole or not at all."""
-    write_whole(path, msgspec.json.format(msgspec.json.encode(value)) + b"\n")
+    write_whole(path, msgspec.json.format(json_bytes(value)) + b"\n")
+
+
+def json_bytes(value: Any) -> bytes:
+    """A struct, or built-in types, as JSON, whatever the names of files in it."""
+    try:
+        return msgspec.json.encode(value)
+    except UnicodeEncodeError:
+        return msgspec.json.encode(_all_printable(msgspec.to_builtins(value)))
+
+
+def printable(name: str) -> str:
+    """A name of the file system as text that JSON and pages can hold."""
+    return os.fsencode(name).decode("utf-8", "replace")
+
+
+def _all_printable(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, dict):
+        return {_all_printable(key): _all_printable(v) for key, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [*map(_all_printable, value)]
+    return value
 
 
 @contextmanager

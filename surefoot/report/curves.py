@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from surefoot.report.run_data import BusColumns, RunData
@@ -169,7 +170,9 @@ def thin(
     return _broken(times[rows], values[rows], np.searchsorted(rows, ends))
 
 
-def _broken(times: Array, values: Array, ends: Array) -> tuple[Array, Array]:
+def _broken(
+    times: Array, values: Array, ends: NDArray[np.int64]
+) -> tuple[Array, Array]:
     """Put a NaN behind some rows, where a line is not to go on."""
     after = ends + 1
     return np.insert(times, after, times[ends]), np.insert(values, after, np.nan)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefoot.errors import UsageError
+from surefoot.out_folder import printable
 from surefoot.recording.mcap_records import RecordError
 from surefoot.recording.read import Record, read_record, with_nan
 from surefoot.robot_io.robot import Robot, load_robot
@@ -285,7 +286,7 @@ def _labels(folders: list[Path]) -> list[str]:
     for index, folder in enumerate(whole):
         if folder in whole[:index]:
             raise UsageError(f"{folders[index]}: named twice; name each run once")
-    names = [folder.name for folder in whole]
+    names = [printable(folder.name) for folder in whole]
     if len(set(names)) == len(names):
         return names
-    return [str(folder) for folder in folders]
+    return [printable(str(folder)) for folder in folders]
