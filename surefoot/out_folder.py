@@ -65,9 +65,11 @@ def is_to_replace(path: Path, *, overwrite: bool) -> bool:
     """Whether there is a file, which may be replaced.
 
     Raises:
-        UsageError: it may not.
+        UsageError: it may not, or is no file but a folder, a device or a link to one.
     """
     is_there = path.exists() or path.is_symlink()
+    if path.exists() and not path.is_file():
+        raise UsageError(f"--out {path}: is there and no file; name a new file")
     if is_there and not overwrite:
         raise UsageError(
             f"--out {path}: is there already; name another place, or overwrite it "
