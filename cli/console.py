@@ -18,6 +18,7 @@ from rich.table import Table
 
 from surefoot.errors import ERROR_PREFIX
 from surefoot.installation import install_command
+from surefoot.out_folder import json_bytes
 
 REFRESH_HZ = 4.0
 """Slow enough not to take a processor from the two that compute."""
@@ -92,7 +93,7 @@ def print_json(
     value: msgspec.Struct | dict[str, Any] | Sequence[msgspec.Struct | dict[str, Any]],
 ) -> None:
     """Print a result for scripts: one JSON text on one line, nothing else."""
-    sys.stdout.write(msgspec.json.encode(value).decode() + "\n")
+    sys.stdout.write(json_bytes(value).decode() + "\n")
     sys.stdout.flush()
 
 

@@ -65,9 +65,11 @@ def is_to_replace(path: Path, *, overwrite: bool) -> bool:
     """Whether there is a file, which may be replaced.
 
     Raises:
-        UsageError: it may not.
+        UsageError: it may not, or is no file but a folder, a device or a link to one.
     """
     is_there = path.exists() or path.is_symlink()
+    if path.exists() and not path.is_file():
+        raise UsageError(f"--out {path}: is there and no file; name a new file")
     if is_there and not overwrite:
         raise UsageError(
             f"--out {path}: is there already; name another place, or overwrite it "
@@ -136,7 +138,30 @@ def write_whole(path: Path, data: bytes) -> None:
 
 def write_json(path: Path, value: Any) -> None:
     """Write a struct, or built-in types, as indented JSON, whole or not at all."""
-    write_whole(path, msgspec.json.format(msgspec.json.encode(value)) + b"\n")
+    write_whole(path, msgspec.json.format(json_bytes(value)) + b"\n")
+
+
+def json_bytes(value: Any) -> bytes:
+    """A struct, or built-in types, as JSON, whatever the names of files in it."""
+    try:
+        return msgspec.json.encode(value)
+    except UnicodeEncodeError:
+        return msgspec.json.encode(_all_printable(msgspec.to_builtins(value)))
+
+
+def printable(name: str) -> str:
+    """A name of the file system as text that JSON and pages can hold."""
+    return os.fsencode(name).decode("utf-8", "replace")
+
+
+def _all_printable(value: Any) -> Any:
+    if isinstance(value, str):
+        return printable(value)
+    if isinstance(value, dict):
+        return {_all_printable(key): _all_printable(v) for key, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [*map(_all_printable, value)]
+    return value
 
 
 @contextmanager

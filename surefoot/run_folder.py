@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
 from collections.abc import Collection, Iterator
@@ -16,7 +15,7 @@ import msgspec
 
 from surefoot.errors import UsageError
 from surefoot.installation import this_machine
-from surefoot.out_folder import OutFolder, write_json
+from surefoot.out_folder import OutFolder, printable, write_json
 from surefoot.robot_io.errors import RobotFileError
 from surefoot.run_plan import Mode, RunPlan, make_plan, settings_text
 from surefoot.schemas.result import RunResult
@@ -110,11 +109,11 @@ def write_inputs(folder: Path, plan: RunPlan) -> None:
         shutil.copyfile(plan.relay_path, folder / RELAY)
     words = [*(Path(program).name for program in sys.argv[:1]), *sys.argv[1:]]
     about = About(
-        command=[*map(_printable, words)],
+        command=[*map(printable, words)],
         scenario=plan.scenario_name,
-        robot=_printable(plan.robot_name),
+        robot=printable(plan.robot_name),
         servo_profile=plan.robot.file.servo.profile,
-        controller=_printable(plan.controller),
+        controller=printable(plan.controller),
         seed=plan.seed,
         mode=plan.mode,
         relay=None if plan.relay_path is None else plan.relay_path.stem,
@@ -130,7 +129,7 @@ def write_result(folder: OutFolder, result: RunResult) -> RunResult:
     Returns:
         The figures, with the folder's name in them.
     """
-    name = None if folder.out is None else _printable(str(folder.out))
+    name = None if folder.out is None else printable(str(folder.out))
     result = msgspec.structs.replace(result, out=name)
     write_json(folder.path / RESULT, result)
     return result
@@ -150,6 +149,13 @@ def folder_of_run(place: Path) -> Path:
     settle_run(place)
     is_inside = place.is_file() and (place.parent / MARKER).is_file()
     return place.parent if is_inside else place
+
+
+def record_of_run(place: Path) -> Path:
+    """The record of the bus in a run's folder, also one cut off; others as they are."""
+    settle_run(place)
+    records = (place / f"{RECORD}{end}" for end in _ENDS)
+    return next((record for record in records if record.is_file()), place)
 
 
 def read_ends(folder: Path) -> tuple[RunResult, About]:
@@ -207,8 +213,10 @@ def read_run(folder: Path) -> tuple[RunResult, RunPlan]:
             controller=about.controller,
             settings=folder / SETTINGS,
             seed=about.seed,
+            mode=about.mode,
+            relay=None if about.relay is None else str(folder / RELAY),
         )
-    return result, replace(plan, mode=about.mode, scenario_name=about.scenario)
+    return result, replace(plan, scenario_name=about.scenario)
 
 
 @contextmanager
@@ -230,8 +238,3 @@ def naming_run(folder: Path) -> Iterator[None]:
 def read_struct(path: Path, kind: type[_T]) -> _T:
     """Read the struct that a file of JSON holds."""
     return msgspec.json.decode(path.read_bytes(), type=kind)
-
-
-def _printable(name: str) -> str:
-    """A name of the file system as text that JSON can hold."""
-    return os.fsencode(name).decode("utf-8", "replace")

@@ -158,15 +158,17 @@ class Signals(Mapping[str, SignalArray]):
             sinks: one for each recorder: the robot's, then the controller's.
         """
         for table, sink in zip(self._tables, sinks, strict=False):
-            layouts = list(table.layouts.values())
-            block = sink.open(BlockFormat(layouts))
+            form = BlockFormat(list(table.layouts.values()))
+            names = [name for name in form.layouts if name != "tick"]
+            sink.lost_ticks, sink.is_cut_off = table.lost_ticks, table.is_cut_off
+            block = sink.open(form)
             count = len(table)
             for start in range(0, count, BLOCK_TICKS):
                 stop = min(start + BLOCK_TICKS, count)
                 block.ticks[: stop - start] = table.read("tick", start, stop)
                 columns = [
-                    table.read(layout.name, start, stop).reshape(stop - start, -1)
-                    for layout in layouts[1:]
+                    table.read(name, start, stop).reshape(stop - start, -1)
+                    for name in names
                 ]
                 block.rows[: stop - start] = np.hstack(columns)
                 block.count = stop - start

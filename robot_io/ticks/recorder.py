@@ -38,8 +38,8 @@ class BlockFormat:
     """Which columns of a block's rows belong to which signal.
 
     Attributes:
-        layouts: by name, in the order of the columns; ``tick`` comes first and has
-            no columns.
+        layouts: by name, in the order of the columns; ``tick``, wherever it stands
+            among them, has none.
         width: how many columns there are.
     """
 
@@ -48,7 +48,9 @@ class BlockFormat:
         self.layouts = {layout.name: layout for layout in layouts}
         self._columns: dict[str, slice] = {}
         self.width = 0
-        for layout in layouts[1:]:
+        for layout in layouts:
+            if layout.name == "tick":
+                continue
             end = self.width + len(layout.labels)
             self._columns[layout.name] = slice(self.width, end)
             self.width = end
@@ -81,7 +83,14 @@ class TickSink(Protocol):
 
     The block that is being filled is the sink's all the time, so that a run's end needs
     no word from who fills it.
+
+    Attributes:
+        lost_ticks: ticks that it could not keep, or that what it copies lacks.
+        is_cut_off: whether what it copies has no end; then it gets none either.
     """
+
+    lost_ticks: int
+    is_cut_off: bool
 
     def open(self, form: BlockFormat) -> Block:
         """Begin; called once, before the first tick.

@@ -16,6 +16,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Self
 
+import numpy as np
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.records import (
@@ -62,6 +63,7 @@ class TickFile:
     Attributes:
         path: of the file.
         lost_ticks: ticks that are not in the file; final once it is closed.
+        is_cut_off: whether to leave the file without its end.
     """
 
     def __init__(self, path: Path, *, may_wait: bool) -> None:
@@ -77,7 +79,8 @@ class TickFile:
         """
         self.path = path
         self.lost_ticks = 0
-        self._failure: OSError | None = None
+        self.is_cut_off = False
+        self._failure: Exception | None = None
         self._may_wait = may_wait
         self._form = BlockFormat([])
         self._filling = Block(0)
@@ -111,7 +114,8 @@ class TickFile:
         if self._failure is not None:
             if error is None:
                 raise self._failure
-            _LOG.info("%s: %s", self.path, self._failure.strerror)
+            reason = getattr(self._failure, "strerror", None) or self._failure
+            _LOG.info("%s: %s", self.path, reason)
         elif self.lost_ticks:
             _LOG.warning(
                 "%s lacks %d ticks: the disk was too slow", self.path, self.lost_ticks
@@ -144,23 +148,24 @@ class TickFile:
             if self._failure is None:
                 try:
                     self._file.add(self._form, block)
-                except OSError as error:
+                except Exception as error:  # the tick loop waits for this thread
                     self._fail(error)
             if self._failure is not None:
                 self.lost_ticks += block.count
             block.count = 0
             self._free.put(block)
         try:
-            if self._failure is None:
+            if self._failure is None and not self.is_cut_off:
                 self._file.finish(lost_ticks=self.lost_ticks)
         except OSError as error:
             self._fail(error)
         finally:
             self._file.close()
 
-    def _fail(self, error: OSError) -> None:
+    def _fail(self, error: Exception) -> None:
         if self._failure is None:
-            error.filename = error.filename or str(self.path)
+            if isinstance(error, OSError):
+                error.filename = error.filename or str(self.path)
             self._failure = error
 
 
@@ -180,8 +185,10 @@ class _Mcap:
     def add(self, form: BlockFormat, block: Block) -> None:
         """Write a block, and give it to the system: it survives this process."""
         signals = form.signals(block)
-        begin_s, end_s = (float(signals["time_s"][row]) for row in (0, -1))
-        times_ns = round(NS_PER_S * begin_s), round(NS_PER_S * end_s)
+        times_ns = self._last_ns, self._last_ns
+        if "time_s" in signals:  # a copy of a damaged file may lack them
+            begin_s, end_s = np.nan_to_num(signals["time_s"][[0, -1]]).tolist()
+            times_ns = round(NS_PER_S * begin_s), round(NS_PER_S * end_s)
         # Ticks last: a block of which they can be read is whole.
         for name in sorted(signals, key="tick".__eq__):
             self._add(form, name, signals[name], int(signals["tick"][0]), times_ns)

@@ -29,7 +29,7 @@ from surefoot.playback.timeline import (
 from surefoot.recording.contents import VERSIONS, version_notes, versions
 from surefoot.recording.read import decode_json
 from surefoot.robot_io.robot import Robot
-from surefoot.run_folder import MARKER, RECORD, SETTINGS
+from surefoot.run_folder import MARKER, SETTINGS
 from surefoot.run_plan import Settings, resolve_settings
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import FileFormatError, MessageError
@@ -81,10 +81,7 @@ def replay(
         UsageError: no such file, or it holds nothing to compute again.
         ControllerError: no such controller.
     """
-    path = Path(file)
-    if path.is_dir():
-        path /= RECORD
-    timeline = read_timeline(path)
+    timeline = read_timeline(Path(file))
     resolved = (
         recorded_settings(timeline, [])
         if settings is None
@@ -98,7 +95,7 @@ def replay(
             timeline,
             model,
             resolved,
-            file=path,
+            file=timeline.record.path,
             law=controller,
             until_s=until_s,
             on_tick=on_tick or (lambda tick: None),

@@ -22,7 +22,7 @@ from surefoot.recording.read import Record, decode_json, read_record, with_nan
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot, load_robot, make_robot
 from surefoot.robot_io.snapshot import Ages, Snapshot, SnapshotLayout, ages_of
-from surefoot.run_folder import RECORD, settle_run
+from surefoot.run_folder import record_of_run
 from surefoot.schemas.codec import decode
 from surefoot.schemas.errors import MessageError
 from surefoot.schemas.messages import Message
@@ -106,9 +106,7 @@ def read_timeline(path: Path) -> Timeline:
     Raises:
         UsageError: it cannot be read, or holds no sensor messages.
     """
-    settle_run(path)
-    if (path / RECORD).is_file():
-        path = path / RECORD
+    path = record_of_run(path)
     collector = _Collector()
     record = read_record(path, collector.take)
     collector.leave_out(

@@ -18,7 +18,7 @@ from numpy.lib.format import write_array
 from surefoot.errors import EnvironmentFailedError, UsageError
 from surefoot.installation import install_command
 from surefoot.out_folder import is_to_replace, new_file, undone_on_error
-from surefoot.recording.read import Record
+from surefoot.recording.read import Record, with_nan
 from surefoot.schemas.arrays import Array
 from surefoot.signals import Signals
 
@@ -27,6 +27,8 @@ Format = Literal["csv", "npz", "parquet"]
 _UNSAFE = re.compile(r"[^A-Za-z0-9._#-]")
 _LONGEST_NAME = 200
 SIGNALS_STEM = "ticks"
+_LARGEST_EXACT = 2**53
+"""Whole numbers up to here are floats as well."""
 PART_TICKS = 16384
 """Ticks in memory at a time, whatever the length of the run."""
 
@@ -36,10 +38,10 @@ def export_record(
 ) -> list[Path]:
     """Write the channels of a record.
 
-    npz is one file with an array per field, named ``channel.field``; fields of varying
-    shape are kept as JSON texts, and a channel of another program is named with ``_``
-    for what no file name may hold. csv and parquet are a file per channel, with a
-    column per number: ``q.0``, ``q.1``, ...
+    npz is one file with an array per field, named ``channel.field``. Readings that were
+    NaN, null in a record of JSON, are NaN; fields of varying shape are JSON texts, and
+    a channel of another program is named with ``_`` for what no file name may hold. csv
+    and parquet are a file per channel, with a column per number: ``q.0``, ``q.1``, ...
 
     Raises:
         UsageError: there is a file, and it may not be replaced.
@@ -300,6 +302,8 @@ def _flat(prefix: str, value: Any) -> list[tuple[str, Any]]:
 
 
 def _array(values: list[Any]) -> Array:
+    if _is_reading(values):  # JSON has its NaN as null
+        values = with_nan(values)
     try:
         array: Array = np.asarray(values)
     except ValueError:  # of varying length
@@ -307,3 +311,12 @@ def _array(values: list[Any]) -> Array:
     if array.dtype == object:
         array = np.asarray([json.dumps(value) for value in values])
     return array
+
+
+def _is_reading(value: Any) -> bool:
+    """Whether there is nothing but numbers and null in it, none too large for NaN."""
+    if isinstance(value, list):
+        return all(map(_is_reading, value))
+    if isinstance(value, int):
+        return not isinstance(value, bool) and abs(value) <= _LARGEST_EXACT
+    return value is None or isinstance(value, float)

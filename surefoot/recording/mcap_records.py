@@ -37,6 +37,7 @@ from mcap.records import (
 )
 
 from surefoot.errors import UsageError
+from surefoot.robot_io.ticks.read import is_tick_file
 
 MAGIC = b"\x89MCAP0\r\n"
 _NAME_A_RECORD = "name what surefoot record or surefoot run --out wrote"
@@ -306,8 +307,11 @@ class McapRecords:
 
 
 def _folder_advice(path: Path) -> str:
-    inside = ", ".join(sorted(found.name for found in path.glob("*.mcap*")))
+    found = sorted(path.glob("*.mcap*"))
+    inside = ", ".join(file.name for file in found if not is_tick_file(file))
     where = f"name a file in it ({inside})" if inside else "it holds none"
+    if found and not inside:
+        where += " of the bus: a run with --inline has none; run it without"
     return f"{path}: a folder, expected a record (.mcap); {where}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -183,7 +184,7 @@ class McapFile:
         self.path = path
         self.partial = path.with_name(path.name + ".partial")
         self.counts = {name: new_count(name) for name in channels}
-        self._raw = raw
+        self._raw, self._overwrite = raw, overwrite
         self._times = times or LogTimes(None)
         self._kept_apart: dict[str, int] = {}
         try:
@@ -229,6 +230,8 @@ class McapFile:
             self._file.close()
             self._index.close()
             if error is None:
+                if not self._overwrite and os.path.lexists(self.path):
+                    raise OSError(errno.EEXIST, "another command wrote it meanwhile")
                 self.partial.replace(self.path)
         except OSError as failure:
             # What one error has cut short is told by that error.

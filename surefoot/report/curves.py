@@ -8,6 +8,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from surefoot.report.run_data import BusColumns, RunData
@@ -32,6 +33,8 @@ STILL = 1e-6
 TRUE, ESTIMATED, MEASURED, DESIRED = "true", "estimated", "measured", "desired"
 EACH = "each tick"
 REPORTED = "as reported"
+_GAP_PERIODS = 1.5
+"""What is further apart than so many periods is not of consecutive ticks."""
 BUCKETS = 800
 """Stretches of time per curve, about one per pixel of a wide plot."""
 
@@ -130,14 +133,22 @@ def _sole(run: RunData, place: Array) -> Array:
 STATES = tuple(reversed(StabilizerState))
 
 
-def thin(times: Array, values: Array, *, buckets: int = BUCKETS) -> tuple[Array, Array]:
+def thin(
+    times: Array,
+    values: Array,
+    *,
+    period_s: float = float("inf"),
+    buckets: int = BUCKETS,
+) -> tuple[Array, Array]:
     """Keep the least and the largest value of each stretch of time.
 
-    So a peak of one tick is seen, which every n-th point would miss.
+    So a peak of one tick is seen, which every n-th point would miss. In a gap that is
+    wide enough to be seen stands a NaN, since nobody knows what was there.
 
     Args:
         times: (n,) in order.
-        values: (n,).
+        values: (n,), all of them known.
+        period_s: of the times, without gaps [s].
         buckets: stretches of as many points each.
 
     Returns:
@@ -145,15 +156,26 @@ def thin(times: Array, values: Array, *, buckets: int = BUCKETS) -> tuple[Array,
     """
     count = len(times)
     if count <= 2 * buckets:
-        return times, values
+        ends = np.flatnonzero(np.diff(times) > _GAP_PERIODS * period_s)
+        return _broken(times, values, ends)
+    widest = max(_GAP_PERIODS * period_s, (times[-1] - times[0]) / buckets)
+    ends = np.flatnonzero(np.diff(times) > widest)
     edges = np.linspace(0, count, buckets + 1).astype(int)
-    kept = {0, count - 1}
+    kept = {0, count - 1, *ends.tolist(), *(ends + 1).tolist()}
     for start, end in pairwise(edges):
         stretch = values[start:end]
         kept.add(start + int(np.argmin(stretch)))
         kept.add(start + int(np.argmax(stretch)))
     rows = np.array(sorted(kept))
-    return times[rows], values[rows]
+    return _broken(times[rows], values[rows], np.searchsorted(rows, ends))
+
+
+def _broken(
+    times: Array, values: Array, ends: NDArray[np.int64]
+) -> tuple[Array, Array]:
+    """Put a NaN behind some rows, where a line is not to go on."""
+    after = ends + 1
+    return np.insert(times, after, times[ends]), np.insert(values, after, np.nan)
 
 
 def changes(times: Array, values: Array) -> tuple[Array, Array]:
@@ -161,14 +183,17 @@ def changes(times: Array, values: Array) -> tuple[Array, Array]:
 
     Args:
         times: (n,) in order.
-        values: (n,).
+        values: (n,), NaN where it is not known.
 
     Returns:
-        Times and values of first, changes and last.
+        Times and values of first, changes, last, and last before it is not known.
     """
     if len(times) == 0:
         return times, values
-    is_new = np.concatenate(([True], values[1:] != values[:-1]))
+    unknown = np.isnan(values)
+    differs = values[1:] != values[:-1]
+    is_new = np.concatenate(([True], differs & ~(unknown[1:] & unknown[:-1])))
+    is_new[:-1] |= unknown[1:] & ~unknown[:-1]
     is_new[-1] = True
     return times[is_new], values[is_new]
 
@@ -210,14 +235,20 @@ def com_error(run: RunData) -> Array:
 def _thinned(panel: str, kind: str, run: RunData, values: Array) -> Curve:
     """A curve of what is known of a signal."""
     known = np.isfinite(values)
-    return Curve(panel, kind, *thin(run.signals.time_s[known], values[known]))
+    return _drawn(panel, kind, run, run.signals.time_s[known], values[known])
+
+
+def _drawn(panel: str, kind: str, run: RunData, times: Array, values: Array) -> Curve:
+    """A curve of known values; it is broken where some are missing."""
+    return Curve(panel, kind, *thin(times, values, period_s=run.robot.period_s))
 
 
 def _contact(side: str, kind: str, run: RunData, stands: Array) -> Curve:
-    """Whether a foot stands: 0 or 1, less where it is not known."""
-    known = stands >= 0
-    values = stands[known].astype(np.float64)
-    return Curve(f"contact_{side}", kind, *changes(run.signals.time_s[known], values))
+    """Whether a foot stands: 0 or 1, NaN where it is not known."""
+    values = np.where(stands >= 0, stands, np.nan)
+    told = slice(None) if np.isfinite(values).any() else slice(0)
+    times = run.signals.time_s[told]
+    return Curve(f"contact_{side}", kind, *changes(times, values[told]))
 
 
 def _attitude(
@@ -241,7 +272,7 @@ def _attitude(
     turned = Rotation.from_quat(quat_xyzw[known]) * Rotation.from_quat(axes).inv()
     angles = turned.as_euler("xyz", degrees=True)
     for turn, angle in zip(TURNS, angles.T, strict=True):
-        yield Curve(f"{panel}_{turn}", kind, *thin(run.signals.time_s[known], angle))
+        yield _drawn(f"{panel}_{turn}", kind, run, run.signals.time_s[known], angle)
 
 
 def _truth(run: RunData) -> Iterator[Curve]:
@@ -276,8 +307,8 @@ def _platforms(run: RunData) -> Iterator[Curve]:
         ):
             for name, values in zip(names, columns.T, strict=True):
                 if np.ptp(values) > STILL:
-                    drawn = thin(times, scale * values)
-                    yield Curve(f"platform_{index}_{name}", TRUE, *drawn)
+                    key = f"platform_{index}_{name}"
+                    yield _drawn(key, TRUE, run, times, scale * values)
 
 
 def _controller(run: RunData) -> Iterator[Curve]:
@@ -313,7 +344,7 @@ def _controller(run: RunData) -> Iterator[Curve]:
         yield _thinned("tick", EACH, run, signals["controller_ms"])
     if run.heard is not None:
         answered = run.heard.answer_tick * run.robot.period_s
-        yield Curve("answer", EACH, *thin(answered, run.heard.answer_ms))
+        yield _drawn("answer", EACH, run, answered, run.heard.answer_ms)
 
 
 def _sensors(run: RunData) -> Iterator[Curve]:

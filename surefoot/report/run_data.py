@@ -14,17 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from surefoot.errors import UsageError
+from surefoot.out_folder import printable
 from surefoot.recording.mcap_records import RecordError
 from surefoot.recording.read import Record, read_record, with_nan
 from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.run_folder import (
-    RECORD,
     SCENARIO,
     SETTINGS,
     TICKS,
     About,
     naming_run,
     read_ends,
+    record_of_run,
 )
 from surefoot.schemas.arrays import NS_PER_MS, Array, Vec3
 from surefoot.schemas.codec import Head
@@ -244,7 +245,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
         )
     scenario = load_scenario(folder / SCENARIO)
     plant = Plant(robot, scenario, seed=result.seed)
-    records = (folder / RECORD, folder / f"{RECORD}.partial")
+    record = record_of_run(folder)
     return RunData(
         label=label,
         result=result,
@@ -256,7 +257,7 @@ def load_run(folder: Path, *, label: str) -> RunData:
         signals=signals,
         com_reference=plant.com_reference,
         ground=ground_blocks(plant.world),
-        heard=next((read_heard(r) for r in records if r.is_file()), None),
+        heard=None if record == folder else read_heard(record),
         logs={
             path.stem: path.read_text(encoding="utf-8", errors="replace")
             for path in sorted(folder.glob("*.log"))
@@ -285,7 +286,7 @@ def _labels(folders: list[Path]) -> list[str]:
     for index, folder in enumerate(whole):
         if folder in whole[:index]:
             raise UsageError(f"{folders[index]}: named twice; name each run once")
-    names = [folder.name for folder in whole]
+    names = [printable(folder.name) for folder in whole]
     if len(set(names)) == len(names):
         return names
-    return [str(folder) for folder in folders]
+    return [printable(str(folder)) for folder in folders]

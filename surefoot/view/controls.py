@@ -342,7 +342,15 @@ class GainSliders:
         signs = {gain.name: gain.sign for gain in GAINS}
         changes = {name: [signs[name] * value] for name, value in moved.items()}
         text = ", ".join(f"{name} = {value[0]:g}" for name, value in changes.items())
-        self._asker.ask(text, lambda requests: requests.change_settings(changes))
+        self._asker.ask(text, lambda requests: self._change(requests, changes))
+
+    def _change(self, requests: Requests, changes: dict[str, list[float]]) -> None:
+        """Change settings; what was not taken is shown as it is again."""
+        try:
+            requests.change_settings(changes)
+        except (RobotIoError, SchemaError):
+            self._is_asked = False
+            raise
 
     def _note_move(self, gain: Gain) -> Any:
         def on_update(event: Any) -> None:

@@ -23,7 +23,7 @@ from surefoot.robot_io.client_side.observer import (
 from surefoot.robot_io.errors import RobotUnreachableError
 from surefoot.robot_io.realtime import StopRequest
 from surefoot.robot_io.robot import Robot
-from surefoot.schemas.arrays import MM_PER_M
+from surefoot.schemas.arrays import MM_PER_M, Mat
 from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.messages import RobotMode
 from surefoot.schemas.reasons import StabilizerState, counted, plain
@@ -154,6 +154,18 @@ def _feet_in_the_air(sight: LatestMessages) -> str:
     return " and ".join(side for side, stands in sides if not stands)
 
 
+def tilt_deg(base: Mat, robot: Robot) -> tuple[float, float]:
+    """Roll and pitch of the robot [deg], however its base link's axes lie in it.
+
+    Args:
+        base: (4, 4) world from base link.
+        robot: whose.
+    """
+    upright = base[:3, :3] @ robot.R_upright_base.T
+    roll, pitch, _ = Rotation.from_matrix(upright).as_euler("xyz", degrees=True)
+    return float(roll), float(pitch)
+
+
 class LivePage:
     """Server, scene and panel. Nothing here can hold up robot or stabilizer."""
 
@@ -245,9 +257,6 @@ class LivePage:
         error = MM_PER_M * (
             np.array(stabilizer.com) - np.array(stabilizer.com_reference)
         )
-        roll, pitch = Rotation.from_matrix(state.base[:3, :3]).as_euler(
-            "xyz", degrees=True
-        )[:2]
         rows: tuple[tuple[float, ...], ...] = (
             tuple(error),
             (
@@ -256,7 +265,7 @@ class LivePage:
                 stabilizer.F_meas_right[2],
                 stabilizer.F_id_right[2],
             ),
-            (roll, pitch),
+            tilt_deg(state.base, self._robot),
             (stabilizer.tick_median_ms, stabilizer.tick_p99_ms),
         )
         time_s = stabilizer.tick * self._robot.period_s

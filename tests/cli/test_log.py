@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 import resource
 from pathlib import Path
 
+import msgpack
 import numpy as np
 import pyarrow.parquet
 import pytest
 
 from surefoot.recording.export import export_record, export_signals
 from surefoot.recording.read import read_record
+from surefoot.recording.write import McapFile
+from surefoot.robot_io.client_side.observer import Sample
+from surefoot.schemas.messages import SCHEMA_VERSION
 from surefoot.signals import read_signals
 from tests.command import Surefoot
 from tests.once import short_run
@@ -49,6 +54,28 @@ def test_every_format_gives_back_the_recorded_numbers_bit_for_bit(
     table = pyarrow.parquet.read_table(tmp_path / "p" / "joints.parquet")
     columns = [table[name].to_numpy() for name in names]
     np.testing.assert_array_equal(np.stack(columns, axis=1), expected)
+
+
+@pytest.mark.parametrize("raw", [False, True])
+def test_readings_that_are_no_number_leave_numbers_of_the_others(
+    tmp_path: Path, raw: bool
+) -> None:
+    readings = [[1.0, 2.0, 3.0], [math.nan] * 3, [4.0, math.nan, 0.0]]
+    with McapFile(
+        tmp_path / "a.mcap",
+        channels=["left_ankle_ft"],
+        keys={"left_ankle_ft": "ft"},
+        attachments=[],
+        raw=raw,
+    ) as file:
+        for tick, force in enumerate(readings):
+            head = {"schema": SCHEMA_VERSION, "tick": tick, "stamp_ns": tick}
+            data = msgpack.packb({**head, "force": force, "moment": force})
+            file.add([Sample("left_ankle_ft", data, tick)])
+    export_record(read_record(tmp_path / "a.mcap"), "npz", tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as arrays:
+        np.testing.assert_array_equal(arrays["left_ankle_ft.force"], readings)
+        assert arrays["left_ankle_ft.tick"].dtype == np.int64
 
 
 def test_an_export_that_fails_leaves_nothing(recorded: Path, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -13,6 +14,7 @@ import msgspec
 import pytest
 
 from surefoot.errors import UsageError
+from surefoot.recording.read import read_record
 from surefoot.recording.write import McapFile
 from surefoot.schemas.json_schema import json_schema
 from surefoot.schemas.messages import JointState
@@ -162,17 +164,43 @@ def test_a_name_that_cannot_be_is_a_usage_error(
     assert name in done.stderr
 
 
+def recorded(path: Path, *, overwrite: bool) -> McapFile:
+    return McapFile(
+        path,
+        channels=["joints"],
+        keys={"joints": "joints"},
+        attachments=[],
+        raw=False,
+        overwrite=overwrite,
+    )
+
+
 @pytest.mark.parametrize("name", ["mine.mcap", "mine.mcap.partial"])
 def test_only_a_record_is_replaced(tmp_path: Path, name: str) -> None:
     mine = tmp_path / name
     mine.write_text("my own notes")
     with pytest.raises(UsageError, match="no record of surefoot"):
-        McapFile(
-            tmp_path / "mine.mcap",
-            channels=["joints"],
-            keys={"joints": "joints"},
-            attachments=[],
-            raw=False,
-            overwrite=True,
-        )
+        recorded(tmp_path / "mine.mcap", overwrite=True)
     assert mine.read_text() == "my own notes"
+
+
+def test_what_is_no_file_is_refused_before_anything_is_recorded(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "folder")
+    os.mkfifo(tmp_path / "pipe")
+    before = sorted(tmp_path.iterdir())
+    for name in ("folder", "link", "pipe"):
+        with pytest.raises(UsageError, match="no file"):
+            recorded(tmp_path / name, overwrite=True)
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_file_that_came_meanwhile_is_left(tmp_path: Path) -> None:
+    path = tmp_path / "mine.mcap"
+    with (
+        pytest.raises(OSError, match=r"meanwhile; what was written so far is in"),
+        recorded(path, overwrite=False),
+    ):
+        path.write_text("my own notes")
+    assert path.read_text() == "my own notes"
+    assert not read_record(tmp_path / "mine.mcap.partial").is_cut_off

@@ -19,6 +19,7 @@ from surefoot.recording import read
 from surefoot.recording.mcap_records import MAGIC
 from surefoot.recording.read import RecordError, read_record, record_info
 from surefoot.report.run_data import load_run, read_heard
+from surefoot.signals import file_sinks
 from tests.command import environment
 from tests.files.commands import assert_refused_in_one_line, run_here
 from tests.files.damage import FOREIGN, KINDS, damaged, foreign_record
@@ -170,9 +171,23 @@ def test_what_is_no_record_is_refused_with_what_it_is(
 
 
 def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "ticks.mcap").touch()
+    (tmp_path / "mine.mcap").touch()
     outcome = run_here("replay", tmp_path)
-    assert_refused_in_one_line(outcome, "name a file in it (ticks.mcap)")
+    assert_refused_in_one_line(outcome, "name a file in it (mine.mcap)")
+
+
+def test_a_run_without_a_record_is_refused_for_that(tmp_path: Path) -> None:
+    with file_sinks(tmp_path):
+        pass
+    outcome = run_here("replay", "--controller", tmp_path)
+    assert_refused_in_one_line(outcome, "it holds none of the bus")
+
+
+def test_a_folder_stands_for_its_record_that_is_cut_off(
+    record: bytes, tmp_path: Path
+) -> None:
+    (tmp_path / "run.mcap.partial").write_bytes(record[: len(record) // 2])
+    assert read_timeline(tmp_path).record.is_cut_off
 
 
 def test_every_prefix_gives_the_messages_it_holds(

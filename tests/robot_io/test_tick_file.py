@@ -292,6 +292,19 @@ def test_a_disk_that_fails_is_told_at_the_end_and_keeps_what_there_was(
     assert (len(table), table.is_cut_off) == (BLOCK_TICKS, True)
 
 
+def test_any_failure_to_write_is_told_and_nobody_waits_for_ever(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fail(self: Any, form: BlockFormat, block: Block) -> None:
+        raise KeyError("time_s")
+
+    monkeypatch.setattr(write._Mcap, "add", fail)
+    file = TickFile(tmp_path / "ticks.mcap", may_wait=True)
+    with pytest.raises(KeyError, match="time_s"), file:
+        fill(file, range((BLOCKS_UNDERWAY + 2) * BLOCK_TICKS))
+    assert file.lost_ticks == (BLOCKS_UNDERWAY + 2) * BLOCK_TICKS
+
+
 def test_a_place_that_cannot_be_written_is_told_at_the_start(tmp_path: Path) -> None:
     with pytest.raises(OSError, match=r"cannot record to .*nowhere"):
         TickFile(tmp_path / "nowhere" / "ticks.mcap", may_wait=True)

@@ -24,7 +24,11 @@ class Slider:
     disabled: bool
 
     def on_update(self, react: Callable[[Any], None]) -> None:
-        """Nobody moves it here."""
+        self._react = react
+
+    def move(self, value: float) -> None:
+        self.value = value
+        self._react(None)
 
 
 @dataclass
@@ -52,7 +56,10 @@ class Stabilizer:
         self._first = list(first)
 
     def change_settings(self, changes: dict[str, list[float]]) -> StabilizerReply:
-        assert not changes
+        if changes:
+            raise RequestRefusedError(
+                "refused", refusal=RequestRefusal.LEASE, detail="not now"
+            )
         self.asked += 1
         if self._first:
             raise self._first.pop(0)
@@ -103,3 +110,18 @@ def test_a_stabilizer_that_refuses_is_asked_once() -> None:
     wait_until(lambda: len(asker.notes) == 2, what="what was asked later")
     assert stabilizer.asked == 1
     assert panel.sliders[NAME].disabled
+
+
+def test_a_slider_goes_back_when_its_value_is_refused() -> None:
+    panel, asker, sliders = shown(Stabilizer())
+    slider = panel.sliders[NAME]
+
+    def has(value: float) -> bool:
+        sliders.watch(has_stabilizer=True)
+        sliders.send()
+        return not slider.disabled and slider.value == value
+
+    wait_until(lambda: has(VALUE), what="the stabilizer's values")
+    slider.move(VALUE + 10.0)
+    wait_until(lambda: has(VALUE), what="the stabilizer's value again")
+    assert asker.notes == [f"{NAME} = {VALUE + 10.0:g}: refused, not now"]

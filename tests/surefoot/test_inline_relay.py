@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import surefoot as sf
 from surefoot.outcome import Sides
 from surefoot.relayed_simulation import RelayedSimulation
 from surefoot.robot_io.relay.relay import find_plan
@@ -112,6 +113,16 @@ def test_a_lasting_cut_ends_in_fault_and_says_so(
     lines = [line for line in done.stdout.splitlines() if "outcome" in line]
     assert "fault since 1.10 s: silence: no command for 1.0" in lines[0]
     assert "relay, cut" in done.stdout
+
+
+def test_a_kept_run_has_its_relay_again(tmp_path: Path) -> None:
+    scenario = sf.load_scenario(scenario_file(tmp_path, 0.05))
+    run = sf.simulate(scenario=scenario, controller="hold", relay="loss-5")
+    run.save(tmp_path / "run")
+    again = sf.load_run(tmp_path / "run")
+    assert again.plan.relay == run.plan.relay == shipped("loss-5")
+    again.save(tmp_path / "copy")
+    assert sf.load_run(tmp_path / "copy").plan.relay == run.plan.relay
 
 
 def test_without_the_inertial_unit_the_stabilizer_holds_and_names_it(

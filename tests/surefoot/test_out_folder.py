@@ -20,6 +20,7 @@ from surefoot.out_folder import (
     FolderLock,
     OutFolder,
     check_replaceable,
+    json_bytes,
     new_file,
 )
 from surefoot.playback.timeline import read_timeline
@@ -345,6 +346,18 @@ def test_a_name_that_is_not_unicode(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     result = msgspec.json.decode((out / "result.json").read_bytes())
     assert "ufe" in result["out"]
+    (data,) = load_runs([out])
+    assert "ufe" in data.label
+    data.label.encode()
+
+
+def test_json_holds_names_that_are_not_unicode() -> None:
+    name = os.fsdecode(b"l\xe4ufe")
+    value = {"files": [name, (name, 1.5)], name: None}
+    assert msgspec.json.decode(json_bytes(value)) == {
+        "files": ["l\ufffdufe", ["l\ufffdufe", 1.5]],
+        "l\ufffdufe": None,
+    }
 
 
 def test_a_run_in_memory_is_saved_as_the_command_would(tmp_path: Path) -> None:

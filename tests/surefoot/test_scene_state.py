@@ -12,6 +12,7 @@ from surefoot.robot_io.robot import Robot, load_robot
 from surefoot.schemas.scenario import scenario_from_table
 from surefoot.sim_robot.ground import ground_blocks
 from surefoot.sim_robot.world import build_world
+from surefoot.view.page import tilt_deg
 from surefoot.view.robot_shape import RobotShape
 from surefoot.view.scene_state import (
     WalkSight,
@@ -92,3 +93,10 @@ def test_footsteps_lie_on_the_ground_where_the_standing_foot_shows_them(
     )
     found = odometry_in_world(walk, (soles[0], soles[1]), ground)
     np.testing.assert_allclose(found, T, atol=1e-12)
+
+
+def test_a_robot_that_leans_leans_whatever_its_base_links_axes(robot: Robot) -> None:
+    leans = Rotation.from_euler("xyz", (3.0, -2.0, 40.0), degrees=True).as_matrix()
+    base = np.eye(4)
+    base[:3, :3] = leans @ robot.R_upright_base
+    np.testing.assert_allclose(tilt_deg(base, robot), (3.0, -2.0), atol=1e-9)

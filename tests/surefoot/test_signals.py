@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from surefoot.run_folder import CONTROLLER_TICKS, TICKS
 from surefoot.run_plan import make_plan
 from surefoot.runs import execute
 from surefoot.schemas.signals import QP_WORDS, SIGNALS, WALK_SIGNALS, lay_out
+from surefoot.signals import file_sinks
 from surefoot.stabilizer.control.controller import ControllerOutput
 from surefoot.stabilizer.telemetry import ControllerRecorder
 from tests.support import ROLLING
@@ -70,6 +73,32 @@ def test_files_of_one_process_or_two_hold_what_memory_holds(
 ) -> None:
     equal_but_timing(memory, sf.load_run(folders[mode]).signals)
     equal_but_timing(memory, sf.read_signals(folders[mode]))
+
+
+@pytest.mark.parametrize("missing_bytes", [0, 2000])
+def test_a_copy_of_a_kept_run_holds_as_much(
+    folders: dict[str, Path], tmp_path: Path, missing_bytes: int
+) -> None:
+    """Of a whole one and of one whose end is missing, which stays so."""
+    shutil.copytree(folders["inline"], tmp_path / "run")
+    path = tmp_path / "run" / TICKS
+    os.truncate(path, path.stat().st_size - missing_bytes)
+    run = sf.load_run(tmp_path / "run")
+    copy = run.save(tmp_path / "copy").signals
+    assert list(copy) == list(run.signals)
+    for name in copy:
+        assert copy[name].tobytes() == run.signals[name].tobytes(), name
+    assert copy.is_cut_off == run.signals.is_cut_off == bool(missing_bytes)
+
+
+def test_a_copy_tells_what_its_original_lost(tmp_path: Path) -> None:
+    kept = MemoryTicks()
+    recorder = TickRecorder([lay_out(n, joints=[]) for n in ("tick", "time_s")], kept)
+    recorder.add(0, [np.zeros(1)])
+    kept.lost_ticks = 7
+    with file_sinks(tmp_path) as sinks:
+        sf.Signals([kept]).copy_to(sinks)
+    assert sf.read_signals(tmp_path / TICKS).lost_ticks == 7
 
 
 def test_one_file_alone_has_its_own_sides_signals(folders: dict[str, Path]) -> None:

@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from surefoot.report.curves import changes, thin
+from surefoot.report.curves import BUCKETS, changes, thin
 from surefoot.report.video import best_loop
 
 PERIOD_S = 0.01
@@ -30,6 +31,32 @@ def test_a_peak_of_one_tick_is_seen() -> None:
     values[54_321] = 7.0
     times, thinned = thin(np.arange(100_000.0), values)
     assert times[thinned.argmax()] == 54_321
+
+
+@pytest.mark.parametrize("count", [900, 90_000])
+def test_no_line_crosses_a_gap(count: int) -> None:
+    """Of a third of the run, however many points are left of it."""
+    times = 0.001 * np.arange(float(count))
+    known = (times < times[count // 3]) | (times > times[2 * count // 3])
+    drawn, values = thin(times[known], times[known], period_s=0.001)
+    (gap,) = np.flatnonzero(np.isnan(values))
+    assert drawn[gap] == drawn[gap - 1] == times[count // 3 - 1]
+    assert drawn[gap + 1] == times[2 * count // 3 + 1]
+    assert np.all(np.diff(drawn) >= 0)
+
+
+def test_gaps_too_narrow_to_be_seen_add_no_points() -> None:
+    times = 0.001 * np.arange(100_000.0)[::2]
+    drawn, values = thin(times, times, period_s=0.001)
+    assert len(drawn) <= 2 * BUCKETS + 2
+    assert np.isfinite(values).all()
+
+
+def test_a_state_ends_where_it_is_no_longer_known() -> None:
+    values = np.array([1.0, 1.0, 1.0, np.nan, np.nan, 0.0, 0.0])
+    times, kept = changes(np.arange(7.0), values)
+    assert times.tolist() == [0.0, 2.0, 3.0, 5.0, 6.0]
+    np.testing.assert_array_equal(kept, [1.0, 1.0, np.nan, 0.0, 0.0])
 
 
 def test_only_changes_of_a_state_are_kept() -> None:
