@@ -2,8 +2,8 @@
 
 The robot is a peer that listens; all others are its clients and dial it. So the robot
 forwards messages between its clients, such as a planner's reference or the stabilizer's
-status; between peers it would not. And no two sides ever dial each other, which can
-split a session for good.
+status; between peers it would not. Two sides never dial each other either, since that
+can split a session for good.
 
 The router is Zenoh's own, run from its library. ``zenohd`` with the configurations in
 deploy/ does the same.

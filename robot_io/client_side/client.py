@@ -193,7 +193,8 @@ class RobotClient:
         Earlier snapshots are dropped; the next one is the first to answer.
 
         Returns:
-            (n_a,) posture that the robot holds; the first command must equal it [rad].
+            (n_a,) posture that the robot holds; the first command must start there
+            [rad].
 
         Raises:
             RequestRefusedError: the lease is not ours, or the robot is in fault or off.

@@ -110,7 +110,7 @@ def _of_size(rates: Array) -> Array:
 
 
 def _nudge(probe: Probe, index: int) -> Array:
-    """Nudge one joint and return; give the change of all set-points, (n_a,) [rad]."""
+    """Nudge one joint to and fro; return all set-points' changes, (n_a,) [rad]."""
     step = np.zeros(probe.robot.n_a)
     step[index] = NUDGE_RAD
     before = _set_points(probe, probe.stream(LOOK_S))

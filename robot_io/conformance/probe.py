@@ -256,7 +256,7 @@ class Probe:
         return Instant(time.monotonic(), max(self.tick, told))
 
     def since(self, begin: Instant) -> float:
-        """Return the time since ``begin``, by our clock or its ticks, if shorter [s].
+        """Return the time since ``begin``: clock or robot ticks, the shorter one [s].
 
         A watchdog that counts the robot's own time may be slower than our clock.
         """

@@ -42,7 +42,7 @@ class ReplayServer(RobotsSide):
 
     A context manager, used by one thread. Other processes take it for the robot: it has
     the same keys and a liveliness token with the robot's description and an instance of
-    its own. While a recorded status names a commander, its token is shown, too.
+    its own. While a recorded status names a commander, that one's token is there, too.
     """
 
     def __init__(

@@ -30,8 +30,8 @@ SEE_OFF_S = 1.0
 """Longest wait for a commander to leave after the end of a run [s]."""
 FLUSHED_TICKS = 4
 """Ticks are flushed while the newest answer is at most this many ticks old. A missing
-answer means that Zenoh's sender may have no processor. Until it has, each flush takes
-one of its few batches, but gathered, they hold some hundred ticks."""
+answer means that Zenoh's sender may have no processor. Until it has one, each flush
+uses up one of its few batches; without flushes these hold some hundred ticks."""
 
 
 class NoAnswer(Enum):

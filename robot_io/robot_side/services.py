@@ -226,8 +226,8 @@ class RobotServices:
             bus: the robot's bus.
             robot: has the names of the keys.
             gate: answers requests.
-            identity: this robot's identity, sent with every answer; a request for the
-                lease must name it.
+            identity: this robot's identity, sent with every answer; a request to take
+                the lease must name it.
             push: answers pushes; None on a robot that is not simulated.
             pace: sent with every answer.
         """
