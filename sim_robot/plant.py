@@ -98,7 +98,7 @@ class Plant:
         world: the compiled model and its addresses.
         data: MuJoCo's state; read-only.
         posture: (n_a,) posture that the servos hold at tick 0 [rad].
-        com_reference: (3,) reference of CoM errors: the nominal stance [m].
+        com_reference: (3,) CoM of the nominal stance, the reference of CoM errors [m].
         view: the true state at the present tick, not copied.
     """
 

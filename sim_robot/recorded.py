@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LARGEST = 1000.0
 """Largest value [m or rad, or these per s or s^2]: no robot stands on ground beyond."""
 _FILTER_ORDER = 2
-"""Order of the high-pass. It runs forwards and backwards, so its effect is doubled."""
+"""Order of the high-pass. It runs forwards and backwards: twice that order in all."""
 _PADDING_PERIODS = 3.0
 """Zeros before and after a record, in periods of the high-pass."""
 _SLOWEST_HZ = 1e-3

@@ -38,10 +38,10 @@ def per_joint(
     """Spread a value over the joints, (n_a,) in bus order.
 
     Args:
-            value: one value for all joints, or values by joint name.
-            robot: has the names of the joints.
-            what: path of the key, for errors.
-            default: value of joints that are not named.
+        value: one value for all joints, or values by joint name.
+        robot: has the names of the joints.
+        what: path of the key, for errors.
+        default: value of joints that are not named.
 
     Raises:
         ScenarioError: a name is no joint of the robot.
@@ -210,9 +210,9 @@ def _shift_com(spec: mujoco.MjSpec, robot: Robot, offset: Sequence[float]) -> No
     """Shift the mass of the base link so that the robot's centre of mass shifts.
 
     Args:
-            spec: the robot's model.
-            robot: gives the upright axes of the nominal posture.
-            offset: (3,) shift of the robot's centre of mass, in these axes [m].
+        spec: the robot's model.
+        robot: gives the upright axes of the nominal posture.
+        offset: (3,) shift of the robot's centre of mass, in these axes [m].
     """
     if not any(offset):
         return
