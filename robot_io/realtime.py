@@ -312,7 +312,7 @@ class StopRequest:
 
     Attributes:
         is_set: whether the end was requested.
-        is_urgent: whether a second signal requested it at once.
+        is_urgent: whether a signal has requested it again, at once.
         cause: name of the signal, or another cause.
     """
 

@@ -28,7 +28,7 @@ come from several clocks and tell no ages; no loop balances with such old readin
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Sensors of one tick, as the robot reports them; the arrays are read-only.
+    """Sensors of one tick, as the robot reports them; do not write to the arrays.
 
     The fields after tick and stamp are those of the sensor table, in its order.
 
