@@ -96,7 +96,7 @@ class Plant:
 
     Attributes:
         world: the compiled model and its addresses.
-        data: MuJoCo's state; read-only.
+        data: MuJoCo's state; to be read, not written.
         posture: (n_a,) posture that the servos hold at tick 0 [rad].
         com_reference: (3,) CoM of the nominal stance, the reference of CoM errors [m].
         view: the true state at the present tick, not copied.

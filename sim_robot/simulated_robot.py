@@ -155,7 +155,7 @@ class SimulatedRobot:
 
     @property
     def held_posture(self) -> Array:
-        """(n_a,) posture that the servos follow at tick 0 [rad]; read-only."""
+        """(n_a,) posture that the servos follow at tick 0 [rad]; not to be written."""
         return self.plant.posture
 
     @property
