@@ -1,1 +1,1 @@
-"""How it is said: robot files, Zenoh session, client, server and command gate."""
+"""Connects robots to the bus: robot files, Zenoh session, client, server, gate."""

@@ -8,15 +8,15 @@ from surefoot.schemas.reasons import RequestRefusal
 
 
 class RobotIoError(RuntimeError):
-    """Something between the processes, or in a robot's files, went wrong."""
+    """A failure between the processes, or in a robot's files."""
 
 
 class RobotFileError(RobotIoError, ValueError):
-    """TOML and URDF of a robot do not fit together, or one is missing."""
+    """TOML and URDF of a robot contradict each other, or one is missing."""
 
 
 class EndpointError(RobotIoError, OSError):
-    """A session cannot listen or dial where it should; ``locators`` says where."""
+    """A session cannot listen or dial at its locators; ``locators`` names them."""
 
     def __init__(self, message: str, *, locators: list[str]) -> None:
         """Keep the locators beside the message."""
@@ -25,7 +25,7 @@ class EndpointError(RobotIoError, OSError):
 
 
 class LocatorError(EndpointError):
-    """A locator is not written as one: a mistake of the caller, not of the network."""
+    """A locator is malformed: a mistake of the caller, not of the network."""
 
 
 class RobotUnreachableError(RobotIoError, TimeoutError):
@@ -36,35 +36,35 @@ class RequestRefusedError(RobotIoError):
     """A request was refused.
 
     Attributes:
-        refusal: why.
-        detail: the same in the words of who refused.
+        refusal: reason of the refusal.
+        detail: the same in the words of the process that refused.
     """
 
     def __init__(self, message: str, *, refusal: RequestRefusal, detail: str) -> None:
-        """Keep why beside the message."""
+        """Keep the reason beside the message."""
         super().__init__(message)
         self.refusal, self.detail = refusal, detail
 
 
 class RobotMismatchError(RobotIoError, ValueError):
-    """The robot on the bus is not the one that is meant.
+    """The robot on the bus is not the expected one.
 
     Attributes:
-        namespace: of both.
-        differing: parts of the description in which they differ.
+        namespace: namespace of both robots.
+        differing: parts of the description that differ.
     """
 
     def __init__(
         self, message: str, *, namespace: str, differing: Iterable[str] = ()
     ) -> None:
-        """Keep what differs beside the message."""
+        """Keep the differing parts beside the message."""
         super().__init__(message)
         self.namespace = namespace
         self.differing = tuple(differing)
 
 
 class SecondRobotError(RobotMismatchError):
-    """There are two robots of one namespace on the bus."""
+    """Two robots of one namespace are on the bus."""
 
     def __init__(
         self, message: str, *, namespace: str, instances: Iterable[str]
@@ -75,8 +75,8 @@ class SecondRobotError(RobotMismatchError):
 
 
 class CertificateError(RobotIoError, ValueError):
-    """Certificates cannot be made as asked; nothing was overwritten."""
+    """Certificates cannot be made as requested; nothing was overwritten."""
 
 
 class TickFileError(RobotIoError, ValueError):
-    """A file is no ticks file, or nothing of it can be read."""
+    """A file is no ticks file, or none of its ticks can be read."""

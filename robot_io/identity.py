@@ -1,7 +1,7 @@
-"""Which robot a process is or means: an instance, and a digest of its description.
+"""Identity of a robot: the instance of its process and a digest of its description.
 
-The digest is of what both sides must agree on, wherever it stands in the robot's files.
-It comes in parts, so that two of them that differ say in what.
+The digest covers everything that both sides must agree on, from all the robot's files.
+It consists of parts, so that two different digests show what differs.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ SAME_FILE = (
     "give both sides the same robot file and servo profile (--robot, --servo-profile)"
 )
 UNKNOWN = "version of Surefoot"
-"""Said to differ when a digest is not made of the parts that we know."""
+"""Name for the difference when a digest has other parts than ours."""
 _INSTANCE_BYTES = 4
 _HASH_DIGITS = 8
 _SEPARATOR = "-"
 
 
 class RobotIdentity(NamedTuple):
-    """Who a robot on the bus is.
+    """Identity of a robot on the bus.
 
     Attributes:
-        instance: of the process; another one at every start. Empty from a robot that
-            does not tell.
+        instance: name of the process; new at every start. Empty if the robot does not
+            report it.
         description: digest of the robot's files, see :func:`describe`.
     """
 
@@ -51,36 +51,36 @@ class RobotIdentity(NamedTuple):
 
 
 def new_identity(robot: Robot) -> RobotIdentity:
-    """Identity of a robot process that starts now."""
+    """Return the identity of a robot process that starts now."""
     return RobotIdentity(secrets.token_hex(_INSTANCE_BYTES), describe(robot))
 
 
 def parse_token(key: str) -> RobotIdentity:
-    """Identity that a robot's liveliness token tells.
+    """Return the identity in a robot's liveliness token.
 
     Args:
-        key: with or without the namespace; what it does not tell is left empty.
+        key: with or without the namespace; parts that it lacks are left empty.
     """
     told = key.rpartition(ALIVE_ROBOT)[2].strip("/").split("/")
     return RobotIdentity(told[0], told[1] if len(told) > 1 else "")
 
 
 def describe(robot: Robot) -> str:
-    """Digest of what both sides of the bus must agree on.
+    """Return the digest of everything that both sides of the bus must agree on.
 
-    It is the same for the same robot on every machine: SHA-256 over JSON with shortest
-    numbers, cut to eight hexadecimal digits a part. Comments, pictures and collision
-    shapes of the URDF do not count, nor does what only one side uses: limits of the
-    gate, soft joint ranges, the travel of the CoM.
+    The same robot has the same digest on every machine: SHA-256 over JSON with shortest
+    numbers, cut to eight hexadecimal digits per part. Comments, pictures and collision
+    shapes of the URDF do not count. Values that only one side uses do not count either:
+    limits of the gate, soft joint ranges, the travel of the CoM.
 
     Returns:
-        One word of :data:`PARTS` hashes in their order, fit for a chunk of a key.
+        One word with the hashes of :data:`PARTS` in order, fit for a chunk of a key.
     """
     return _SEPARATOR.join(_hash(content(robot)) for content in _CONTENT.values())
 
 
 def differing(ours: str, theirs: str) -> list[str]:
-    """Names of the parts in which two descriptions differ; empty when in none."""
+    """Return the names of the parts in which two descriptions differ; may be empty."""
     told = theirs.split(_SEPARATOR)
     if len(told) != len(PARTS):
         return [UNKNOWN]
@@ -89,10 +89,10 @@ def differing(ours: str, theirs: str) -> list[str]:
 
 
 def check_description(robot: Robot, ours: str, theirs: str) -> None:
-    """Hold the description of a robot on the bus against our own.
+    """Compare the description of a robot on the bus with our own.
 
     Raises:
-        RobotMismatchError: they differ; the message says in what.
+        RobotMismatchError: they differ; the message names the parts.
     """
     parts = differing(ours, theirs)
     if not parts:
@@ -138,13 +138,13 @@ def _servo(robot: Robot) -> Any:
 
 
 def _by_joint(robot: Robot, *columns: Array) -> dict[str, list[float]]:
-    """By name, so that another order of the joints differs in ``joints`` alone."""
+    """Return rows by joint name, so that another order changes only ``joints``."""
     rows = np.stack(columns, axis=1).tolist()
     return dict(zip(robot.joint_names, rows, strict=True))
 
 
 def _model(robot: Robot) -> Any:
-    """Links with their inertia and joints with their place, by name."""
+    """Return links with their inertia and joints with their place, by name."""
     root = ElementTree.parse(robot.urdf_path).getroot()
     return [
         robot.file.base_link,
@@ -192,7 +192,7 @@ def _attribute(element: ElementTree.Element | None, name: str) -> str:
 
 
 def _words(element: ElementTree.Element | None, name: str, absent: str) -> list[Any]:
-    """Words of an attribute; numbers as such, however they are written."""
+    """Return the words of an attribute; numbers as floats, however written."""
     text = absent if element is None else element.get(name, absent)
     return [_number(word) for word in text.split()]
 
@@ -216,7 +216,7 @@ _CONTENT: dict[str, Callable[[Robot], Any]] = {
     "model": _model,
 }
 PARTS = tuple(_CONTENT)
-"""What a description is made of, in the order of the digest."""
+"""Names of the parts of a description, in the order of the digest."""
 
 
 def _hash(content: Any) -> str:
@@ -225,7 +225,7 @@ def _hash(content: Any) -> str:
 
 
 def _positive_zero(content: Any) -> Any:
-    """The same with 0.0 for -0.0, which is the same number and another text."""
+    """Return the content with 0.0 for -0.0: equal numbers, but different texts."""
     if isinstance(content, dict):
         return {name: _positive_zero(value) for name, value in content.items()}
     if isinstance(content, list | tuple):

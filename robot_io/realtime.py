@@ -1,4 +1,4 @@
-"""Pace, priority, times and orderly end of a loop that keeps to the clock."""
+"""Pace, priority, timing and orderly end of a control loop on the clock."""
 
 from __future__ import annotations
 
@@ -28,38 +28,38 @@ EDGES_MS = (
     *(0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5),
     *(2.0, 3.0, 5.0, 7.0, 10.0, 20.0, 50.0, 100.0, 1000.0),
 )
-"""Fine around a control period, coarse where only its order counts."""
+"""Edges of the histogram: fine around a control period, coarse elsewhere [ms]."""
 RESOLUTION = 0.01
-"""Percentiles of a whole run are told in steps of one hundredth of their value."""
+"""Relative step of the percentiles of a whole run."""
 FINEST_NS = 100
-"""Shorter durations count as this."""
+"""Shorter durations count as this one [ns]."""
 _STEPS_PER_E = 1.0 / math.log1p(RESOLUTION)
 _STEPS = 2 + int(_STEPS_PER_E * math.log(1e12 / FINEST_NS))
-"""Up to a quarter of an hour; what takes longer counts as that."""
+"""Number of steps: up to a quarter of an hour; longer durations count as that."""
 _EDGES_NS = [round(edge / MS_PER_NS) for edge in EDGES_MS]
 TICKS_KEPT = 1024
-"""Ticks whose sensors' stamp is remembered; older answers are refused anyway."""
+"""Ticks whose sensor stamp is kept; older answers are refused anyway."""
 _NOTHING = 0
 SWITCH_INTERVAL_S = 1e-4
 """Longest wait of another thread for the interpreter [s]; Python's default is 5 ms."""
 MAX_LAG_PERIODS = 5
-"""A loop that is late by more does not try to catch up: a burst of ticks in no time
-would ask the impossible of whoever answers them."""
+"""A loop that is later than this many periods does not catch up: nobody could answer
+a burst of ticks in no time."""
 
 
 def distribution_of(
     times_ms: Sequence[float] | NDArray[np.floating[Any]],
 ) -> Distribution:
-    """Median, 99th percentile and maximum of at least one time [ms]."""
+    """Return median, 99th percentile and maximum of at least one time [ms]."""
     median, p99, most = np.percentile(times_ms, (50.0, 99.0, 100.0)).tolist()
     return Distribution(median=median, p99=p99, max=most)
 
 
 class TimingLog:
-    """Durations of something that happens every tick, however many there are.
+    """Durations of an event of every tick, for any number of ticks.
 
-    It counts them in steps of ``RESOLUTION``, so that its memory does not grow:
-    percentiles are true to half a step, the largest and the histogram exactly.
+    It counts durations in steps of ``RESOLUTION``, so its memory does not grow.
+    Percentiles are accurate to half a step; the maximum and the histogram are exact.
     """
 
     def __init__(self) -> None:
@@ -70,7 +70,7 @@ class TimingLog:
         self._least_ns = self._largest_ns = 0
 
     def __len__(self) -> int:
-        """How many there were."""
+        """Return the number of durations."""
         return self._count
 
     def add(self, duration_ns: int) -> None:
@@ -85,7 +85,7 @@ class TimingLog:
         self._steps[min(step, _STEPS)] += 1
 
     def distribution(self) -> Distribution:
-        """Median, 99th percentile and maximum [ms]; zeros when there is nothing."""
+        """Return median, 99th percentile and maximum [ms]; zeros when empty."""
         if not self._count:
             return NO_TIME
         return Distribution(
@@ -95,11 +95,11 @@ class TimingLog:
         )
 
     def histogram(self) -> Histogram:
-        """How often it took how long."""
+        """Return the number of durations in each bin of ``EDGES_MS``."""
         return Histogram(edges_ms=list(EDGES_MS), counts=list(self._bins))
 
     def _percentile_ms(self, share: float) -> float:
-        """Middle of the step that so large a share of all lies below."""
+        """Return the middle of the step that contains the given quantile [ms]."""
         rank = share * (self._count - 1)
         step = int(np.searchsorted(np.cumsum(self._steps), rank, side="right"))
         middle_ns = FINEST_NS * math.exp((step + 0.5) / _STEPS_PER_E)
@@ -107,7 +107,7 @@ class TimingLog:
 
 
 class RecentTimes:
-    """The newest durations of something that happens every tick."""
+    """The newest durations of an event of every tick."""
 
     def __init__(self, capacity: int) -> None:
         """Start empty."""
@@ -130,7 +130,7 @@ class CommandLatency:
     """Measures sensor-to-servo latency on the robot's clock.
 
     Attributes:
-        log: stamp of the sensors to command applied; one per command that acts.
+        log: durations from sensor stamp to applied command, one per acting command.
     """
 
     def __init__(self) -> None:
@@ -140,24 +140,24 @@ class CommandLatency:
         self._acting_ns = [_NOTHING] * TICKS_KEPT
 
     def sensed(self, tick: int, *, stamp_ns: int) -> None:
-        """Note when the sensors of a tick were stamped."""
+        """Record the stamp of a tick's sensors [ns]."""
         self._stamps_ns[tick % TICKS_KEPT] = stamp_ns
 
     def stamp_ns(self, tick: int) -> int:
-        """Return when the sensors of a recent tick were stamped [ns]."""
+        """Return the stamp of a recent tick's sensors [ns]."""
         return self._stamps_ns[tick % TICKS_KEPT]
 
     def taken(self, answered_tick: int, *, acts_at: int) -> None:
-        """Note a command that the gate let pass.
+        """Record a command that the gate let pass.
 
         Args:
-            answered_tick: the tick it answers.
+            answered_tick: the tick that the command answers.
             acts_at: the tick in whose step the servos begin to follow it.
         """
         self._acting_ns[acts_at % TICKS_KEPT] = self.stamp_ns(answered_tick)
 
     def applied(self, tick: int) -> None:
-        """Note that the servos follow what acts from this tick on."""
+        """Record that the servos now follow the command that acts from this tick on."""
         index = tick % TICKS_KEPT
         if self._acting_ns[index] != _NOTHING:
             self.log.add(time.monotonic_ns() - self._acting_ns[index])
@@ -165,22 +165,22 @@ class CommandLatency:
 
 
 class Pace(StrEnum):
-    """Whose time counts."""
+    """The clock that sets the pace of a run."""
 
     LOCKSTEP = "lockstep"
     """The robot waits for the answer to each tick: the same run every time."""
     REALTIME = "realtime"
-    """The robot goes by the clock and follows the newest command, as hardware does."""
+    """The robot keeps to the clock and follows the newest command, like hardware."""
 
 
 @contextmanager
 def quiet_interpreter() -> Iterator[None]:
-    """Stop garbage collection and give other threads short turns, while inside.
+    """Stop garbage collection and shorten the turns of other threads inside.
 
-    Numbers that overflow make no warning either: a loop looks at its numbers itself.
+    Overflow gives no warnings either: a loop checks its numbers itself.
 
-    What the loop allocates must be free of cycles, as it is not collected until the
-    end.
+    Objects that the loop allocates must be free of cycles: cycles are not collected
+    until the end.
     """
     switch_interval_s = sys.getswitchinterval()
     was_enabled = gc.isenabled()
@@ -199,18 +199,18 @@ def quiet_interpreter() -> Iterator[None]:
 
 
 class Pacer:
-    """Waits for one instant after the other, a period apart, without drift.
+    """Waits for one instant after the other, one period apart, without drift.
 
     Attributes:
-        skipped: periods given up.
+        skipped: number of periods given up.
     """
 
     def __init__(self, period_s: float, *, lateness: TimingLog) -> None:
         """Begin now.
 
         Args:
-            period_s: from tick to tick [s].
-            lateness: takes how late each tick began.
+            period_s: time from tick to tick [s].
+            lateness: receives the lateness of each tick.
         """
         self.skipped = 0
         self._period_ns = round(period_s * NS_PER_S)
@@ -222,7 +222,7 @@ class Pacer:
         self._next_ns = time.monotonic_ns() + self._period_ns
 
     def wait(self) -> None:
-        """Sleep until the next tick is due; not at all when it already is."""
+        """Sleep until the next tick is due; return at once when it already is."""
         ahead_ns = self._next_ns - time.monotonic_ns()
         if ahead_ns > 0:
             time.sleep(ahead_ns / NS_PER_S)  # the robot's own period
@@ -236,10 +236,10 @@ class Pacer:
 
 
 def pin_to_cpu(cpu: int) -> str:
-    """Keep this thread, and those it starts, on one processor.
+    """Keep this thread, and threads it starts, on one processor.
 
     Returns:
-        Why that was not done; empty when it was.
+        Reason why this was not done; empty when it was.
     """
     if not hasattr(os, "sched_setaffinity"):
         return f"--cpu {cpu}: this system cannot pin a process; going on without"
@@ -257,13 +257,13 @@ def pin_to_cpu(cpu: int) -> str:
 
 
 def take_priority(priority: int) -> str:
-    """Run this thread, and those it starts, before all ordinary ones (SCHED_FIFO).
+    """Run this thread, and threads it starts, before all ordinary ones (SCHED_FIFO).
 
     Args:
-        priority: 1 to 99; the higher one runs.
+        priority: 1 to 99; the thread with the higher one runs.
 
     Returns:
-        Why that was not done, and what to do about it; empty when it was.
+        Reason why this was not done, and a remedy; empty when it was.
     """
     if not hasattr(os, "sched_setscheduler"):
         return (
@@ -283,13 +283,13 @@ def take_priority(priority: int) -> str:
 
 
 def leave_priority() -> None:
-    """Run this thread as an ordinary one, whatever it has inherited from its maker."""
+    """Run this thread as an ordinary one, whatever priority it has inherited."""
     if hasattr(os, "sched_setscheduler") and os.sched_getscheduler(0) != os.SCHED_OTHER:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def _limit() -> str:
-    """Return the largest real-time priority this account may ask for."""
+    """Return the largest real-time priority open to this account."""
     import resource  # not on every system; this one has it, or has no SCHED_FIFO
 
     soft, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
@@ -307,13 +307,13 @@ def _why(error: Exception) -> str:
 class StopRequest:
     """A request to end, from a signal or from another thread.
 
-    The first signal asks for an orderly end, the second for one at once. A third one
+    The first signal asks for an orderly end, the second for an immediate one. A third
     is not caught any more: the system ends the process.
 
     Attributes:
-        is_set: whether it was asked for.
-        is_urgent: whether it was asked for again.
-        cause: name of the signal, or what else asked.
+        is_set: whether the end was requested.
+        is_urgent: whether a signal has requested it again, at once.
+        cause: name of the signal, or another cause.
     """
 
     def __init__(self) -> None:
@@ -331,10 +331,10 @@ class StopRequest:
             self._wake()
 
     def waking(self, wake: Callable[[], None]) -> None:
-        """Have a wait ended when somebody asks.
+        """Set the callback that ends a wait when a request comes.
 
         Args:
-            wake: sets a flag at most; called from signal handlers.
+            wake: sets at most a flag; called from signal handlers.
         """
         self._wake = wake
         if self.is_set:
@@ -342,7 +342,7 @@ class StopRequest:
 
     @contextmanager
     def on_signals(self) -> Iterator[None]:
-        """Turn signals into requests; only the main thread gets any."""
+        """Turn signals into requests; only the main thread receives any."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return

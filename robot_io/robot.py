@@ -1,11 +1,11 @@
-"""A robot as its files describe it, offsets of its sensors included.
+"""Loads a robot from its files: TOML, URDF and the offsets of its ankle sensors.
 
-The offsets stand in a file beside the robot file and are taken off where readings enter
-the bus, by the robot's driver: stabilizer, recorder and checks see none of them. The
-simulated robot has its offsets from the scenario and no such file.
+The offsets are in a file beside the robot file. The robot's driver subtracts them
+before readings enter the bus, so stabilizer, recorder and checks never see them. The
+simulated robot takes its offsets from the scenario and has no such file.
 
-Simulator and stabilizer build their own models from what this returns, so both
-speak of the same joints in the same order.
+Simulator and stabilizer both build their models from :class:`Robot`, so they use the
+same joints in the same order.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from surefoot.schemas.topics import resolve_keys
 
 Offsets = Annotated[list[float], msgspec.Meta(min_length=6, max_length=6)]
 EXTENDS = "extends"
-"""Key of a robot file: another one, relative to it, that it changes."""
+"""Key of a robot file: path of the file that it changes, relative to its own."""
 
 
 class Tare(FileStruct, frozen=True, kw_only=True):
@@ -51,30 +51,30 @@ class Tare(FileStruct, frozen=True, kw_only=True):
     measured_on: str = ""
     """Day of the last measurement."""
     instance: str = ""
-    """The robot's process that it was measured with."""
+    """The robot's process at the last measurement."""
     left_in_use: Offsets = msgspec.field(default_factory=lambda: [0.0] * 6)
-    """What that process, which read this file at its start, takes off: left."""
+    """Offsets that this process subtracts, as read at its start: left [N, N m]."""
     right_in_use: Offsets = msgspec.field(default_factory=lambda: [0.0] * 6)
-    """The same for the right ankle."""
+    """The same for the right ankle [N, N m]."""
 
     @property
     def is_zero(self) -> bool:
-        """Whether there is nothing to take off."""
+        """Whether there is nothing to subtract."""
         return not any((*self.left, *self.right))
 
     def measured(
         self, found: dict[Side, Vec6], *, robot: str, instance: str, day: str
     ) -> Tare:
-        """Return the offsets with what a new measurement found.
+        """Return the offsets updated by a new measurement.
 
-        It found what the robot's process does not take off. That process takes off what
-        was here when it started, however often it has been measured with since.
+        The measurement found the offsets that the robot's process does not subtract.
+        That process subtracts the offsets of its start, however often it is measured.
 
         Args:
-            found: by the side of each foot that was measured [N, N m].
-            robot: its name.
-            instance: its process.
-            day: today.
+            found: remaining offsets by side, of each measured foot [N, N m].
+            robot: name of the robot.
+            instance: the robot's process.
+            day: day of the measurement.
         """
         is_same = instance == self.instance
         in_use = {
@@ -96,7 +96,7 @@ class Tare(FileStruct, frozen=True, kw_only=True):
         )
 
     def taken_off(self, snapshot: Snapshot) -> Snapshot:
-        """Return a reading without the offsets."""
+        """Return a reading with the offsets subtracted."""
         if self.is_zero:
             return snapshot
         return replace(
@@ -107,12 +107,12 @@ class Tare(FileStruct, frozen=True, kw_only=True):
 
 
 def tare_path(robot_path: Path) -> Path:
-    """Return where the offsets of a robot file's robot stand."""
+    """Return the path of the offsets file of a robot."""
     return robot_path.with_name(f"{robot_path.stem}.tare.toml")
 
 
 def load_tare(robot_path: Path) -> Tare:
-    """Read the offsets beside a robot file; none when there is no such file.
+    """Read the offsets beside a robot file; zero when there is no such file.
 
     Raises:
         FileFormatError: the file is malformed.
@@ -124,7 +124,7 @@ def load_tare(robot_path: Path) -> Tare:
 
 
 def save_tare(robot_path: Path, tare: Tare, *, overwrite: bool = True) -> Path:
-    """Write the offsets, all at once or not at all; return where.
+    """Write the offsets, all at once or not at all; return the path.
 
     Args:
         robot_path: of the robot file that they stand beside.
@@ -132,7 +132,7 @@ def save_tare(robot_path: Path, tare: Tare, *, overwrite: bool = True) -> Path:
         overwrite: in place of those that are there, which stay otherwise.
 
     Raises:
-        OSError: it cannot be written there.
+        OSError: the file cannot be written.
     """
     path = tare_path(robot_path)
     if path.exists() and not overwrite:
@@ -147,18 +147,18 @@ ROBOTS_DIR = Path(__file__).parent / "robots"
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot as its files describe it.
+    """A robot, as its files describe it.
 
     Attributes:
-        file: the TOML, typed.
-        path: where the TOML stands.
-        urdf_path: where the URDF stands.
-        keys: channel name to bus key, overrides applied.
+        file: the typed TOML.
+        path: path of the TOML.
+        urdf_path: path of the URDF.
+        keys: bus key of each channel, with overrides applied.
         lower: (n_a,) lower end of the joint ranges [rad].
-        upper: (n_a,) upper end [rad].
+        upper: (n_a,) upper end of the joint ranges [rad].
         sole_normals: (2, 3) upward normal of each sole, in its force sensor's frame.
-        R_upright_base: (3, 3) the base link in the nominal posture, seen from a frame
-            with z up and x ahead, as the soles point.
+        R_upright_base: (3, 3) rotation from the base link in the nominal posture to a
+            frame with z up and x forward along the soles.
     """
 
     file: RobotFile
@@ -171,7 +171,7 @@ class Robot:
     R_upright_base: Mat
 
     def __repr__(self) -> str:
-        """Say which it is; its file's content would fill pages."""
+        """Return a short text; the file's content would fill pages."""
         file = self.file
         return (
             f"<Robot {file.name}: {self.n_a} joints, {file.rate_hz:g} Hz, "
@@ -235,22 +235,22 @@ class Robot:
 
     @cached_property
     def torque_limit(self) -> Array:
-        """(n_a,) [N m]."""
+        """(n_a,) joint torque limits [N m]."""
         return self._column("torque_limit_nm")
 
     @cached_property
     def velocity_limit(self) -> Array:
-        """(n_a,) [rad/s]."""
+        """(n_a,) joint velocity limits [rad/s]."""
         return self._column("velocity_limit_rad_s")
 
     @cached_property
     def soft_lower(self) -> Array:
-        """(n_a,) lower end of what the controller uses [rad]."""
+        """(n_a,) lower end of the ranges that the controller uses [rad]."""
         return self._soft("soft_lower_rad", self.lower)
 
     @cached_property
     def soft_upper(self) -> Array:
-        """(n_a,) upper end of what the controller uses [rad]."""
+        """(n_a,) upper end of the ranges that the controller uses [rad]."""
         return self._soft("soft_upper_rad", self.upper)
 
     def _soft(self, name: str, hard: Array) -> Array:
@@ -307,12 +307,12 @@ def load_robot(name_or_path: str | Path, *, servo_profile: str | None = None) ->
 
 
 def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
-    """Check a robot file that was read already against its URDF.
+    """Make a robot from a robot file already read; check it against its URDF.
 
     Args:
-        file: resolved: extended, the servo profile chosen.
-        path: where it stands, for messages.
-        urdf_path: its URDF.
+        file: resolved: extensions merged, servo profile chosen.
+        path: path of the file, for messages.
+        urdf_path: path of its URDF.
 
     Raises:
         RobotFileError: TOML and URDF contradict each other.
@@ -332,7 +332,7 @@ def make_robot(file: RobotFile, *, path: Path, urdf_path: Path) -> Robot:
 
 
 def _read(path: Path) -> tuple[RobotFile, Path]:
-    """Read the file over the one it extends; return it with its URDF's folder."""
+    """Read the file merged over the one it extends; return it and the URDF's folder."""
     table = read_toml(path)
     folder = path.parent
     if EXTENDS in table:

@@ -1,4 +1,4 @@
-"""Holds a robot's TOML and URDF together: same links, joints, efforts and soles."""
+"""Compares a robot's TOML with its URDF: same links, joints, efforts and soles."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ EFFORT_TOLERANCE_NM = 1e-6
 SOLE_TOLERANCE_M = 1e-6
 UPRIGHT_TOLERANCE = 1e-6
 HEIGHT_SHARE, LEAST_HEIGHT_M = 0.1, 0.1
-"""Of the height of the base: how far a robot's file may be off its URDF."""
+"""Largest error of the base height: a share of it, and least height for that [m]."""
 
 
 class UrdfFacts(NamedTuple):
-    """What a robot's URDF says, in the order of its TOML; read-only.
+    """Facts from a robot's URDF, in the order of its TOML; read-only.
 
     For shapes and units see :class:`surefoot.robot_io.robot.Robot`.
     """
@@ -41,11 +41,11 @@ def check_robot(file: RobotFile, path: Path, urdf_path: Path) -> UrdfFacts:
     """Compare a robot's TOML with itself and with its URDF.
 
     Returns:
-        What the URDF says.
+        The facts of the URDF.
 
     Raises:
         FileFormatError: the TOML contradicts itself.
-        RobotFileError: the URDF is broken or says something else than the TOML.
+        RobotFileError: the URDF is broken or contradicts the TOML.
     """
     _check_file(file, path)
     urdf = Urdf(urdf_path)
@@ -151,7 +151,7 @@ def _check_links(file: RobotFile, path: Path, urdf: Urdf) -> None:
 
 
 def _check_foot(foot: Foot, path: Path, urdf: Urdf) -> None:
-    """The sole is a bare link, fixed below the one that the sensor carries."""
+    """Check that the sole is a bare link, fixed below the link of the sensor."""
     place = f"{path}: {foot.side} foot: sole_frame {foot.sole_frame!r}"
     if foot.sole_frame == foot.ft_link:
         raise RobotFileError(
@@ -174,13 +174,13 @@ def _check_foot(foot: Foot, path: Path, urdf: Urdf) -> None:
 
 
 def _nominal_soles(file: RobotFile, urdf: Urdf) -> list[tuple[Vec3, Mat]]:
-    """Place and orientation of left and right sole in the base link."""
+    """Return place [m] and orientation of left and right sole in the base link."""
     posture = {joint.name: joint.nominal_rad for joint in file.joint}
     return [urdf.pose_below_root(foot.sole_frame, posture) for foot in file.foot]
 
 
 def _upright(file: RobotFile, urdf: Urdf) -> Mat:
-    """(3, 3) the base link from the upright frame; see :class:`UrdfFacts`."""
+    """Return R_upright_base, (3, 3); see :class:`UrdfFacts`."""
     soles = [turned for _, turned in _nominal_soles(file, urdf)]
     z = soles[0][:, 2] + soles[1][:, 2]
     ahead = soles[0][:, 0] + soles[1][:, 0]
@@ -194,7 +194,7 @@ def _upright(file: RobotFile, urdf: Urdf) -> Mat:
 
 
 def _check_height(file: RobotFile, path: Path, urdf: Urdf, upright: Mat) -> None:
-    """The soles lie below the base where the file says they do."""
+    """Check that the soles lie as far below the base as the file says."""
     below_m = [-float((upright @ p)[2]) for p, _ in _nominal_soles(file, urdf)]
     mean_m = 0.5 * sum(below_m)
     most_m = HEIGHT_SHARE * max(abs(mean_m), LEAST_HEIGHT_M)
@@ -207,7 +207,7 @@ def _check_height(file: RobotFile, path: Path, urdf: Urdf, upright: Mat) -> None
 
 
 def _sole_normal(foot: Foot, urdf: Urdf) -> Array:
-    """(3,) upward normal of a sole in its sensor's frame; no joint lies between."""
+    """Return the upward normal of a sole in its sensor's frame, (3,)."""
     sole, sensor = (
         urdf.pose_below_root(link, {})[1] for link in (foot.sole_frame, foot.ft_link)
     )
@@ -216,7 +216,7 @@ def _sole_normal(foot: Foot, urdf: Urdf) -> Array:
 
 
 def _check_sole(foot: Foot, path: Path, urdf: Urdf) -> None:
-    """A box under the sensor is what touches the ground: it must be the sole."""
+    """Check that a box under the sensor, which touches the ground, equals the sole."""
     boxes = urdf.links[foot.ft_link].findall("collision/geometry/box")
     if len(boxes) != 1:
         return
@@ -275,7 +275,7 @@ def _joint_range(
 def _check_margin(
     file: RobotFile, path: Path, ranges: Sequence[tuple[float, float]]
 ) -> None:
-    """See that the gate lets the nominal posture pass."""
+    """Check that the gate lets the nominal posture pass."""
     margin = file.gate.position_margin_rad
     for joint, (lower, upper) in zip(file.joint, ranges, strict=True):
         if not lower + margin <= joint.nominal_rad <= upper - margin:

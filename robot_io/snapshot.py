@@ -1,4 +1,7 @@
-"""One consistent reading of all sensors of one tick."""
+"""One consistent reading of all sensors of one tick.
+
+The server splits snapshots into messages for the bus; the client joins them again.
+"""
 
 from __future__ import annotations
 
@@ -17,33 +20,32 @@ from surefoot.schemas.sensors import SENSORS, SNAPSHOT_FIELDS, Sensor
 from surefoot.schemas.topics import TICK_SENSORS
 
 Ages = tuple[int, ...]
-"""Ticks since each sensor's message, in the order of the sensor table."""
+"""Ages of the sensors' messages [ticks], in the order of the sensor table."""
 OTHER_CLOCK_NS = 200_000_000
-"""Readings of one tick whose stamps are farther apart are of several clocks, and their
-ages are not known: no loop balances with readings so old [ns]."""
+"""Largest distance between stamps of one tick from one clock [ns]. Stamps farther apart
+come from several clocks and tell no ages; no loop balances with such old readings."""
 
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Sensors of one tick, as the robot reports them; arrays are not to be written.
+    """Sensors of one tick, as the robot reports them; do not write to the arrays.
 
-    Its fields, after tick and stamp, are those of the sensor table, in that order.
+    The fields after tick and stamp are those of the sensor table, in its order.
 
     Attributes:
-        tick: the robot's counter.
+        tick: the robot's tick counter.
         stamp_ns: the robot's monotonic clock [ns].
         q: (n_a,) measured joint positions [rad].
         dq: (n_a,) measured joint velocities [rad/s].
         effort: (n_a,) servo torques [N m].
-        quat_xyzw: (4,) attitude the unit itself reports, world from IMU.
+        quat_xyzw: (4,) attitude reported by the IMU itself, world from IMU.
         angular_velocity: (3,) gyroscope, IMU frame [rad/s].
         linear_acceleration: (3,) specific force, IMU frame [m/s^2].
         ft_left: (6,) [force; moment] from below on the left ankle, sensor frame.
         ft_right: (6,) the same for the right ankle.
-        measured_ns: when each sensor measured what it reports, by the robot's clock and
-            in the order of the sensor table [ns]; empty: all did at ``stamp_ns``, or it
-            is not known. Of a message that did not come, only the age in ticks is told:
-            see :data:`Ages`.
+        measured_ns: time of each sensor's measurement on the robot's clock, in the
+            order of the sensor table [ns]. Empty: all at ``stamp_ns``, or unknown. A
+            message that did not come has only an age in ticks, see :data:`Ages`.
     """
 
     tick: int
@@ -60,7 +62,7 @@ class Snapshot:
 
     @property
     def latencies_ns(self) -> tuple[int, ...]:
-        """How long ago each sensor measured, in the order of the sensor table [ns]."""
+        """Time since each sensor's measurement [ns], in the sensor table's order."""
         if not self.measured_ns:
             return _NO_LATENCIES
         return tuple([self.stamp_ns - then for then in self.measured_ns])
@@ -72,11 +74,11 @@ readings: Callable[[Snapshot], tuple[Array, ...]] = attrgetter(*SNAPSHOT_FIELDS)
 
 
 class SnapshotLayout:
-    """All numbers of a tick in one block of memory: which is where.
+    """Layout of all numbers of a tick in one block of memory.
 
     Attributes:
-        size: how many numbers there are.
-        places: where each field stands, by name, in the order of the sensor table.
+        size: number of numbers.
+        places: slice of each field, by name, in the order of the sensor table.
     """
 
     def __init__(self, joint_count: int) -> None:
@@ -95,7 +97,7 @@ class SnapshotLayout:
         self._floats = struct.Struct(f"{self.size}d")
 
     def place(self, entry: Sensor, attribute: str) -> slice:
-        """Find the numbers of one attribute of a sensor's message."""
+        """Return the slice of one attribute of a sensor's message."""
         field, part = entry.place(attribute)
         block = self.places[field]
         return slice(
@@ -107,8 +109,8 @@ class SnapshotLayout:
         """Join the newest message of each sensor.
 
         Args:
-            tick: of the snapshot; single messages may be older.
-            messages: of all sensors, in the order of the sensor table.
+            tick: tick of the snapshot; single messages may be older.
+            messages: one of each sensor, in the order of the sensor table.
         """
         numbers = np.empty(self.size)
         self._floats.pack_into(numbers.data, 0, *_numbers_of(*messages))
@@ -127,10 +129,10 @@ class SnapshotLayout:
         *,
         measured_ns: tuple[int, ...] = (),
     ) -> Snapshot:
-        """Make a snapshot of a block of numbers; it sees the block, not a copy.
+        """Return a snapshot of a block of numbers; its arrays are views of the block.
 
         Args:
-            tick: the robot's counter.
+            tick: the robot's tick counter.
             stamp_ns: the robot's monotonic clock [ns].
             numbers: (size,) all readings.
             measured_ns: see :class:`Snapshot`.
@@ -141,19 +143,19 @@ class SnapshotLayout:
 
 
 def ages_of(messages: Sequence[Message], tick: int) -> Ages:
-    """How many ticks each message is behind a tick."""
+    """Return how many ticks each message is behind a tick."""
     return tuple([tick - message.tick for message in messages])
 
 
 def sensor_messages(snapshot: Snapshot, *, stamp_ns: int) -> tuple[Message, ...]:
-    """Take a snapshot apart, one message per sensor.
+    """Split a snapshot into one message per sensor.
 
     Args:
         snapshot: sensors of one tick.
         stamp_ns: the robot's monotonic clock at that tick [ns].
 
     Returns:
-        Messages in the order of the sensor table, each stamped when it was measured.
+        Messages in the order of the sensor table, each stamped at its measurement.
     """
     return _messages_of(
         snapshot, [stamp_ns - latency for latency in snapshot.latencies_ns]
@@ -161,7 +163,7 @@ def sensor_messages(snapshot: Snapshot, *, stamp_ns: int) -> tuple[Message, ...]
 
 
 def _write_joining() -> str:
-    """An expression: all numbers of the messages of a tick, one after the other."""
+    """Return an expression for all numbers of a tick's messages, in order."""
     parts = [
         f"*m{index}.{name}"
         for index, entry in enumerate(SENSORS)
@@ -172,7 +174,7 @@ def _write_joining() -> str:
 
 
 def _write_splitting() -> str:
-    """An expression: the messages of a snapshot."""
+    """Return an expression for the messages of a snapshot."""
     calls = []
     for index, entry in enumerate(SENSORS):
         values = []
@@ -188,7 +190,7 @@ def _write_splitting() -> str:
     return f"lambda s, stamps: ({', '.join(calls)},)"
 
 
-# Written out from the table once, as dataclasses do it: loops over it take twice as
+# Written out from the table once, as dataclasses do: loops over it would take twice as
 # long, a thousand times a second.
 _numbers_of: Callable[..., tuple[float, ...]] = eval(_write_joining())
 _messages_of: Callable[[Snapshot, list[int]], tuple[Message, ...]] = eval(
@@ -198,10 +200,11 @@ _messages_of: Callable[[Snapshot, list[int]], tuple[Message, ...]] = eval(
 
 
 def _stamps(stamps: list[int | None]) -> tuple[int | None, tuple[int, ...]]:
-    """Stamp of a snapshot, and when its readings were measured.
+    """Return the stamp of a snapshot and the measurement times of its readings.
 
     Returns:
-        The newest stamp, None without any; and all, or nothing where they are the same.
+        The newest stamp, None without any; and all stamps, empty if all are the same or
+        of several clocks.
     """
     known = [stamp for stamp in stamps if stamp is not None]
     if not known:
@@ -214,21 +217,21 @@ def _stamps(stamps: list[int | None]) -> tuple[int | None, tuple[int, ...]]:
 
 
 class Delivery:
-    """Joins readings as the client does: a missing one keeps its last value."""
+    """Joins readings as the client does: a missing reading keeps its last value."""
 
     def __init__(self) -> None:
-        """Nothing has come yet."""
+        """Begin without any reading."""
         self._last: Snapshot | None = None
         self._ticks = dict.fromkeys(TICK_SENSORS, 0)
 
     def deliver(
         self, snapshot: Snapshot, missing: tuple[str, ...]
     ) -> tuple[Snapshot, Ages]:
-        """What the controller gets.
+        """Return the reading that the controller receives.
 
         Args:
-            snapshot: as the robot took it.
-            missing: channels whose message does not come, or cannot be read.
+            snapshot: the robot's reading.
+            missing: channels whose message does not come or cannot be read.
 
         Returns:
             The snapshot to use, and the age of each channel in ticks.

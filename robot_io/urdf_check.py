@@ -1,7 +1,7 @@
-"""What can be seen from a URDF alone: a tree of links that MuJoCo and Pinocchio take.
+"""Checks a URDF by itself: a tree of links that MuJoCo and Pinocchio accept.
 
-Their own errors come later, from other places, and name no link. So everything they
-would refuse, or take for something else than was meant, is looked for here.
+Their own errors come later, from other places, and name no link. So these checks look
+for everything that they would refuse or misunderstand.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ _OTHERS = {
     "floating": "leave it out: the base floats by itself",
 }
 UNUSED_TAGS = ("calibration", "safety_controller")
-"""Of joints: nothing here reads them; Pinocchio refuses those that lack a number."""
+"""Tags of joints that nothing here reads; Pinocchio refuses incomplete ones."""
 _TAKEN = ("root_joint", "universe")
 """Names of joints that Pinocchio adds itself."""
 _GROUND = "world"
 """MuJoCo's name for what stands still."""
 _LEAST_MASS_KG, _LARGEST_MASS_KG = 0.1, 1000.0
 LARGEST_ANGLE_RAD = 4.0 * math.pi
-"""A range beyond it is in degrees."""
+"""Largest angle of a joint range [rad]; larger ones are in degrees."""
 _LARGEST_GYRATION_M = 3.0
-"""Inertia of more than this radius for its mass is in other units."""
+"""Largest radius of gyration [m]; larger inertia for its mass has other units."""
 _SHARE = 1e-6
-"""Of the largest principal inertia: what rounding in a file may amount to."""
+"""Allowance for rounding in a file, as a share of the largest principal inertia."""
 INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 """Attributes of <inertia>."""
 
@@ -52,17 +52,17 @@ class Inertial:
 
 
 class Urdf:
-    """A URDF whose links form a tree with numbers that mean something."""
+    """A URDF whose links form a tree and whose numbers are plausible."""
 
     def __init__(self, path: Path, element: ElementTree.Element | None = None) -> None:
-        """Read and check.
+        """Read and check a URDF.
 
         Args:
-            path: of the file.
-            element: its <robot>, where it was read, or changed, before.
+            path: path of the file.
+            element: its <robot>, if it was read or changed before.
 
         Raises:
-            RobotFileError: names link or joint, what was found and what would be right.
+            RobotFileError: names link or joint, the fault and what is expected.
         """
         self.path = path
         element = read_urdf_element(path) if element is None else element
@@ -84,11 +84,11 @@ class Urdf:
         }
 
     def refused(self, words: str) -> RobotFileError:
-        """An error that names the file."""
+        """Return an error that names the file."""
         return RobotFileError(f"{self.path}: {words}")
 
     def joint_above(self, link: str) -> ElementTree.Element | None:
-        """The joint that carries a link; None for the root."""
+        """Return the joint that carries a link; None for the root."""
         return self._above.get(link)
 
     def _moves(self, link: str) -> bool:
@@ -96,14 +96,14 @@ class Urdf:
         return joint is None or joint.get("type") != _FIXED
 
     def up(self, link: str) -> list[str]:
-        """A link and all above it, the root last."""
+        """Return a link and all links above it, the root last."""
         chain = [link]
         while (joint := self.joint_above(chain[-1])) is not None:
             chain.append(end(joint, "parent"))
         return chain
 
     def origin(self, joint: ElementTree.Element) -> tuple[Vec3, Mat]:
-        """Where a joint is on its parent: place [m] and (3, 3) orientation."""
+        """Return a joint's place [m] and (3, 3) orientation in its parent link."""
         element = joint.find("origin")
         place = f"joint {joint.get('name')!r}: origin"
         offset = self.vector(element, "xyz", place)
@@ -112,7 +112,7 @@ class Urdf:
         return offset, rotation(z, yaw) @ rotation(y, pitch) @ rotation(x, roll)
 
     def fixed_to(self, link: str) -> list[str]:
-        """A link, and those above it that do not move against it."""
+        """Return a link, and the links above it that do not move relative to it."""
         chain = [link]
         while (joint := self.joint_above(chain[-1])) is not None:
             if joint.get("type") != _FIXED:
@@ -121,15 +121,15 @@ class Urdf:
         return chain
 
     def mass_of(self, link: str) -> float:
-        """Mass of one link [kg]; zero without any."""
+        """Return the mass of one link [kg]; zero if it has none."""
         inertial = self._inertials[link]
         return 0.0 if inertial is None else inertial.mass_kg
 
     def check_masses(self) -> None:
-        """Refuse what moves and has no mass, and robots of other units.
+        """Refuse moving links without mass, and robots in other units.
 
         Raises:
-            RobotFileError: with the joint that moves nothing.
+            RobotFileError: names the link without mass, or the implausible total.
         """
         groups: Counter[str] = Counter()
         for link in self.links:
@@ -153,14 +153,14 @@ class Urdf:
             )
 
     def pose_below_root(self, link: str, posture: dict[str, float]) -> tuple[Vec3, Mat]:
-        """Place and orientation of a link in the root's frame.
+        """Return place and orientation of a link in the root's frame.
 
         Args:
-            link: its name.
-            posture: joint to angle [rad] or place [m]; others are at zero.
+            link: name of the link.
+            posture: angle [rad] or place [m] by joint; joints not named are at zero.
 
         Returns:
-            (3,) [m] and (3, 3).
+            Place (3,) [m] and orientation (3, 3).
         """
         turned, p = np.eye(3), np.zeros(3)
         for below in reversed(self.up(link)):
@@ -236,7 +236,7 @@ class Urdf:
                 raise self.refused(f"{place}: limit: {key} must be above 0 ({unit})")
 
     def axis(self, joint: ElementTree.Element) -> Vec3:
-        """(3,) direction of a joint's axis, of length one."""
+        """Return the unit direction of a joint's axis, (3,)."""
         place = f"joint {joint.get('name')!r}: axis"
         axis = self.vector(joint.find("axis"), "xyz", place, default="1 0 0")
         length = float(np.linalg.norm(axis))
@@ -287,10 +287,10 @@ class Urdf:
             )
 
     def number(self, element: ElementTree.Element, key: str, place: str) -> float:
-        """One finite number of an element.
+        """Return one finite number of an element.
 
         Raises:
-            RobotFileError: it is something else.
+            RobotFileError: it is no finite number.
         """
         return float(self._numbers(element.get(key, ""), key, 1, place)[0])
 
@@ -302,10 +302,10 @@ class Urdf:
         *,
         default: str = "0 0 0",
     ) -> Vec3:
-        """Three finite numbers of an element, or what holds when it is not there.
+        """Return three finite numbers of an element, or the default if it is absent.
 
         Raises:
-            RobotFileError: they are something else.
+            RobotFileError: they are not three finite numbers.
         """
         text = default if element is None else element.get(key, default)
         return self._numbers(text, key, 3, place)
@@ -322,21 +322,21 @@ class Urdf:
 
 
 def without_shapes(path: Path) -> str:
-    """The text of a URDF that was checked, with nothing in it but what moves.
+    """Return the text of a checked URDF, without shapes and unused tags.
 
-    Meshes need not be there, and a mistake in a colour stops nobody's controller.
+    Meshes need not exist, and a mistake in a colour stops no controller.
     """
     return bare_text(read_urdf_element(path))
 
 
 def drop(element: ElementTree.Element, tags: Iterable[str]) -> None:
-    """Remove the children of these kinds."""
+    """Remove the children with these tags."""
     for found in [e for tag in tags for e in element.findall(tag)]:
         element.remove(found)
 
 
 def bare_text(element: ElementTree.Element) -> str:
-    """The same of a URDF that was read; the element stays as it is."""
+    """Return the same text of a URDF already read; leave the element unchanged."""
     root = copy.deepcopy(element)
     for link in root.iter("link"):
         drop(link, ("visual", "collision"))
@@ -365,10 +365,10 @@ def read_urdf_element(path: Path) -> ElementTree.Element:
 def joints_above(
     path: Path, links: Collection[str], joints: Iterable[ElementTree.Element]
 ) -> dict[str, ElementTree.Element]:
-    """Each link but the root, and the joint that carries it.
+    """Return the joint that carries each link but the root, by link.
 
     Raises:
-        RobotFileError: the links form no tree; names the file and what is wrong.
+        RobotFileError: the links form no tree; names the file and the fault.
     """
     above: dict[str, ElementTree.Element] = {}
     for joint in joints:
@@ -405,13 +405,13 @@ def joints_above(
 
 
 def end(joint: ElementTree.Element, which: str) -> str:
-    """Name of a joint's parent or child link."""
+    """Return the name of a joint's parent or child link."""
     element = joint.find(which)
     return "" if element is None else element.get("link", "")
 
 
 def rotation(axis: Vec3, angle: float) -> Mat:
-    """(3, 3) by Rodrigues' formula; the axis has length one."""
+    """Return the rotation by an angle [rad] about a unit axis, (3, 3) (Rodrigues)."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     turned: Mat = np.eye(3) + np.sin(angle) * cross

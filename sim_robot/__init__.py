@@ -1,1 +1,1 @@
-"""The simulated robot: world, servos, sensors, moving ground, and what they measure."""
+"""The simulated robot behind the bus: world, servos, sensors and moving ground."""

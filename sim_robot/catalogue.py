@@ -1,4 +1,4 @@
-"""Scenarios that come with the package, by name; others by path."""
+"""Finds scenarios: shipped ones by name, others by path."""
 
 from __future__ import annotations
 
@@ -44,10 +44,10 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
 
 @contextmanager
 def naming_scenario(path: Path) -> Iterator[None]:
-    """Add the file's name to a :class:`ScenarioError` raised inside.
+    """Add the path of the file to a :class:`ScenarioError` raised inside.
 
-    Bodies, ticks and ranges are checked where robot and scenario come together, which
-    know nothing of files.
+    Bodies, ticks and ranges are checked where robot and scenario meet; that code knows
+    nothing of files.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""MuJoCo's conventions beside ours: order of quaternions, time in whole steps."""
+"""Converts between MuJoCo's conventions and ours: quaternions, time in whole steps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FROM_XYZW = np.array([3, 0, 1, 2])
 SIM_STEP_S = 0.001
 """Simulation step [s]; a control period is a whole multiple of it."""
 FASTEST_HZ = 0.5 / SIM_STEP_S
-"""Half the simulation's rate: it does not show anything faster."""
+"""Half the simulation's rate [Hz]; it does not show anything faster."""
 TOLERANCE_TICKS = 1e-6
 
 
@@ -20,10 +20,10 @@ def xyzw(quat_wxyz: Array) -> Array:
     """Put the scalar last.
 
     Args:
-        quat_wxyz: (4,) as MuJoCo has it.
+        quat_wxyz: (4,) in MuJoCo's order.
 
     Returns:
-        (4,) as the bus and the controller have it; a new array.
+        (4,) in the order of bus and controller; a new array.
     """
     return quat_wxyz.take(_FROM_WXYZ)
 

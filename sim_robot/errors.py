@@ -7,11 +7,11 @@ from contextlib import contextmanager
 
 
 class SimulationError(RuntimeError):
-    """The simulated robot cannot do what it was asked for."""
+    """The simulated robot cannot do what was requested."""
 
 
 class ScenarioError(SimulationError, ValueError):
-    """A scenario asks for something this robot or simulation cannot do.
+    """A scenario requests something that this robot or simulation cannot do.
 
     Attributes:
         field: path of the offending key, such as ``push[0].body``.
@@ -25,7 +25,7 @@ class ScenarioError(SimulationError, ValueError):
 
 @contextmanager
 def within(path: str) -> Iterator[None]:
-    """Put a path before the key that a :class:`ScenarioError` raised inside names."""
+    """Put a path before the key of a :class:`ScenarioError` raised inside."""
     try:
         yield
     except ScenarioError as error:

@@ -1,6 +1,6 @@
-"""The ground: where its platforms are, how they move, and what of it stands still.
+"""The ground under the feet: its platforms, how they move, and its still parts.
 
-There is one platform under both feet, or one under each.
+There is one platform under both feet, or one under each. The plant steps the ground.
 """
 
 from __future__ import annotations
@@ -32,32 +32,32 @@ AXES: tuple[Axis, ...] = ("x", "y", "z", "yaw", "pitch", "roll")
 HALF_THICKNESS_M = 0.03
 
 SHARED_HALF_SIZE_M = (0.40, 0.45)
-"""Half length (x) and half width (y) of a platform under both feet."""
+"""Half length (x) and half width (y) of a platform under both feet [m]."""
 
 WALKED_HALF_SIZE_M = 12.0
-"""Both, at least, where the robot walks."""
+"""Least half length and half width where the robot walks [m]."""
 BEYOND_WALK_M = 2.0
-"""Ground goes on so far beyond a walk."""
+"""Distance by which ground extends beyond a walk [m]."""
 
 SINGLE_HALF_LENGTH_M = 0.30
 
 SINGLE_OUTWARD_M = 0.30
-"""From the sole's centre to the outer edge of a platform under one foot."""
+"""Distance from a sole's centre to the outer edge of a platform under one foot [m]."""
 
 MIDLINE_GAP_M = 0.01
-"""From the midline between the feet to the inner edge of such a platform."""
+"""Distance from the midline between the feet to such a platform's inner edge [m]."""
 
 
 CONTACT_TIME_CONSTANT_S = 0.004
 
 CONTACT_IMPEDANCE = (0.95, 0.99, 0.001, 0.5, 2.0)
-"""Critically damped; the standing robot sinks in by some 35 um."""
+"""Critically damped contact; the standing robot sinks in by about 35 um."""
 
 PLATFORM_INERTIA = 1e6
-"""Rotor inertia of platform joints [kg or kg m^2]: the robot does not move them."""
+"""Rotor inertia of platform joints [kg or kg m^2]: too large for the robot to move."""
 
 STILL = -1
-"""What ground that stands fast says for its platform."""
+"""Platform index of ground that stands still."""
 UNTURNED_WXYZ = (1.0, 0.0, 0.0, 0.0)
 
 _SLIDE, _HINGE = mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE
@@ -73,7 +73,7 @@ _JOINTS = {
 
 
 class PlacedMotion(NamedTuple):
-    """A motion, and its path in the scenario file, for errors."""
+    """A motion with its path in the scenario file, for errors."""
 
     path: str
     motion: Motion
@@ -81,18 +81,18 @@ class PlacedMotion(NamedTuple):
 
 @dataclass(frozen=True)
 class PlatformPlan:
-    """A box of ground and how it moves.
+    """A box of ground and its motions.
 
     Attributes:
         name: ``ground_both``, ``ground_left`` or ``ground_right``.
-        in_scenario: whether the scenario file lists it; ground that it does not
-            mention is fixed.
-        top_centre: (3,) point of the top face that motions move and turn about, at
-            rest [m, world]: under the sole's centre, or midway between the soles.
-        half_size: (3,) of the box [m].
-        box_centre: (3,) of the box, from the top centre [m].
+        in_scenario: whether the scenario file lists it; ground not listed is fixed.
+        top_centre: (3,) point of the top face, at rest [m, world], under the sole's
+            centre or midway between the soles. Motions move the box from there and
+            turn it about this point.
+        half_size: (3,) half size of the box [m].
+        box_centre: (3,) centre of the box, relative to the top centre [m].
         motions: the scenario's motions by axis; empty when fixed.
-        yaw: by which the box is turned to lie under a robot that looks there [rad].
+        yaw: turn of the box, so that it lies along the robot's heading [rad].
     """
 
     name: str
@@ -105,17 +105,17 @@ class PlatformPlan:
 
     @property
     def quat_wxyz(self) -> list[float]:
-        """(4,) platform from box."""
+        """(4,) orientation, platform from box."""
         return [math.cos(0.5 * self.yaw), 0.0, 0.0, math.sin(0.5 * self.yaw)]
 
 
 def plan_platforms(scenario: Scenario, start: Stance) -> tuple[PlatformPlan, ...]:
-    """Lay out the ground so that every foot has a box under it.
+    """Lay out the ground with a box under every foot.
 
     Returns:
-        The platforms of the scenario in its order, then fixed ground for the feet
-        it does not mention. All tops are at z = 0 at rest. None where there are tiles
-        only: these have a floor around them.
+        The platforms of the scenario in its order, then fixed ground for feet that it
+        does not mention. All tops are at z = 0 at rest. Empty if the scenario has only
+        tiles: these have a floor around them.
     """
     left, right = start.soles_in_world
     soles = {"left": left, "right": right, "both": 0.5 * (left + right)}
@@ -204,7 +204,7 @@ def _plan(
 def add_platform(
     spec: mujoco.MjSpec, plan: PlatformPlan, *, robot: Robot, friction: float
 ) -> None:
-    """Add a box that only the soles touch, with a joint for each axis that moves."""
+    """Add a box that only the soles touch, with a joint for each moving axis."""
     body = spec.worldbody.add_body(
         name=plan.name,
         pos=plan.top_centre,
@@ -238,7 +238,7 @@ def add_platform(
 def let_soles_touch(
     spec: mujoco.MjSpec, geom: str, *, robot: Robot, friction: float
 ) -> None:
-    """Let both soles, and nothing else, touch a geom of the ground firmly."""
+    """Let both soles, and nothing else, touch a geom of the ground, in firm contact."""
     for foot in (robot.left, robot.right):
         pair = spec.add_pair(geomname1=geom, geomname2=foot.sole_frame, condim=3)
         pair.name = f"{geom} {foot.sole_frame}"
@@ -248,7 +248,7 @@ def let_soles_touch(
 
 
 def ground_blocks(world: World) -> list[GroundBlock]:
-    """Return all blocks, platforms first."""
+    """Return all blocks of the ground, platforms first."""
     blocks = []
     index = 0
     for plan in world.platforms:
@@ -283,15 +283,15 @@ def _block(
 class Ground:
     """The moving ground of a world.
 
-    Each axis of a platform that moves is a joint of huge inertia. Its position and
-    velocity follow the scenario exactly; the force that goes with its acceleration
-    is applied as well, so that a contact sees the ground as it will have moved at
-    the end of the step. Rotations compose as Rz(yaw) Ry(pitch) Rx(roll), after the
-    translation, about the platform's top centre.
+    Each moving axis of a platform is a joint of huge inertia. Its position and velocity
+    follow the scenario exactly. The force of its acceleration is applied as well, so a
+    contact sees the ground with its motion at the end of the step. After the
+    translation, rotations compose as Rz(yaw) Ry(pitch) Rx(roll), about the platform's
+    top centre.
     """
 
     def __init__(self, world: World, data: mujoco.MjData) -> None:
-        """Take over the platform joints of ``data``, at rest in zero.
+        """Take over the platform joints of ``data``, at rest at zero.
 
         Raises:
             ScenarioError: a motion cannot be done.
@@ -312,11 +312,11 @@ class Ground:
 
     @property
     def moves(self) -> bool:
-        """Whether any platform moves at all in this scenario."""
+        """Whether any platform moves in this scenario."""
         return bool(self._laws)
 
     def aim(self, time_s: float) -> None:
-        """Push the platforms towards where they will be after the next step."""
+        """Push the platforms towards their places after the next step."""
         for index, laws in enumerate(self._laws):
             position = velocity = 0.0
             for law in laws:
@@ -329,7 +329,7 @@ class Ground:
         self._force *= PLATFORM_INERTIA / SIM_STEP_S
 
     def arrive(self) -> None:
-        """Put the platforms exactly where they belong after a step."""
+        """Put the platforms exactly at their places after a step."""
         self._qpos[:] = self._position
         self._qvel[:] = self._velocity
 

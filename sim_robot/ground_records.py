@@ -1,4 +1,4 @@
-"""Recorded ground from others' files: texts of CSV, .AT2 and K-NET, and MCAP."""
+"""Reads recorded ground from others' files: CSV, .AT2 and K-NET texts, and MCAP."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ _TIME_SUFFIX = re.compile(r"(?:_|,\s*)([a-zµμ]+)\s*$", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class GroundRecord:
-    """What a file says.
+    """The content of a record's file.
 
     Attributes:
-        content: the file itself.
-        quantity: what was measured.
-        units: of the values; None when the file does not say.
-        times: (n,) rising [s].
+        content: bytes of the file.
+        quantity: the measured quantity.
+        units: units of the values; None when the file does not say.
+        times: (n,) rising times [s].
         values: (n,) in these units.
     """
 
@@ -59,11 +59,11 @@ class GroundRecord:
 
 
 def read_record(motion: RecordedMotion) -> GroundRecord:
-    """Read the file of a recorded motion, of whatever kind.
+    """Read the file of a recorded motion, of any supported kind.
 
     Raises:
-        ScenarioError: it cannot be read, or holds no such record; ``field`` is the key
-            of the motion to look at.
+        ScenarioError: the file cannot be read, or holds no such record; ``field`` is
+            the key of the motion to correct.
     """
     path = Path(motion.file)
     if path.exists() and not path.is_file():  # a pipe has no end, or none yet
@@ -115,7 +115,7 @@ def _reader(
 
 
 def _decoded(file: str | Path, content: bytes) -> str:
-    """Return a file as text: UTF-8, or Latin-1 where it is not."""
+    """Return a file as text: UTF-8, otherwise Latin-1."""
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content:
         raise bad_key(
             "file",
@@ -129,7 +129,7 @@ def _decoded(file: str | Path, content: bytes) -> str:
 
 
 def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
-    """PEER: a heading that ends with NPTS and DT, then values row by row."""
+    """Read a PEER record: a heading that ends with NPTS and DT, then rows of values."""
     lines = _decoded(motion.file, content).splitlines()
     told = [
         index
@@ -171,7 +171,7 @@ def _peer(motion: RecordedMotion, content: bytes) -> GroundRecord:
 
 
 def _plain_units(units: str) -> str:
-    """Return units as scenarios write them, of the many ways that headings do."""
+    """Return the units of a heading, however written, in the spelling of scenarios."""
     plain = re.sub(r"[\s().]", "", units.lower()).replace("°", "deg")
     plain = plain.replace("seconds", "s").replace("second", "s").replace("sec", "s")
     plain = re.sub(r"/s(/s|\*\*2|\^2|2|²)$", "/s2", plain)
@@ -179,7 +179,7 @@ def _plain_units(units: str) -> str:
 
 
 def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
-    """K-NET and KiK-net: a heading that ends with `Memo.`, then counts."""
+    """Read a K-NET or KiK-net record: a heading that ends with `Memo.`, then counts."""
     text = _decoded(motion.file, content)
     end = _KNET_HEAD_END.search(text)
     head = text if end is None else text[: end.end()]
@@ -199,14 +199,14 @@ def _knet(motion: RecordedMotion, content: bytes) -> GroundRecord:
         told = number(lasts[1], "Duration Time(s)") * rate_hz
         number.enough(len(counts), told)
         number.no_more(len(counts), told, body)
-    with np.errstate(over="ignore"):  # told of by whoever called
+    with np.errstate(over="ignore"):  # the caller reports it
         values = counts * gal / steps
         times = np.arange(len(counts), dtype=np.float64) / rate_hz
     return GroundRecord(content, "acceleration", "gal", times, values)
 
 
 def _text(motion: RecordedMotion, content: bytes) -> GroundRecord:
-    """Time and values in columns, by commas, semicolons or blanks; # for remarks."""
+    """Read columns of time and values, cut by comma, semicolon or blank; # remarks."""
     quantity = _stated_quantity(motion)
     number = Numbers(motion.file)
     lines, remark = [], ""
@@ -265,10 +265,10 @@ def _in_brackets(name: str) -> str | None:
 
 
 def _time_unit(file: str, name: str) -> float:
-    """Return how many seconds a column of times counts in, as its name says.
+    """Return the unit of a column of times in seconds, as its name says.
 
     Raises:
-        ScenarioError: a unit that is none of time.
+        ScenarioError: the unit is none of time.
     """
     stated, suffix = _in_brackets(name), _TIME_SUFFIX.search(name)
     per_second = _SECONDS.get((stated or "").strip().lower())
@@ -284,9 +284,9 @@ def _time_unit(file: str, name: str) -> float:
 
 
 def _delimiter(lines: list[tuple[int, str]]) -> str:
-    """Return what stands between the cells of a text.
+    """Return the delimiter between the cells of a text.
 
-    A line in the middle shows it: the first may be a heading, the last be cut off.
+    A middle line decides: the first may be a heading, and the last may be cut off.
     """
     line = lines[len(lines) // 2][1] if lines else ""
     for delimiter in ";\t,":
@@ -298,7 +298,7 @@ def _delimiter(lines: list[tuple[int, str]]) -> str:
 
 
 def _with_units(heading: list[str]) -> list[str]:
-    """Put units in brackets, which blanks set apart, back to their names."""
+    """Join units in brackets to the names that blanks part them from."""
     joined: list[str] = []
     for cell in heading:
         if joined and re.fullmatch(r"\[.*\]|\(.*\)", cell):
@@ -311,7 +311,7 @@ def _with_units(heading: list[str]) -> list[str]:
 def _rows(
     file: str, lines: list[tuple[int, str]], delimiter: str
 ) -> list[tuple[int, list[str]]]:
-    """Return line numbers and cells, without the empty ones at a line's end."""
+    """Return line numbers and cells, without empty cells at a line's end."""
     texts = (f"{line}\n" for _, line in lines)
     if delimiter == " ":
         texts = (" ".join(line.split()) for _, line in lines)
@@ -334,7 +334,7 @@ def _rows(
 
 
 def _column(motion: RecordedMotion, heading: list[str]) -> int:
-    """Return the place of the named column, whose unit may be left out."""
+    """Return the index of the named column; the name may lack its unit."""
     names = (heading, [_IN_BRACKETS.sub("", cell) for cell in heading])
     found = next((name for name in names if motion.column in name), [])
     if found.count(motion.column) == 1:
@@ -348,7 +348,7 @@ def _column(motion: RecordedMotion, heading: list[str]) -> int:
 
 
 def _mcap(motion: RecordedMotion, content: bytes) -> GroundRecord:
-    """A number of every message of a channel."""
+    """Read one number from every message of a channel."""
     quantity = _stated_quantity(motion)
     for key in ("channel", "field"):
         if not getattr(motion, key):

@@ -1,4 +1,4 @@
-"""What is kept of every tick of a run, and how well the robot stood and walked."""
+"""Figures, record and digest of a run's ticks: how well the robot stood and walked."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from surefoot.schemas.signals import lay_out
 from surefoot.sim_robot.state_view import PlantTruth, PlantView
 
 COM_FROM_S = 1.0
-"""CoM errors and force deviations count from here on: ground begins to move."""
+"""Start of CoM errors and force deviations: the ground begins to move then [s]."""
 PEAK_FROM_S = 0.2
-"""Force peaks count from here on."""
+"""Start of force peaks [s]."""
 CONTACT_LOST_N = 5.0
-"""A foot pressed less than this has lost the ground."""
+"""A foot with less normal force has lost the ground [N]."""
 AIRBORNE_S = 0.05
-"""A foot off the ground for so long was lifted; sooner it has bounced."""
+"""A foot off the ground for longer was lifted; otherwise it has bounced [s]."""
 TOUCHDOWN_S = 0.1
-"""How long after a touchdown forces are its own."""
+"""Time after a touchdown in which force peaks belong to it [s]."""
 _TIME_TOLERANCE = 1e-9
 FALL_HEIGHT_RATIO = 0.6
-"""Base height above the soles, against standing, under which the robot fell."""
+"""Ratio of base height above the soles to that of standing below which it is a fall."""
 FALL_TILT_RAD = math.radians(60.0)
 FALL_CLEARANCE_M = 0.03
-"""Links above the ankles this close to the height of the lower sole are down."""
+"""Links above the ankles this close to the height of the lower sole are down [m]."""
 _UPRIGHT = math.cos(FALL_TILT_RAD)
 
 
 class PlantMetrics:
-    """Running sums over ticks; its memory does not grow with the run."""
+    """Running sums over ticks; memory does not grow with the run."""
 
     def __init__(self, reference: Vec3, *, weight: float, period_s: float) -> None:
         """Start all sums at zero.
@@ -45,7 +45,7 @@ class PlantMetrics:
             reference: (3,) centre of mass of the reference stance, x and y from the
                 midpoint of the soles, z in the world [m].
             weight: the robot's true weight [N].
-            period_s: control period.
+            period_s: control period [s].
         """
         self._period_s = period_s
         self._half_weight = 0.5 * weight
@@ -64,7 +64,7 @@ class PlantMetrics:
         self._longest_gap = [0, 0]
 
     def update(self, state: PlantTruth | PlantView, *, tick: int) -> None:
-        """Take in one tick; each tick once."""
+        """Add one tick; each tick once."""
         self._least_upright = min(self._least_upright, state.upright)
         forces = state.normal_forces
         self._has_peaks = tick >= self._peak_from
@@ -84,8 +84,8 @@ class PlantMetrics:
     def figures(self) -> dict[str, Any]:
         """Return the figures so far, by their names in PlantResult.
 
-        Deviations are of the vertical force in the world, not of the normal force: on
-        ground that stays tilted that one is less than half the weight when all is well.
+        Deviations are those of the vertical force in the world, not of the normal
+        force: on tilted ground the normal force is below half the weight even at rest.
         """
         count = self._counted
 
@@ -120,15 +120,15 @@ class PlantMetrics:
 
 
 class WalkMetrics:
-    """Running figures over ticks; its memory does not grow with the run.
+    """Running figures over ticks; memory does not grow with the run.
 
     Attributes:
-        distance: from where the middle of the soles was at first, level [m].
-        touchdown_peak: left and right, largest normal force of a touchdown [N].
+        distance: horizontal distance of the soles' midpoint from its start [m].
+        touchdown_peak: largest normal force of a touchdown, left and right [N].
     """
 
     def __init__(self, *, period_s: float) -> None:
-        """Start where the robot stands."""
+        """Start at the robot's present place."""
         self._airborne = AIRBORNE_S / period_s
         self._touchdown = round(TOUCHDOWN_S / period_s)
         self._begin: tuple[float, float] | None = None
@@ -138,7 +138,7 @@ class WalkMetrics:
         self.touchdown_peak = [0.0, 0.0]
 
     def update(self, state: PlantTruth | PlantView) -> None:
-        """Take in one tick; each tick once."""
+        """Add one tick; each tick once."""
         left_x, left_y, _ = state.sole_left.tolist()
         right_x, right_y, _ = state.sole_right.tolist()
         x, y = 0.5 * (left_x + right_x), 0.5 * (left_y + right_y)
@@ -159,7 +159,7 @@ class WalkMetrics:
 
 def _com_over_soles(state: PlantTruth | PlantView) -> tuple[float, float, float]:
     """Return the CoM: x and y from the midpoint of the soles, z in the world [m]."""
-    # Three numbers at a time: plain floats are quicker than arrays here.
+    # Plain floats are faster than arrays for three numbers.
     x, y, z = state.com.tolist()
     left_x, left_y, _ = state.sole_left.tolist()
     right_x, right_y, _ = state.sole_right.tolist()
@@ -171,10 +171,10 @@ def _first_tick(time_s: float, period_s: float) -> int:
 
 
 class Fall(NamedTuple):
-    """That a robot fell, and how one knows.
+    """A fall and the criterion that showed it.
 
     Attributes:
-        criterion: which of them.
+        criterion: the criterion.
         detail: the same in words, with the link or the figure.
     """
 
@@ -183,17 +183,17 @@ class Fall(NamedTuple):
 
 
 class FallDetector:
-    """Compares the robot with how it stood at first."""
+    """Detects a fall by comparing the robot with its stance at the start."""
 
     def __init__(self, view: PlantView) -> None:
-        """Take the present height as that of standing."""
+        """Take the present height as the standing height."""
         self._view = view
         base, left, right, *_ = view.heights()
         self._standing_height = base - 0.5 * (left + right)
         self._least_height = FALL_HEIGHT_RATIO * self._standing_height
 
     def check(self) -> bool:
-        """Check whether the robot is low, leans or touches down with a link."""
+        """Return whether the robot is low, leans or touches down with a link."""
         base, left, right, *links = self._view.heights()
         # A state that is not a number fails one of these: that is a fall, too.
         standing = (
@@ -204,7 +204,7 @@ class FallDetector:
         return not standing
 
     def diagnose(self) -> Fall:
-        """By which criterion a robot fell that :meth:`check` has found down."""
+        """Return the criterion of a fall that :meth:`check` has found."""
         base, left, right, *links = self._view.heights()
         upright, height = self._view.upright, base - 0.5 * (left + right)
         if not math.isfinite(upright + sum(links) + height):
@@ -230,13 +230,13 @@ TRUE = (
 )
 PLATFORM_POSE = "true_platform_pose"
 BLOCK_ROWS = 64
-"""Ticks hashed at a time; the digest does not depend on it."""
+"""Number of ticks hashed at a time; the digest does not depend on it."""
 
 
 class RobotRecorder:
-    """Hands on what the robot's side of a run knows of every tick.
+    """Records the signals of the robot's side of a run, tick by tick.
 
-    That is: its sensors, the command its servos follow, and the simulator's truth.
+    They are its sensors, the command that its servos follow, and the true state.
     """
 
     def __init__(
@@ -253,7 +253,7 @@ class RobotRecorder:
         self._time_s = np.zeros(1)
 
     def add(self, truth: PlantTruth, snapshot: Snapshot, q_command: Array) -> None:
-        """Take in one tick; each tick once, in order."""
+        """Record one tick; each tick once, in order."""
         self._time_s[0] = truth.tick * self._period_s
         platforms = [
             part
@@ -287,21 +287,21 @@ class RobotRecorder:
 
 
 class RunDigest:
-    """SHA-256 over every tick's sensors and the command it was stepped with.
+    """SHA-256 over the sensors and the command of every tick.
 
     Each tick adds, as little-endian float64, all readings in the order of the sensor
-    table, and the posture the servos were given. Stamps and timings are left out.
+    table, then the posture commanded to the servos. Stamps and timings are left out.
     """
 
     def __init__(self, *, joints: int) -> None:
-        """Start with nothing."""
+        """Start without ticks."""
         self._sha = hashlib.sha256()
         width = SnapshotLayout(joints).size + joints
         self._rows = np.empty((BLOCK_ROWS, width), dtype="<f8")
         self._count = 0
 
     def add(self, snapshot: Snapshot, q_command: Array) -> None:
-        """Take in one tick."""
+        """Add one tick."""
         row = self._rows[self._count]
         np.concatenate((*readings(snapshot), q_command), out=row)
         self._count += 1
@@ -310,7 +310,7 @@ class RunDigest:
             self._count = 0
 
     def hexdigest(self) -> str:
-        """Digest of all ticks so far."""
+        """Return the digest of all ticks so far."""
         whole = self._sha.copy()
         whole.update(self._rows[: self._count].data)
         return whole.hexdigest()

@@ -1,4 +1,4 @@
-"""Motions of the ground along one axis: position and its exact derivative.
+"""Laws of the ground's motion along one axis: position and its exact derivative.
 
 The ternary sequence is the stimulus of Peterka (2002, J. Neurophysiol. 88) as the
 COMTEST protocol of EUROBENCH uses it (Lippi et al., arXiv 2104.11935).
@@ -26,22 +26,21 @@ from surefoot.sim_robot.errors import ScenarioError
 from surefoot.sim_robot.recorded import recorded_law
 
 MotionLaw = Callable[[float], tuple[float, float]]
-"""Time [s] to (position, velocity) in SI; at rest in zero until the motion starts.
-Those below are of the time since then."""
+"""Maps time [s] to (position, velocity) in SI; at rest at zero until the motion starts.
+The laws below take the time since the start."""
 STATES = 80
-"""In a cycle: 3 ** 4 - 1."""
+"""Number of states in a cycle: 3 ** 4 - 1."""
 COMPONENTS = 256
 LOWEST, HIGHEST = 0.5, 4.0
-"""Band of the components, in peak frequencies; 99.5 % of the variance lie in it."""
+"""Band of the components, in peak frequencies; it has 99.5 % of the variance."""
 
 
 def motion_law(motion: Motion) -> MotionLaw:
     """Turn a motion of the scenario file into a function of time.
 
     Raises:
-        ScenarioError: a free fall that does not go down, a motion faster than the
-            simulation can show, or a record that cannot be used; ``field`` is the key
-            within the motion.
+        ScenarioError: a free fall goes up, a motion is faster than the simulation can
+            show, or a record cannot be used; ``field`` is the key within the motion.
     """
     check_blend(motion)
     match motion:
@@ -137,7 +136,7 @@ def _drop(motion: DropMotion) -> MotionLaw:
 
 
 def _speed_up(time_s: float, blend: float) -> tuple[float, float]:
-    """Return distance and speed, ``time_s`` into a smooth start to unit speed."""
+    """Return distance and speed ``time_s`` after a smooth start to unit speed."""
     u = time_s / blend
     return blend * u * u * u * (1.0 - 0.5 * u), u * u * (3.0 - 2.0 * u)
 
@@ -147,10 +146,10 @@ def _blend_s(motion: RampMotion | DropMotion) -> float:
 
 
 def fade(u: float) -> tuple[float, float]:
-    """Return the share of a motion that fades in, C2 smooth, and the share's slope.
+    """Return the share of a motion that fades in, C2 smooth, and its slope.
 
     Args:
-        u: from 0 to 1 over the fade.
+        u: progress of the fade, from 0 to 1.
     """
     share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
     return share, 30.0 * u * u * (1.0 - u) * (1.0 - u)
@@ -171,10 +170,10 @@ def _faded_in(law: MotionLaw, per_fade: float) -> MotionLaw:
 
 
 def check_blend(motion: Motion) -> None:
-    """Refuse a blend that would be over within a step of the simulation.
+    """Refuse a blend shorter than two steps of the simulation.
 
     Raises:
-        ScenarioError: it is.
+        ScenarioError: the blend is too short.
     """
     if motion.blend_s is not None and motion.blend_s < 1.0 / FASTEST_HZ:
         raise ScenarioError(
@@ -185,15 +184,15 @@ def check_blend(motion: Motion) -> None:
 
 
 def check_frequency(frequency_hz: float, key: str, *, what: str = "") -> None:
-    """Refuse what is faster than half the simulation's rate.
+    """Refuse a frequency above half the simulation's rate.
 
     Args:
-        frequency_hz: the fastest in the motion.
-        key: of the motion that says so.
-        what: in words, where the key is not the frequency itself.
+        frequency_hz: highest frequency of the motion [Hz].
+        key: key of the motion that sets it.
+        what: the setting in words, if the key is not the frequency itself.
 
     Raises:
-        ScenarioError: it is.
+        ScenarioError: the frequency is too high.
     """
     if frequency_hz > FASTEST_HZ:
         raise ScenarioError(
@@ -206,8 +205,8 @@ def check_frequency(frequency_hz: float, key: str, *, what: str = "") -> None:
 def prts_states() -> list[int]:
     """Return the states of a cycle: 80 of -1, 0 and 1.
 
-    A shift register of four ternary stages, at first 0 0 0 1, gives out its last stage;
-    what enters is the last stage less the third, modulo 3. State 2 stands for -1.
+    A shift register of four ternary stages starts at 0 0 0 1 and puts out its last
+    stage. Its input is the last stage minus the third, modulo 3. State 2 means -1.
     """
     register, states = [0, 0, 0, 1], []
     for _ in range(STATES):
@@ -217,21 +216,21 @@ def prts_states() -> list[int]:
 
 
 def _prts(motion: PrtsMotion) -> MotionLaw:
-    """Make the integral of the states, its velocity blended where the state changes.
+    """Make the integral of the states, with the velocity blended at each change.
 
-    A change begins with its state and takes a blend, as a smooth step: the position is
-    that of the abrupt sequence, averaged over the blend before, so it ends where it
-    began.
+    A change begins with its state and takes one blend, as a smooth step. So the
+    position is that of the abrupt sequence averaged over the past blend, and ends where
+    it began.
 
     Raises:
-        ScenarioError: faster than half the simulation's rate.
+        ScenarioError: the sequence is faster than half the simulation's rate.
     """
     state_s, blend, rate = motion.state_s, motion.blend, motion.rate
     check_frequency(0.5 / state_s, "speed", what=f"states of {1e3 * state_s:g} ms, so")
     states: Array = np.array(prts_states() * motion.cycles, dtype=np.float64)
     velocity = (rate * np.append(states, 0.0)).tolist()
     before = [0.0, *velocity[:-1]]
-    # Over a state: its own velocity, less what the blend lacks of it.
+    # Travel of a state: its own velocity, minus what the blend takes off.
     lacks = 0.5 * blend * np.diff(rate * states, prepend=0.0)
     travelled = np.cumsum(rate * states * state_s - lacks)
     position = [0.0, *travelled.tolist()]
@@ -252,15 +251,15 @@ def _prts(motion: PrtsMotion) -> MotionLaw:
 
 
 def jonswap(frequency_hz: Array, *, peak_hz: float, gamma: float) -> Array:
-    """Return the shape of the JONSWAP spectrum, (n,), to be scaled.
+    """Return the shape of the JONSWAP spectrum, (n,), not scaled.
 
     Hasselmann et al. (1973): f^-5 exp(-5/4 (f/fp)^-4) gamma^r, with
     r = exp(-(f - fp)^2 / (2 sigma^2 fp^2)), sigma = 0.07 below the peak and 0.09 above.
 
     Args:
-        frequency_hz: (n,) above zero.
-        peak_hz: frequency of the peak.
-        gamma: how peaked it is.
+        frequency_hz: (n,) frequencies, above zero [Hz].
+        peak_hz: frequency of the peak [Hz].
+        gamma: peak enhancement factor.
     """
     relative = frequency_hz / peak_hz
     sigma = np.where(relative <= 1.0, 0.07, 0.09)
@@ -272,9 +271,9 @@ def jonswap(frequency_hz: Array, *, peak_hz: float, gamma: float) -> Array:
 def components(motion: SpectrumMotion) -> tuple[Array, Array, Array]:
     """Return frequencies [Hz], amplitudes of the waves [m] and phases [rad], (256,).
 
-    One component at a random place in each of equally wide bands, so that the sum does
-    not repeat itself. Amplitudes follow the spectrum and add up to the wanted variance,
-    height^2 / 16, exactly.
+    Each of equally wide bands has one component at a random place, so the sum does not
+    repeat itself. Amplitudes follow the spectrum, and their variances add up exactly to
+    height^2 / 16.
     """
     peak_hz = 1.0 / motion.period_s
     random = np.random.default_rng(np.random.SeedSequence(motion.seed))
@@ -290,7 +289,7 @@ def _spectrum(motion: SpectrumMotion) -> MotionLaw:
     """Make the sum of the components times the gain, faded in, C2 smooth.
 
     Raises:
-        ScenarioError: faster than half the simulation's rate.
+        ScenarioError: a component is faster than half the simulation's rate.
     """
     check_frequency(
         HIGHEST / motion.period_s,

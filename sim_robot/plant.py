@@ -1,4 +1,7 @@
-"""The simulated body: MuJoCo with the robot's servos, one step per command."""
+"""The simulated body: MuJoCo with the robot's servos, one control period per command.
+
+Commands enter here after the gate and their delay; sensor readings leave for the bus.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +33,11 @@ from surefoot.sim_robot.world import Grasps, World, build_world, renew
 
 
 class Servos:
-    """What each servo really follows, given the position it was commanded.
+    """Set-points that the servos follow, given the commanded positions.
 
-    The set-point chases the command at most at the profile's speed; a first-order
-    lag follows it, discretised exactly for a set-point held over the step. The PD
-    law itself runs in the simulation, on this set-point, every step.
+    The set-point chases the command at the profile's speed limit. A first-order lag
+    follows, discretised exactly for a set-point held over the step. The PD law itself
+    runs in the simulation, on this set-point, every step.
 
     Attributes:
         setpoint: (n_a,) position the PD law acts on [rad]; a live array.
@@ -45,7 +48,7 @@ class Servos:
 
         Args:
             profile: velocity limit and lag.
-            posture: (n_a,) [rad].
+            posture: (n_a,) joint positions [rad].
             step_s: simulation step [s].
         """
         self._largest_change = profile.velocity_limit_rad_s * step_s
@@ -56,7 +59,7 @@ class Servos:
         self.setpoint: Array = self._limited.copy() if self._lagging else self._limited
 
     def reset(self, posture: Array) -> None:
-        """Forget the past: at rest in ``posture``, (n_a,) [rad]."""
+        """Reset to rest in ``posture``, (n_a,) [rad]."""
         np.copyto(self._limited, posture)
         np.copyto(self.setpoint, posture)
 
@@ -64,7 +67,7 @@ class Servos:
         """Advance one simulation step towards a command.
 
         Args:
-            q_command: (n_a,) [rad].
+            q_command: (n_a,) commanded positions [rad].
 
         Returns:
             (n_a,) the live set-point for this step [rad].
@@ -87,16 +90,16 @@ _LOG = logging.getLogger("surefoot.sim")
 class Plant:
     """A simulated robot on a scenario's ground.
 
-    ``sense`` reads the present tick, ``step`` advances to the next; the same robot,
+    ``sense`` reads the present tick, ``step`` advances to the next. The same robot,
     scenario, seed and commands give the same readings, bit for bit. Joint state and
     poses are those of the tick, forces those of the simulation step before it.
 
     Attributes:
         world: the compiled model and its addresses.
         data: MuJoCo's state; to be read, not written.
-        posture: (n_a,) what the servos hold at tick 0 [rad].
-        com_reference: (3,) what CoM errors are counted against: the nominal stance.
-        view: the true state at the present tick, without copying it.
+        posture: (n_a,) posture that the servos hold at tick 0 [rad].
+        com_reference: (3,) CoM of the nominal stance, the reference of CoM errors [m].
+        view: the true state at the present tick, not copied.
     """
 
     def __init__(self, robot: Robot, scenario: Scenario, *, seed: int) -> None:
@@ -106,13 +109,13 @@ class Plant:
             robot: from :func:`surefoot.robot_io.robot.load_robot`.
             scenario: ground, pushes, sensors, sensor delay and model error; its
                 command delay is not applied here.
-            seed: of the sensor noise.
+            seed: seed of the sensor noise.
 
         Raises:
             ScenarioError: the scenario does not fit the robot or the simulation.
             RobotFileError: the robot does not stand in its nominal posture.
         """
-        # By itself it would write MUJOCO_LOG.TXT into whatever folder this is.
+        # Without this MuJoCo would write MUJOCO_LOG.TXT into the present folder.
         mujoco.set_mju_user_warning(_LOG.warning)
         self.world: World = build_world(robot, scenario)
         self.data = mujoco.MjData(self.world.model)
@@ -180,7 +183,7 @@ class Plant:
         return self._pushes.rods.at_work
 
     def diagnose_fall(self) -> Fall:
-        """How one knows that the robot fell; only after it did."""
+        """Return how the robot fell; call it only after a fall."""
         return self._fallen.diagnose()
 
     def sense(self) -> Snapshot:
@@ -195,10 +198,10 @@ class Plant:
         """Advance one control period.
 
         Args:
-            q_command: (n_a,) position the servos are to follow [rad].
+            q_command: (n_a,) positions that the servos are to follow [rad].
 
         Raises:
-            CommandError: wrong size.
+            CommandError: the command has the wrong size.
         """
         if q_command.shape != self._nominal.shape:
             raise CommandError(
@@ -215,13 +218,13 @@ class Plant:
         self._snapshot = None
 
     def wait(self, q_command: Array) -> None:
-        """Advance one control period in which the scenario does not begin yet.
+        """Advance one control period before the scenario begins.
 
-        The ground stands still and the tick stays what it is; sensors and the stamps of
+        The ground stands still and the tick stays the same; sensors and the stamps of
         their readings go on.
 
         Args:
-            q_command: (n_a,) position the servos are to follow [rad].
+            q_command: (n_a,) positions that the servos are to follow [rad].
         """
         self.sense()
         for _ in range(self._substeps):
@@ -233,7 +236,7 @@ class Plant:
         """Push the robot from the next tick on.
 
         Returns:
-            The first tick in which it acts.
+            The first tick in which the push acts.
 
         Raises:
             ScenarioError: the push cannot be done.
@@ -250,12 +253,12 @@ class Plant:
     def _simulate(self, q_command: Array, *, end_s: float) -> None:
         """Simulate one step up to ``end_s``.
 
-        Forces and integration first, kinematics of the new state last: poses and
-        velocities are then of the present, at no further cost.
+        Forces and integration come first, kinematics of the new state last. So poses
+        and velocities are those of the present, at no further cost.
         """
         self._ctrl[:] = self._servos.step(q_command)
         if self._half_play is not None:
-            # The servo pulls only as far as it is beyond the play.
+            # The servo feels only the error beyond the play.
             error = self._ctrl - self.data.qpos.take(self.world.joint_qpos)
             self._ctrl -= np.clip(error, -self._half_play, self._half_play)
         self._ground.aim(end_s)
@@ -265,14 +268,14 @@ class Plant:
         mujoco.mj_step1(self._model, self.data)
 
     def _settle(self) -> Vec3:
-        """Stand the robot on the ground and wait until it is at rest.
+        """Stand the robot on the ground and let it come to rest.
 
         Returns:
-            (3,) centre of mass of the nominal posture on level ground, x and y from
-            the midpoint of the soles, before the servos give way under the weight.
+            (3,) centre of mass of the nominal posture on level ground [m], x and y from
+            the midpoint of the soles, before the servos yield to the weight.
 
         Raises:
-            RobotFileError: it does not stand there.
+            RobotFileError: the robot does not stand there.
         """
         data, world = self.data, self.world
         self._place(world.nominal)

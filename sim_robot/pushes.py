@@ -1,4 +1,4 @@
-"""Forces on links: pushes for a while, and rods that follow, lead or strike them."""
+"""External forces on links: timed pushes, and rods that follow, lead or strike them."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ MAX_FORCE_N = 2000.0
 MAX_DURATION_S = 5.0
 _LEAST_HEIGHT_M = 0.01
 _ALONG = 1e-9
-"""An edge less than so much across a direction is along it."""
+"""Edges with a smaller component across a direction count as parallel to it."""
 STEADY = 0.3
-"""Largest share of a link's momentum that springs and dampers may move in a step."""
+"""Largest share of a link's momentum that springs and dampers may change in a step."""
 
 
 class CaptureLimit:
-    """The hardest blow that a robot at rest can catch without a step.
+    """The largest impulse that a robot at rest can absorb without a step.
 
-    A blow gives the centre of mass a speed of impulse over mass; its capture point, for
-    a pendulum of the height of the centre of mass, is that over sqrt(g / height) away.
-    It can be caught while that is within the soles' convex hull.
+    An impulse gives the centre of mass the speed impulse / mass. The capture point of a
+    pendulum as high as the centre of mass is that speed over sqrt(g / height) away. The
+    robot can absorb the impulse while the point is in the soles' convex hull.
     """
 
     def __init__(self, robot: Robot, world: World, data: mujoco.MjData) -> None:
-        """Take the stance of the moment."""
+        """Take the robot's present stance."""
         com = data.subtree_com[world.base_body].copy()
         corners = [
             data.xpos[body]
@@ -51,7 +51,7 @@ class CaptureLimit:
             )
             for along, across in itertools.product((-1.0, 1.0), repeat=2)
         ]
-        # A payload far aside has thrown the robot over: it catches nothing.
+        # A payload far aside has toppled the robot: it absorbs nothing.
         height = max(_LEAST_HEIGHT_M, com[2] - np.mean(corners, axis=0)[2])
         self._corners = np.array(corners)[:, :2]
         self._com, self._yaw = com[:2], world.start.yaw
@@ -69,7 +69,7 @@ class CaptureLimit:
         return np.array([*(size * direction), 0.0])
 
     def impulse(self, direction: Array) -> float:
-        """Return the hardest blow [N s] along a direction, (2,) of length 1."""
+        """Return the largest impulse [N s] along a unit direction, (2,)."""
         from scipy.spatial import ConvexHull
 
         hull = ConvexHull(self._corners).equations
@@ -81,9 +81,9 @@ class CaptureLimit:
 
 
 class Pushes:
-    """Applies the scenario's pushes at the centres of mass, in world axes.
+    """Applies the scenario's pushes at the links' centres of mass, in world axes.
 
-    A push acts on whole simulation steps; pushes that overlap add up.
+    A push acts over whole simulation steps; overlapping pushes add up.
     """
 
     def __init__(
@@ -115,11 +115,11 @@ class Pushes:
         self._bodies += [rod.body for rod in self.rods.at_work]
 
     def add(self, push: PushRequest, *, first_step: int) -> None:
-        """Add a push that somebody asks for during the run.
+        """Add a push that is requested during the run.
 
         Raises:
             ScenarioError: the body does not exist or has no mass, or the push is
-                beyond what a person would mean.
+                implausibly strong, short or long.
         """
         body = _find(push.body, self._valid, key="body")
         if math.hypot(*push.force_n) > MAX_FORCE_N:
@@ -139,7 +139,7 @@ class Pushes:
         self._bodies.append(body)
 
     def apply(self, data: mujoco.MjData, step: int) -> None:
-        """Set the forces for simulation step ``step``, counted from zero."""
+        """Set the forces of simulation step ``step``, counted from zero."""
         if not self._bodies:
             return
         for body in self._bodies:
@@ -163,7 +163,7 @@ def _find(name: str, bodies: dict[str, int], *, key: str) -> int:
     """Return MuJoCo's id of a link with mass.
 
     Raises:
-        ScenarioError: there is none of this name; ``field`` is the key.
+        ScenarioError: no link has this name; ``field`` is the key.
     """
     if name not in bodies:
         raise ScenarioError(
@@ -178,11 +178,11 @@ class RodState(NamedTuple):
     """A rod after the last simulation step.
 
     Attributes:
-        force_n: on the link, along the rod [N].
-        position_m: of the link along the rod, from where it was at the start [m].
-        work_j: that the rod has done on the robot [J].
-        impulse_n_s: that it has given [N s].
-        peak_n: largest force, of either sign [N].
+        force_n: force on the link, along the rod [N].
+        position_m: position of the link along the rod, from its start [m].
+        work_j: work that the rod has done on the robot [J].
+        impulse_n_s: impulse that it has given [N s].
+        peak_n: largest force, without its sign [N].
     """
 
     force_n: float = 0.0
@@ -193,24 +193,24 @@ class RodState(NamedTuple):
 
 
 RodLaw = Callable[[float, float, float], float]
-"""Time since a rod began [s], position of its link from where it was then [m] and speed
-[m/s] to the force on the link [N]; asked once in each step."""
+"""Maps the time since the rod began [s], and position from then [m] and speed [m/s] of
+its link, to the force on the link [N]; called once per step."""
 
 
 class RodAtWork:
-    """One rod of a scenario.
+    """One rod of a scenario in action.
 
     Attributes:
         body: MuJoCo's id of the link.
-        direction: (3,) along which it works, world.
-        state: after the last step.
+        direction: (3,) unit vector along the rod, world.
+        state: state after the last step.
     """
 
     def __init__(self, rod: Rod, body: int, *, mass: float) -> None:
         """Prepare the rod for a link, MuJoCo's ``body``, of a mass [kg].
 
         Raises:
-            ScenarioError: it is too stiff for so light a link, or too fast.
+            ScenarioError: the rod is too stiff for so light a link, or too fast.
         """
         angle = math.radians(rod.direction_deg)
         self.body = body
@@ -226,8 +226,8 @@ class RodAtWork:
         """Return the force on the link in a simulation step, along the rod [N].
 
         Args:
-            place: of the link's centre of mass along the rod [m].
-            step: of the simulation, counted from zero.
+            place: position of the link's centre of mass along the rod [m].
+            step: simulation step, counted from zero.
         """
         if step < self._first_step:
             return 0.0
@@ -241,8 +241,8 @@ class RodAtWork:
         self.state = RodState(
             force_n=force,
             position_m=position,
-            # The force of the step before changed the speed from that of the move
-            # before to that of this one.
+            # The force of the step before changed the speed from that of the last move
+            # to that of this one.
             work_j=before.work_j + before.force_n * 0.5 * (self._moved + moved),
             impulse_n_s=before.impulse_n_s + force * SIM_STEP_S,
             peak_n=max(before.peak_n, abs(force)),
@@ -294,7 +294,7 @@ def _law(rod: Rod) -> RodLaw:
 
 
 def _strike(rod: StrikeRod) -> RodLaw:
-    """Strike with a mass with a pad, until it flies off."""
+    """Make the law of a padded mass that strikes until it flies off."""
     place, own_speed, is_over = 0.0, rod.speed_m_s, False
 
     def law(since_s: float, position: float, speed: float) -> float:
@@ -313,14 +313,14 @@ def _strike(rod: StrikeRod) -> RodLaw:
 
 
 def _course(rod: ForceRod | DisplacementRod, amplitude: float) -> MotionLaw:
-    """Course of a force or of a way: the ground's laws serve for either."""
+    """Return the course of a force or a displacement, by the ground's laws."""
     frequency_hz = rod.frequency_hz
     if frequency_hz is not None:
         return motion_law(
             SineMotion(axis="x", amplitude_m=amplitude, frequency_hz=frequency_hz)
         )
     assert rod.rise_s is not None
-    # Speeds up for half of the time and slows down for the other half.
+    # It speeds up for half of the time and slows down for the other half.
     ramp = RampMotion(
         axis="x",
         amplitude_m=amplitude,
@@ -331,7 +331,7 @@ def _course(rod: ForceRod | DisplacementRod, amplitude: float) -> MotionLaw:
 
 
 def _check_steady(rod: Rod, mass: float) -> None:
-    """Refuse springs and dampers that a step of the simulation would overshoot."""
+    """Refuse springs and dampers that would overshoot in a step of the simulation."""
     if isinstance(rod, ForceRod):
         return
     share = rod.stiffness_n_m * SIM_STEP_S**2 / mass

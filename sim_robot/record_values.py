@@ -1,4 +1,4 @@
-"""Numbers of recorded ground: in texts, and in the messages of an MCAP channel."""
+"""Reads the numbers of recorded ground, from texts and from MCAP channels."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ def read_mcap(
 ) -> tuple[Array, Array]:
     """Read times [s] and values of a channel, each (n,).
 
-    Messages in JSON and MessagePack are read, and those of ROS 2 where the package
-    ``mcap-ros2-support`` is installed. Times are those of measuring where messages
-    carry one (``stamp_ns`` or ``header.stamp``), otherwise of logging.
+    It reads messages in JSON and MessagePack, and those of ROS 2 if the package
+    ``mcap-ros2-support`` is installed. Times are times of measurement if the messages
+    carry them (``stamp_ns`` or ``header.stamp``), otherwise times of logging.
 
     Args:
-        content: of the file.
-        file: its name, for errors.
-        channel: topic, also without the slash it begins with.
+        content: bytes of the file.
+        file: name of the file, for errors.
+        channel: topic, with or without its leading slash.
         field: path of a number in the messages, such as ``linear_acceleration.0``.
 
     Raises:
-        ScenarioError: no such file, channel or field; ``field`` is the key to look at.
+        ScenarioError: no such file, channel or field; ``field`` is the key to correct.
     """
     times, values = [], []
     decoders: dict[int, _Decoder] = {}
     try:
         reader, channels = _opened(content)
         topics = sorted({about.topic for about in channels})
-        slashed = f"/{channel}"  # as our records call what everything else calls imu
+        slashed = f"/{channel}"  # our records write /imu where others write imu
         wanted = slashed if channel not in topics and slashed in topics else channel
         for schema, about, message in reader.iter_messages(topics=[wanted]):
             if about.id not in decoders:
@@ -77,9 +77,9 @@ def read_mcap(
 
 
 def _opened(content: bytes) -> tuple[McapReader, list[Channel]]:
-    """Return what reads the messages of a file, and its channels.
+    """Return a reader of a file's messages, and the file's channels.
 
-    Its summary, which is quicker to read by, may be missing or name no channels.
+    The summary gives a faster reader, but may be missing or name no channels.
     """
     reader = make_reader(BytesIO(content), validate_crcs=True)
     summary = reader.get_summary()
@@ -151,7 +151,7 @@ def _inside(place: Any, step: str) -> Any:
 
 
 def _stamp_ns(message: Any, logged_ns: int, channel: str) -> int:
-    """When a message was measured, as far as it says so [ns]."""
+    """Return the measurement time of a message; without one its log time [ns]."""
     stamp_ns = _whole(_first(message, "stamp_ns"))
     stamp = _first(_first(message, "header"), "stamp")
     if not stamp_ns and stamp is not None:
@@ -169,14 +169,14 @@ def _stamp_ns(message: Any, logged_ns: int, channel: str) -> int:
 
 
 def _first(place: Any, *names: str) -> Any:
-    """Return the first of these that a message has; None when it has none."""
+    """Return the first of these fields that a message has; None when it has none."""
     if isinstance(place, dict):
         return next((place[name] for name in names if name in place), None)
     return next((getattr(place, name) for name in names if hasattr(place, name)), None)
 
 
 def _whole(stamp: Any) -> int:
-    """Return a stamp as a whole number; 0 for what is none. JSON has text for some."""
+    """Return a stamp as a whole number, 0 if it is none; JSON may have it as text."""
     if isinstance(stamp, str) and re.fullmatch(r"[0-9]{1,25}", stamp):
         return int(stamp)
     if isinstance(stamp, float):
@@ -185,7 +185,7 @@ def _whole(stamp: Any) -> int:
 
 
 def short(text: str) -> str:
-    """Return what a file says, short enough for a message."""
+    """Return text of a file, shortened for an error message."""
     return text if len(text) <= 60 else f"{text[:60]}..."
 
 
@@ -196,11 +196,11 @@ def bad_key(key: str, what: str) -> ScenarioError:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Reads the numbers of a text file, those of Fortran included.
+    """Reads the numbers of a text file, also in Fortran's notation.
 
     Attributes:
-        file: for errors.
-        decimal_comma: 0,5 is a half, and no number has a point.
+        file: name of the file, for errors.
+        decimal_comma: whether 0,5 is a half; then no number has a point.
     """
 
     file: str
@@ -212,7 +212,7 @@ class Numbers:
         """Return a finite number.
 
         Raises:
-            ScenarioError: the word is none, or not above the bound.
+            ScenarioError: the word is no number, or not above the bound.
         """
         plain = word.strip()
         if self.decimal_comma:
@@ -229,7 +229,7 @@ class Numbers:
     def bad(
         self, what: str, got: str, expected: str, *, line: int = 0
     ) -> ScenarioError:
-        """Return the error for what is no number."""
+        """Return the error for text that is not the expected number."""
         place = f", line {line}" if line else ""
         got = repr(short(got)) if got.strip() else "nothing"
         return bad_key(
@@ -239,7 +239,7 @@ class Numbers:
         )
 
     def rows(self, lines: Iterable[str], *, first_line: int) -> Array:
-        """Return all numbers of some lines, (n,); fixed widths may touch."""
+        """Return all numbers of some lines, (n,); in fixed widths they may touch."""
         return np.array(
             [
                 self(part, "a value", line=at)
@@ -251,7 +251,7 @@ class Numbers:
         )
 
     def enough(self, found: int, told: float) -> None:
-        """Check that there are as many values as the heading tells."""
+        """Check that there are at least as many values as the heading says."""
         if found < math.floor(told + 1e-6):
             raise bad_key(
                 "file",
@@ -260,7 +260,7 @@ class Numbers:
             )
 
     def no_more(self, found: int, told: float, lines: Iterable[str]) -> None:
-        """Check that what the heading does not tell of only fills the last row."""
+        """Check that values beyond the heading's count only fill the last row."""
         words = ([_parts(word) for word in line.split()] for line in lines)
         row = max((sum(map(len, line)) for line in words), default=0)
         if found >= told + row:
@@ -272,13 +272,13 @@ class Numbers:
 
 
 def _parts(word: str) -> list[str]:
-    """Return numbers that touch one by one; 1.5-101, an exponent, is left whole."""
+    """Return touching numbers one by one; leave an exponent such as 1.5-101 whole."""
     parts = _RUN_TOGETHER.split(word)
     return parts if all("." in part for part in parts) else [word]
 
 
 def is_number(cell: str, delimiter: str) -> bool:
-    """Whether a cell is a number; between tabs or semicolons, of a comma too."""
+    """Return whether a cell is a number; between tabs or semicolons 0,5 is one."""
     plain = cell.strip().strip('"')
     if delimiter in ";\t":
         plain = plain.replace(",", ".")

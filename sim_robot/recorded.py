@@ -1,4 +1,4 @@
-"""Recorded motions of the ground: integrated, freed of drift, looked up."""
+"""Turns recorded ground into motions: integrated, freed of drift, looked up by time."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ if TYPE_CHECKING:
     from surefoot.sim_robot.motion import MotionLaw
 
 LARGEST = 1000.0
-"""In m or rad, per second or per square second: no ground that a robot stands on."""
+"""Largest value [m or rad, or these per s or s^2]: no robot stands on ground beyond."""
 _FILTER_ORDER = 2
-"""Of the high-pass, which runs forwards and backwards: twice that in all."""
+"""Order of the high-pass. It runs forwards and backwards: twice that order in all."""
 _PADDING_PERIODS = 3.0
 """Zeros before and after a record, in periods of the high-pass."""
 _SLOWEST_HZ = 1e-3
-"""No high-pass is lower: its padding would be longer than any scenario."""
+"""Lowest high-pass [Hz]: a lower one's padding would be longer than any scenario."""
 _LEAST_LINE = 0.01
-"""Rise of a drift along a record over the largest value there, to be taken off."""
+"""A drift whose rise over the largest value is above this share is taken off."""
 _LEAST_STROKE = 1e-9
-"""Smaller is what rounding leaves of values that are all alike [m or rad]."""
+"""A smaller stroke is rounding of constant values [m or rad]."""
 LONGEST_S = 3600.0
-"""As a scenario's duration."""
+"""Longest record, as the longest duration of a scenario [s]."""
 _MOST_MISSING = 5.0
-"""The longest gap, in typical intervals, that a curve may bridge."""
+"""Longest gap that a curve may bridge, in typical intervals."""
 _BURST = 16
-"""Intervals over which the rate of sampling is looked at; stamps jitter."""
+"""Number of intervals over which the sampling rate is taken, since stamps jitter."""
 
 
 @dataclass(frozen=True)
 class RecordedTrack:
-    """A recorded motion as the platform does it, at every step of the simulation.
+    """A recorded motion as the platform carries it out, at every simulation step.
 
     Attributes:
-        sha256: of the file.
+        sha256: digest of the file.
         position: (n,) [m or rad]; begins at zero.
-        velocity: (n,) its derivative; begins and ends at zero.
-        acceleration: (n,) the derivative of that.
+        velocity: (n,) its derivative [per s]; begins and ends at zero.
+        acceleration: (n,) the derivative of the velocity [per s^2].
     """
 
     sha256: str
@@ -60,7 +60,7 @@ class RecordedTrack:
 
 
 def recorded_law(motion: RecordedMotion) -> MotionLaw:
-    """Make the motion of a file: cubic between the simulation's steps.
+    """Make the motion of a file, cubic between simulation steps.
 
     Raises:
         ScenarioError: the file cannot be read, or is no motion.
@@ -93,10 +93,10 @@ def recorded_law(motion: RecordedMotion) -> MotionLaw:
 
 
 def recorded_track(motion: RecordedMotion) -> RecordedTrack:
-    """Read a recorded motion and work out how the platform moves.
+    """Read a recorded motion and compute the platform's motion.
 
-    The record is laid on the simulation's steps, drift is taken off, what is missing is
-    integrated or differentiated, and the velocity is faded in and out.
+    The record is sampled at the simulation's steps and drift is taken off. Missing
+    quantities are integrated or differentiated. The velocity is faded in and out.
 
     Raises:
         ScenarioError: the file cannot be read, or is no motion; ``field`` is the key.
@@ -104,13 +104,13 @@ def recorded_track(motion: RecordedMotion) -> RecordedTrack:
     try:
         changed_ns = Path(motion.file).stat().st_mtime_ns
     except (OSError, ValueError):
-        changed_ns = 0  # reading it says what is wrong
+        changed_ns = 0  # reading the file will report what is wrong
     return _track(motion, changed_ns)
 
 
 @lru_cache(maxsize=8)
 def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
-    """The same; read anew when the file was changed."""
+    """Do the work of :func:`recorded_track`, anew when the file has changed."""
     del changed_ns
     record = read_record(motion)
     times, values = _cut(record, motion)
@@ -122,7 +122,7 @@ def _track(motion: RecordedMotion, changed_ns: int) -> RecordedTrack:
             f"units: {error}{said}; `units` in the scenario overrides the file's",
             field="units",
         ) from error
-    with np.errstate(over="ignore"):  # told of in the next line
+    with np.errstate(over="ignore"):  # the check below reports it
         values = motion.scale * factor * values
     _check_size(values, motion, "holds")
     drift_hz = motion.drift_of(record.quantity)
@@ -166,7 +166,7 @@ def _check_size(values: Array, motion: RecordedMotion, what: str) -> None:
 
 
 def recorded_ground(scenario: Scenario) -> list[RecordedGround]:
-    """What the recorded motions of a scenario are, in the order of its file.
+    """Return a summary of each recorded motion of a scenario, in the order of its file.
 
     Raises:
         ScenarioError: a file cannot be read, or is no motion.
@@ -194,7 +194,7 @@ def recorded_ground(scenario: Scenario) -> list[RecordedGround]:
 
 
 def _cut(record: GroundRecord, motion: RecordedMotion) -> tuple[Array, Array]:
-    """Return times from zero [s] and values of the part that is wanted."""
+    """Return times from zero [s] and values of the selected part."""
     times = record.times - record.times[0]
     until = times[-1] if motion.to_s is None else motion.to_s
     chosen = (times >= motion.from_s - 1e-9) & (times <= until + 1e-9)
@@ -217,7 +217,7 @@ def _cut(record: GroundRecord, motion: RecordedMotion) -> tuple[Array, Array]:
 
 
 def _check_times(times: Array, motion: RecordedMotion) -> None:
-    """Refuse what is too long, too fast or has gaps, before it is sampled anew."""
+    """Refuse a record that is too long, too fast or has gaps, before resampling."""
     length_s = float(times[-1] - times[0])
     if length_s > LONGEST_S:
         raise ScenarioError(
@@ -230,7 +230,7 @@ def _check_times(times: Array, motion: RecordedMotion) -> None:
     rates_hz = over / (times[over:] - times[:-over])
     at = int(np.argmax(rates_hz))
     mean_hz = (len(times) - 1) / length_s
-    # Jitter of the stamps alone makes some intervals shorter.
+    # Jitter of the stamps alone shortens some intervals.
     if mean_hz > most_hz * (1.0 + 1e-6) or rates_hz[at] > 1.25 * most_hz:
         raise ScenarioError(
             f"file: {motion.file} has {rates_hz[at]:g} samples a second at "
@@ -257,7 +257,7 @@ def _velocity(
     from scipy.interpolate import CubicSpline
 
     grid = SIM_STEP_S * np.arange(round(times[-1] / SIM_STEP_S) + 1)
-    # A straight line between samples would weaken what is fast.
+    # Straight lines between samples would weaken fast parts.
     spline = CubicSpline(times, values)
     if quantity == "position":
         v, a = spline(grid, 1), spline(grid, 2)
@@ -279,9 +279,9 @@ def _velocity(
 
 
 def _without_line(values: Array) -> Array:
-    """Take off an offset, or a line: it would be a step at both ends, and ring there.
+    """Take off an offset or a line, which would be a step at both ends and ring there.
 
-    A line that rises by next to nothing is of the motion as much as of the sensor.
+    A line with almost no rise may be motion as well as drift, so it stays.
     """
     from scipy.signal import detrend
 
@@ -293,7 +293,7 @@ def _without_line(values: Array) -> Array:
 
 
 def _without_drift(values: Array, drift_hz: float) -> Array:
-    """High-pass without a phase: Butterworth, forwards and backwards."""
+    """High-pass without phase shift: Butterworth, forwards and backwards."""
     from scipy.signal import butter, sosfiltfilt
 
     if drift_hz <= 0.0:
@@ -301,13 +301,13 @@ def _without_drift(values: Array, drift_hz: float) -> Array:
     sections = butter(
         _FILTER_ORDER, drift_hz, btype="highpass", fs=1.0 / SIM_STEP_S, output="sos"
     )
-    padding = min(9, len(values) - 1)  # SciPy's own, where there is as much
+    padding = min(9, len(values) - 1)  # SciPy's default, if there are so many values
     filtered: Array = sosfiltfilt(sections, values, padlen=padding)
     return filtered
 
 
 def _faded(v: Array, a: Array, *, blend_s: float) -> tuple[Array, Array]:
-    """Fade a velocity in and out; also its derivative."""
+    """Fade a velocity in and out; return it with its derivative."""
     count = len(v)
     u = np.arange(count) * SIM_STEP_S / blend_s
     begin, end = np.minimum(u, 1.0), np.minimum(u[::-1], 1.0)

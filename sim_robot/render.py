@@ -1,4 +1,4 @@
-"""Pictures of a run, drawn afterwards without a window."""
+"""Draws pictures of a run afterwards, without a window."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from surefoot.sim_robot.world import build_world
 LEGS = 6
 LEG_LEAN_RAD = 0.42
 LEG_INSET, LEG_SPREAD = 0.75, 0.95
-"""Where the legs hold a platform and stand, in parts of its half size."""
+"""Where the legs hold the platform and where they stand, in parts of its half size."""
 CYLINDER_SHARE = 0.55
 CYLINDER_RADIUS_M, CYLINDER_RGBA = 0.028, (0.25, 0.28, 0.33, 1.0)
 ROD_RADIUS_M, ROD_RGBA = 0.016, (0.74, 0.77, 0.80, 1.0)
@@ -39,11 +39,11 @@ SIZE = 16
 
 @dataclass(frozen=True)
 class Camera:
-    """Where a picture is taken from.
+    """Point of view of a picture.
 
     Attributes:
         target: (3,) point in the middle of the picture, world [m].
-        distance: from there [m].
+        distance: distance from there [m].
         azimuth_deg: 180 looks at the robot's face, 90 from its right side.
         elevation_deg: negative looks down.
     """
@@ -72,12 +72,12 @@ class Renderer:
         """Set up the drawing.
 
         Args:
-            robot: as in the run.
-            scenario: as in the run.
-            width: of the pictures [pixels].
-            height: of the pictures [pixels].
-            quick: coarser shadows and edges, several times as fast on a processor:
-                for many pictures that move.
+            robot: the robot of the run.
+            scenario: the scenario of the run.
+            width: width of the pictures [pixels].
+            height: height of the pictures [pixels].
+            quick: coarser shadows and edges, several times as fast on a processor;
+                for the many pictures of a film.
 
         Raises:
             RenderError: this machine cannot draw; the message says what to install.
@@ -98,7 +98,7 @@ class Renderer:
         return self
 
     def __exit__(self, *why: object) -> None:
-        """Free what OpenGL holds."""
+        """Free OpenGL's resources."""
         self._drawing.close()
 
     def draw(
@@ -114,12 +114,12 @@ class Renderer:
         """Draw one moment.
 
         Args:
-            time_s: of the run: where the platforms are.
+            time_s: time of the run, which places the platforms [s].
             base_position: (3,) world [m].
             base_quat_xyzw: (4,) world from base.
             q: (n_a,) joint positions, bus order [rad].
-            seesaws: angle of each, in their order; at rest when left out [rad].
-            camera: where from; a view of the whole robot if not given.
+            seesaws: angle of each seesaw, in order [rad]; at rest when left out.
+            camera: point of view; shows the whole robot when not given.
 
         Returns:
             (height, width, 3) red, green, blue from the top left.
@@ -145,8 +145,8 @@ class Renderer:
 
         Args:
             arrays: signals of the run by name.
-            row: which tick; negative counts from the end.
-            camera: where from; a view of the whole robot if not given.
+            row: row of the tick; negative counts from the end.
+            camera: point of view; shows the whole robot when not given.
         """
         return self.draw(
             time_s=float(arrays["time_s"][row]),
@@ -174,7 +174,7 @@ class Renderer:
         return angles
 
     def _add_legs(self) -> None:
-        """Draw each platform on six cylinders, as a motion base."""
+        """Draw each platform on six cylinders, like a motion base."""
         for body, plan in zip(
             self._world.ground_bodies, self._world.platforms, strict=True
         ):
@@ -242,9 +242,9 @@ def _legs_at_rest(plan: PlatformPlan) -> list[tuple[Vec3, Vec3]]:
 def _has_gl() -> bool:
     """Return whether MuJoCo can use OpenGL here.
 
-    Without a display it falls back on GLFW, which ends the whole process with an
-    abort when it is asked a second time; so here, and only here, the environment is
-    read outside the command line.
+    Without a display it falls back on GLFW, which aborts the whole process when it is
+    asked a second time. So here, and only here, the environment is read outside the
+    command line.
     """
     if sys.platform != "linux" or os.environ.get("MUJOCO_GL"):
         return True
@@ -273,7 +273,7 @@ def _open_drawing(model: mujoco.MjModel, *, width: int, height: int) -> mujoco.R
 
 
 def draw_small_picture() -> None:
-    """Draw an empty world with the backend that ``MUJOCO_GL`` names."""
+    """Draw an empty world with the backend of ``MUJOCO_GL``."""
     model = mujoco.MjModel.from_xml_string("<mujoco/>")
     with mujoco.Renderer(model, SIZE, SIZE) as renderer:
         renderer.update_scene(mujoco.MjData(model))

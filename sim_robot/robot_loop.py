@@ -1,4 +1,4 @@
-"""The simulated robot's loop, and the process around it."""
+"""The simulated robot's loop and process: sense, publish, take commands, step."""
 
 from __future__ import annotations
 
@@ -30,28 +30,28 @@ from surefoot.sim_robot.simulated_robot import SimulatedRobot
 from surefoot.sim_robot.state_view import truth_message
 
 DEADLINE_S = 5.0
-"""Lockstep: longest wait for an answer [s]."""
+"""Longest wait for an answer in lockstep [s]."""
 FIRST_DEADLINE_S = 15.0
 """The same for the first answer, while a controller may still build its model [s]."""
 LAST_ANSWER_S = 0.2
-"""The same once the run was asked to end: with the answer, what it has recorded is the
-beginning of the whole run [s]."""
+"""The same after a request to end [s]. With that answer, the record is the beginning of
+the whole run's record."""
 TRUTH_EVERY_TICKS = 20
 
 
 class RobotLoop:
-    """Sense, publish, take commands, step; tick after tick.
+    """Senses, publishes, takes commands and steps, tick after tick.
 
-    In lockstep, tick k steps once the answer to tick k - d has come, d the command
-    delay: with d >= 1 the controller answers tick k while the plant of tick k runs,
-    and still every run is the same. While nobody commands, in HOLD or FAULT, there is
-    nobody to be in step with: the robot holds its posture and its time goes by the
-    clock, until it falls or someone takes over.
+    In lockstep, tick k steps once the answer to tick k - d has come, with d the command
+    delay. With d >= 1 the controller answers tick k while the plant steps tick k, and
+    every run is still the same. In HOLD or FAULT nobody commands, so there is nobody to
+    be in step with: the robot holds its posture, and its time follows the clock until
+    it falls or someone takes over.
 
     Attributes:
-        round_trip: from sensors sent to command taken in.
-        latency: from sensors stamped to command applied.
-        lateness: how late ticks began, where they go by the clock.
+        round_trip: durations from sensors sent to command received.
+        latency: durations from sensors stamped to command applied.
+        lateness: lateness of ticks that follow the clock.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class RobotLoop:
         self._is_answered = False
 
     def histograms(self) -> dict[str, Histogram]:
-        """Return the histograms of all times taken here, by name."""
+        """Return the histograms of all durations measured here, by name."""
         logs = {
             "sensors to servos": self.latency.log,
             "round trip": self.round_trip,
@@ -86,7 +86,7 @@ class RobotLoop:
         return {name: log.histogram() for name, log in logs.items() if len(log)}
 
     def run(self, stop: StopRequest) -> None:
-        """Run until the scenario is over, the robot fell or somebody asks."""
+        """Run until the scenario is over, the robot falls or a stop is requested."""
         self._pacer.restart()
         while not self._simulated.finished and not stop.is_set:
             self._tick(stop)
@@ -122,17 +122,17 @@ class RobotLoop:
                 self._on_tick(tick)
 
     def _note_mode(self, tick: int) -> None:
-        """Note since when answers are due: from the first ACTIVE tick on."""
+        """Record the first ACTIVE tick, from which on answers are due."""
         if self._gate.mode is not RobotMode.ACTIVE:
             if self._is_lockstep and self._active_since is not None:
-                self._pacer.restart()  # from now on its time goes by the clock
+                self._pacer.restart()  # from now on time follows the clock
             self._active_since = None
         elif self._active_since is None:
             self._active_since = tick
             self._is_answered = False
 
     def _take_answer(self, tick: int, now_s: float, stop: StopRequest) -> None:
-        """Wait for the answer that has to act in this tick's step; lockstep."""
+        """Wait for the answer that acts in this tick's step (lockstep)."""
         due = self._simulated.commands_needed(tick)
         if due is None or self._active_since is None or due < self._active_since:
             return
@@ -145,7 +145,7 @@ class RobotLoop:
     def _wait_answer(
         self, due: int, now_s: float, stop: StopRequest
     ) -> CommandResult | None:
-        """The answer to a tick, requests served meanwhile; None if it will not come."""
+        """Return the answer to a tick, or None; serve requests during the wait."""
         patience_s = DEADLINE_S if self._is_answered else FIRST_DEADLINE_S
         deadline = time.monotonic() + patience_s
         is_last = False
@@ -164,7 +164,7 @@ class RobotLoop:
                 return None
 
     def _take_newest(self, tick: int, now_s: float) -> None:
-        """Real time: the newest command acts as soon as its delay is over."""
+        """Take the newest command, to act as soon as its delay is over (real time)."""
         result = self._server.take_newest(now_s=now_s)
         if result is not None:
             due = tick - self._simulated.command_delay_ticks
@@ -173,7 +173,7 @@ class RobotLoop:
             self._server.deadline_misses += 1
 
     def _take_in(self, result: CommandResult, *, acts_as: int) -> None:
-        """Hand a posture on."""
+        """Pass an accepted or held posture on to the robot, and time it."""
         sent_ns = self.latency.stamp_ns(result.answers)
         self.round_trip.add(time.monotonic_ns() - sent_ns)
         self._is_answered = True
@@ -197,28 +197,28 @@ def run_robot(
 ) -> PlantResult:
     """Run a scenario on the bus for the commander that takes the lease.
 
-    The robot stands at tick 0, in HOLD, until a commander has enabled it: scenarios
-    begin with the commander, however long it takes to come up. Sensors are published
-    from then on; status is from the start. The run ends with the scenario, at the
-    tick of the fall, or on a signal, with a last status in mode OFF.
+    The robot stands at tick 0, in HOLD, until a commander has enabled it. So scenarios
+    begin with the commander, however long it takes to start. Sensors are published from
+    then on, status from the start. The run ends with the scenario, at the tick of the
+    fall, or on a signal, with a last status in mode OFF.
 
     Args:
-        robot: what its files say.
-        scenario: the run.
-        seed: of the sensor noise.
+        robot: the robot of the files.
+        scenario: the scenario to run.
+        seed: seed of the sensor noise.
         endpoints: where to listen.
         pace: lockstep or real time.
-        ticks: gets the signals of every tick; None keeps none.
-        histogram: whether the result holds those of the times.
-        wait_s: how long to wait for a commander; None for ever [s].
+        ticks: receives the signals of every tick; None keeps none.
+        histogram: whether the result contains the histograms of durations.
+        wait_s: longest wait for a commander; None: no limit [s].
         on_tick: called with the tick now and then, for a progress bar.
 
     Returns:
-        Figures over the ticks there were; also when it was stopped or nobody came.
+        Figures over the ticks of the run, even if it was stopped or nobody came.
 
     Raises:
-        EndpointError: cannot listen there.
-        ScenarioError: the scenario fits neither the robot nor its ticks.
+        EndpointError: Zenoh cannot listen there.
+        ScenarioError: the scenario does not fit the robot or its ticks.
     """
     stop = StopRequest()
     simulated = SimulatedRobot(robot, scenario, seed=seed, ticks=ticks)

@@ -1,4 +1,4 @@
-"""The robot as MuJoCo compiles it, and how it stands before it settles."""
+"""Builds the robot as a MuJoCo model, with its stance before it settles."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from surefoot.sim_robot.errors import ScenarioError
 
 SOLE_HALF_THICKNESS_M = 0.015
 EVEN_M = 1e-3
-"""Soles that differ less in height stand on one level."""
+"""Soles with a smaller difference in height stand on one level [m]."""
 LEVEL_RAD = math.radians(2.0)
-"""Soles of a posture that stands are level to within this."""
+"""Largest tilt of a sole in a posture that stands [rad]."""
 
 
 def per_joint(
@@ -38,13 +38,13 @@ def per_joint(
     """Spread a value over the joints, (n_a,) in bus order.
 
     Args:
-        value: for all joints, or by the name of a joint.
-        robot: names the joints.
+        value: one value for all joints, or values by joint name.
+        robot: has the names of the joints.
         what: path of the key, for errors.
-        default: of the joints that are not named.
+        default: value of joints that are not named.
 
     Raises:
-        ScenarioError: no such joint.
+        ScenarioError: a name is no joint of the robot.
     """
     if not isinstance(value, Mapping):
         return np.full(robot.n_a, float(value))
@@ -70,11 +70,11 @@ WRENCH = (
     ("force", mujoco.mjtSensor.mjSENS_FORCE, 3),
     ("moment", mujoco.mjtSensor.mjSENS_TORQUE, 3),
 )
-"""What MuJoCo reads for each attribute of a message, and how many numbers.
+"""Each attribute of a message, with its MuJoCo sensor and number of values.
 
-Attitudes are w x y z. For an acceleration it is the velocity in world axes, of which
-the accelerometer is made. Wrenches have MuJoCo's sign, that of the robot on what is
-below.
+Attitudes are w x y z. For the acceleration MuJoCo reads the velocity in world axes, and
+the accelerometer computes it from that. Wrenches have MuJoCo's sign: they act from the
+robot on the part below.
 """
 UNITS, ANKLES = of_kind(ImuState), of_kind(ForceTorque)
 _READS = (
@@ -82,27 +82,27 @@ _READS = (
     *((unit, read) for unit in UNITS for read in MOTION),
     *((ankle, read) for ankle in ANKLES for read in WRENCH),
 )
-"""In the order of MuJoCo's sensor array: what is noisy stands together, and so do the
-wrenches."""
+"""All readings in the order of MuJoCo's sensor array: first attitudes, then noisy
+readings together, with the wrenches together at their end."""
 _ENDS = tuple(accumulate(size for _, (_, _, size) in _READS))
 SENSOR_PLACES = {
     (entry.name, attribute): slice(end - size, end)
     for (entry, (attribute, _, size)), end in zip(_READS, _ENDS, strict=True)
 }
-"""Where in MuJoCo's sensor array the attributes of a sensor's message are."""
+"""Slice of MuJoCo's sensor array for each attribute of a sensor's message."""
 SENSOR_NOISY = slice(4 * len(UNITS), _ENDS[-1])
 SENSOR_WRENCHES = slice(_ENDS[-1] - 6 * len(ANKLES), _ENDS[-1])
 SENSOR_SOLES = slice(_ENDS[-1], _ENDS[-1] + 12)
-"""After all that: the contact wrenches, left then right [force; moment]."""
+"""Contact wrenches after all that: left then right, [force; moment]."""
 
 
 def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
-    """Read a URDF; fixed links stay bodies of their own, nothing collides.
+    """Read a URDF; fixed links stay separate bodies, and nothing collides.
 
     Args:
-        path: of the URDF.
-        visuals: keep its <visual> elements, for pictures; else nothing is left of
-            its geometry.
+        path: path of the URDF.
+        visuals: keep its <visual> elements, for pictures; otherwise drop all its
+            geometry.
 
     Returns:
         The model, not compiled.
@@ -114,7 +114,7 @@ def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
                 link.remove(shape)
     else:
         root = ElementTree.fromstring(without_shapes(path))
-    # MuJoCo drops visuals while it reads, unless the file itself says otherwise.
+    # MuJoCo drops visuals while reading, unless the file itself says otherwise.
     extension = root.find("mujoco")
     if extension is None:
         extension = ElementTree.SubElement(root, "mujoco")
@@ -124,7 +124,7 @@ def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
     compiler.set("discardvisual", "false" if visuals else "true")
     compiler.set("fusestatic", "false")
     spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"))
-    # From here on it would drop every geom that only explicit pairs let collide.
+    # Otherwise it would now drop every geom that only explicit pairs let collide.
     spec.compiler.discardvisual = False
     spec.modelfiledir = str(path.parent)
     return spec
@@ -132,10 +132,10 @@ def read_urdf(path: Path, *, visuals: bool) -> mujoco.MjSpec:
 
 @contextmanager
 def refusing(robot: Robot) -> Iterator[None]:
-    """Turn what MuJoCo says of a robot's files into an error that names them.
+    """Turn MuJoCo's errors about a robot's files into one that names the file.
 
     Raises:
-        RobotFileError: with the first line of MuJoCo's words.
+        RobotFileError: contains the first line of MuJoCo's message.
     """
     try:
         yield
@@ -199,7 +199,7 @@ def _add_drives(spec: mujoco.MjSpec, robot: Robot, *, kp_scale: float) -> None:
 
 
 def _add_friction(spec: mujoco.MjSpec, robot: Robot, friction: PerJoint) -> None:
-    """Add dry friction to that of the URDF."""
+    """Add dry friction to the friction of the URDF."""
     added = per_joint(friction, robot, what="model_error.joint_friction_nm")
     for name, value in zip(robot.joint_names, added, strict=True):
         if value:
@@ -207,12 +207,12 @@ def _add_friction(spec: mujoco.MjSpec, robot: Robot, friction: PerJoint) -> None
 
 
 def _shift_com(spec: mujoco.MjSpec, robot: Robot, offset: Sequence[float]) -> None:
-    """Shift the mass of the base link so that the robot's centre of mass moves.
+    """Shift the mass of the base link so that the robot's centre of mass shifts.
 
     Args:
-        spec: the robot.
-        robot: its nominal upright axes.
-        offset: (3,) of the whole robot's, in these axes [m].
+        spec: the robot's model.
+        robot: gives the upright axes of the nominal posture.
+        offset: (3,) shift of the robot's centre of mass, in these axes [m].
     """
     if not any(offset):
         return
@@ -225,8 +225,8 @@ def _shift_com(spec: mujoco.MjSpec, robot: Robot, offset: Sequence[float]) -> No
 def _add_sole_box(spec: mujoco.MjSpec, foot: Foot) -> None:
     """Add the box that touches the ground, in the sole's own massless body.
 
-    A force sensor between that body and the foot then reads the contact wrench,
-    at the sole, and nothing else.
+    A force sensor between that body and the foot then reads only the contact wrench, at
+    the sole.
     """
     spec.body(foot.sole_frame).add_geom(
         name=foot.sole_frame,
@@ -263,9 +263,9 @@ class Stance:
     Attributes:
         posture: (n_a,) joint positions [rad].
         base_quat_wxyz: (4,) world from base link.
-        soles: (3,) each, left and right sole from the base, world axes [m].
+        soles: left and right sole from the base, each (3,), world axes [m].
         place: (2,) x and y of the base [m, world].
-        yaw: where the robot looks [rad].
+        yaw: heading of the robot [rad].
     """
 
     posture: Array
@@ -276,26 +276,26 @@ class Stance:
 
     @property
     def base_height(self) -> float:
-        """Base origin above the ground [m]."""
+        """Height of the base origin above the ground [m]."""
         left, right = (float(sole[2]) for sole in self.soles)
         is_even = abs(left - right) < EVEN_M
         return -0.5 * (left + right) if is_even else -min(left, right)
 
     @property
     def soles_in_world(self) -> tuple[Vec3, Vec3]:
-        """Where the soles are on the ground, each (3,) [m]; z from the base."""
+        """Positions of the soles, each (3,) [m]; z is relative to the base."""
         shift = np.array([*self.place, 0.0])
         return self.soles[0] + shift, self.soles[1] + shift
 
 
 def stand(spec: mujoco.MjSpec, robot: Robot, start: Start) -> tuple[Stance, Stance]:
-    """Put the robot where a scenario wants it, nominal and in its own posture.
+    """Place the robot as the scenario requests, in nominal and in starting posture.
 
     Returns:
-        The nominal stance and the one it begins in, both turned and moved.
+        The nominal and the starting stance, both turned and moved.
 
     Raises:
-        ScenarioError: no such joint, beyond its range, or the soles are not level.
+        ScenarioError: no such joint, an angle beyond its range, or a sole not level.
     """
     nominal = _stance(spec, robot, robot.nominal, start)
     if not start.posture:

@@ -1,4 +1,4 @@
-"""From a reading to its message: delays and rates of lines, and faults."""
+"""Carries readings to their messages: rates and delays of sensor lines, and faults."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ from surefoot.sim_robot.conventions import whole_ticks
 from surefoot.sim_robot.errors import ScenarioError
 
 IMPOSSIBLE = 1e6
-"""More than any sensor can measure, in any unit."""
+"""Value that no sensor can measure, in any unit."""
 JOINTS, IMU, FORCE_TORQUE = "joints", "imu", "force_torque"
 KINDS = (JOINTS, IMU, FORCE_TORQUE)
-"""Of sensors, as scenarios name them."""
+"""Kinds of sensors, by their names in scenarios."""
 _KIND_OF = {JointState: JOINTS, ImuState: IMU, ForceTorque: FORCE_TORQUE}
 _JITTER_STREAM = 1_000
-"""First of the random streams of delays, far from those of the sensors' noise."""
+"""First random stream of the delays, far from the streams of sensor noise."""
 _TOLERANCE = 1e-9
 
 
 class SensorFaults:
-    """Changes readings while faults act; without faults it hands them through.
+    """Changes readings while faults act; passes them unchanged otherwise.
 
     Attributes:
-        missing: sensors with no message for the last tick.
-        unread: these, and those whose message is refused as it holds no numbers.
+        missing: sensors without a message for the last tick.
+        unread: these, and sensors whose message is refused since it holds no numbers.
     """
 
     def __init__(self, faults: Sequence[SensorFault], *, period_s: float) -> None:
         """Read the faults of a scenario.
 
         Args:
-            faults: in the order of the file; later ones act on what earlier ones left.
-            period_s: from tick to tick [s].
+            faults: in the order of the file; later ones act on the results of earlier.
+            period_s: time from tick to tick [s].
         """
         self.missing: tuple[str, ...] = ()
         self.unread: tuple[str, ...] = ()
@@ -107,7 +107,7 @@ def _spoil(fault: SensorFault, snapshot: Snapshot) -> dict[str, Any]:
 
 
 def kind_of(entry: Sensor) -> str:
-    """Which kind a sensor is of."""
+    """Return the kind of a sensor."""
     return _KIND_OF[entry.message]
 
 
@@ -117,8 +117,8 @@ def sensor_lines(
     """Make the lines of a scenario.
 
     Returns:
-        One for each kind of sensor; none at all where every reading is taken every tick
-        and reported at once.
+        One line for each kind of sensor; none if every reading is taken every tick and
+        reported at once.
 
     Raises:
         ScenarioError: a delay is no whole number of ticks, or a rate is above the
@@ -151,12 +151,12 @@ def sensor_lines(
 
 
 class SensorLine:
-    """Readings of one kind of sensor on their way.
+    """Readings of one kind of sensor, from measurement to report.
 
     Attributes:
-        kind: of :data:`KINDS`.
-        fields: of the snapshot.
-        is_direct: whether it changes nothing.
+        kind: one of :data:`KINDS`.
+        fields: its fields of the snapshot.
+        is_direct: whether the line changes nothing.
     """
 
     def __init__(
@@ -171,11 +171,11 @@ class SensorLine:
         """Start without readings.
 
         Args:
-            kind: of :data:`KINDS`.
-            per_tick: readings in a tick, at most 1.
-            delay: ticks from measuring to reporting.
-            jitter: most ticks beyond that.
-            random: draws the jitter.
+            kind: one of :data:`KINDS`.
+            per_tick: readings per tick, at most 1.
+            delay: ticks from measurement to report.
+            jitter: most ticks of additional delay.
+            random: generator of the jitter.
         """
         self.kind = kind
         self.fields = tuple(
@@ -190,17 +190,17 @@ class SensorLine:
         self._readings: deque[Snapshot] = deque()
 
     def is_due(self, tick: int) -> bool:
-        """Whether a reading is taken at a tick; the first one always is."""
+        """Return whether a reading is taken at a tick; the first one always is."""
         if not self._readings or self._per_tick >= 1.0:
             return True
         return self._count(tick) > self._count(tick - 1)
 
     def take(self, snapshot: Snapshot) -> None:
-        """Take a reading in; only the fields of this kind count."""
+        """Take a reading; only the fields of this kind count."""
         self._readings.append(snapshot)
 
     def report(self, tick: int) -> Snapshot:
-        """Return the newest reading that has arrived; the first one until one has."""
+        """Return the newest reading that has arrived; before that, the first one."""
         late = self._delay
         if self._jitter:
             late += int(self._random.integers(self._jitter + 1))

@@ -1,4 +1,4 @@
-"""The robot's sensors: truth in, what the robot reports out."""
+"""The simulated sensors: turn MuJoCo's true state into the robot's readings."""
 
 from __future__ import annotations
 
@@ -36,28 +36,28 @@ from surefoot.sim_robot.world import World
 NANOSECONDS = 1_000_000_000
 SECONDS_PER_MINUTE = 60.0
 EFFORT_STREAM = 100
-"""Number of the random numbers' stream of joint efforts."""
+"""Number of the random stream of joint efforts."""
 BLOCK_ROWS = 256
-"""Ticks drawn at a time; the streams do not depend on it."""
+"""Ticks drawn at a time; the random streams do not depend on it."""
 CHANNELS = SENSOR_NOISY.stop - SENSOR_NOISY.start
 VELOCITY_FILTER_S = 0.005
-"""Time constant of the low-pass behind the difference of two positions [s]."""
+"""Time constant of the low-pass on the difference of two positions [s]."""
 
 
 class Accelerometer:
     """Mean specific force since the last reading, in the frame of this reading.
 
-    R a_k = (v_k - v_(k-1)) / period - g holds exactly: integrating the readings
-    gives the true velocity. (The simulator's own sensor reports the acceleration
-    before the implicit damping of the servos, some per cent off the true one.)
+    R a_k = (v_k - v_(k-1)) / period - g holds exactly: integrating the readings gives
+    the true velocity. (MuJoCo's own sensor reports the acceleration before the servos'
+    implicit damping, some per cent off the true one.)
     """
 
     def __init__(self, *, period_s: float, gravity: float = GRAVITY_M_S2) -> None:
         """Start at rest: the first reading is gravity alone.
 
         Args:
-            period_s: from tick to tick [s].
-            gravity: of the place [m/s^2].
+            period_s: time from tick to tick [s].
+            gravity: magnitude of gravity [m/s^2].
         """
         self._rate = 1.0 / period_s
         self._gravity = gravity
@@ -69,12 +69,12 @@ class Accelerometer:
         """Read the sensor once.
 
         Args:
-            velocity: (3,) of the sensor in the world [m/s].
+            velocity: (3,) velocity of the sensor in the world [m/s].
             rotation: (3, 3) world from sensor.
-            ticks: since the last reading.
+            ticks: ticks since the last reading.
 
         Returns:
-            (3,) specific force in the sensor's frame [m/s^2]; + g upwards at rest.
+            (3,) specific force in the sensor's frame [m/s^2]; +g upwards at rest.
         """
         force = self._force_in_world
         if not self._started:
@@ -89,17 +89,17 @@ class Accelerometer:
 
 
 class Encoders:
-    """Rounds positions to the encoder's steps and differentiates what is left.
+    """Rounds positions to the encoder's steps and differentiates the rounded ones.
 
     Velocity: first-order low-pass of (q_k - q_(k-1)) / period, discretised exactly.
     """
 
     def __init__(self, *, resolution_rad: float, period_s: float) -> None:
-        """Start without a past: the first velocity is zero.
+        """Start without earlier readings: the first velocity is zero.
 
         Args:
-            resolution_rad: one encoder step; greater than zero.
-            period_s: from tick to tick [s].
+            resolution_rad: one encoder step [rad]; greater than zero.
+            period_s: time from tick to tick [s].
         """
         self._resolution = resolution_rad
         self._period = period_s
@@ -111,7 +111,7 @@ class Encoders:
 
         Args:
             q: (n_a,) true positions [rad].
-            ticks: since the last reading.
+            ticks: ticks since the last reading.
 
         Returns:
             (n_a,) rounded positions [rad] and (n_a,) filtered velocities [rad/s],
@@ -132,8 +132,8 @@ class Encoders:
 class SensorNoise:
     """Scale, offset, drift and Gaussian noise of every axis of every noisy sensor.
 
-    Each sensor's stream advances by one standard normal number per axis and tick,
-    whatever the settings, so that one setting never shifts another's numbers.
+    Each sensor's stream advances by one standard normal number per axis and tick, for
+    any settings. So one setting never shifts another's numbers.
     """
 
     def __init__(
@@ -143,8 +143,8 @@ class SensorNoise:
 
         Args:
             settings: standard deviations, scales, offsets and drifts.
-            period_s: from tick to tick [s].
-            seed: of the run; each sensor gets a child of its own.
+            period_s: time from tick to tick [s].
+            seed: seed of the run; each sensor gets its own child.
         """
         streams = _streams()
         children = np.random.SeedSequence(seed).spawn(max(streams) + 1)
@@ -174,7 +174,7 @@ class SensorNoise:
 
         Args:
             readings: (CHANNELS,) the noisy part of MuJoCo's sensor array.
-            tick: the robot's counter.
+            tick: the robot's tick counter.
         """
         if self._scales:
             readings *= self._scale
@@ -197,7 +197,7 @@ class SensorNoise:
 
 
 def _noises() -> Iterator[tuple[Sensor, Noise, slice]]:
-    """The sensor and the noise of every noisy quantity, and its channels."""
+    """Yield sensor, noise and channels of every noisy quantity."""
     for entry in SENSORS:
         for quantity in entry.quantities:
             if quantity.noise is not None:
@@ -207,7 +207,7 @@ def _noises() -> Iterator[tuple[Sensor, Noise, slice]]:
 
 
 def _streams() -> dict[int, slice]:
-    """Channels by stream: a row of a stream is drawn at a time."""
+    """Return the channels of each stream, which draws them as one row."""
     streams: dict[int, slice] = {}
     for _, noise, channels in _noises():
         begin = streams.get(noise.stream, channels).start
@@ -218,10 +218,10 @@ def _streams() -> dict[int, slice]:
 class SensorSuite:
     """Reads all sensors of a tick: errors, resolution, rates and delays.
 
-    Joint positions, velocities, attitude and gyroscope are of the tick; wrenches and
-    efforts are those of the simulation step that led to it; the accelerometer tells
-    the mean since its last reading. The attitude is the true one, without noise.
-    Each sensor has its own random numbers.
+    Joint positions, velocities, attitude and gyroscope are those of the tick. Wrenches
+    and efforts are those of the simulation step that led to it. The accelerometer
+    reports the mean since its last reading. The attitude is the true one, without
+    noise. Each sensor has its own random numbers.
     """
 
     def __init__(
@@ -239,14 +239,14 @@ class SensorSuite:
         """Set up the sensors.
 
         Args:
-            world: where the readings are.
-            data: the state to read, from then on.
-            settings: of the scenario.
-            delay: of the scenario.
-            encoder_offset: (n_a,) reading less true position [rad].
-            period_s: control period.
-            seed: of the run; equal seeds give equal noise.
-            virtual: of a robot without ankle sensors, which reports zeros for them.
+            world: has the places of the readings.
+            data: the state to read from then on.
+            settings: sensor settings of the scenario.
+            delay: delays of the scenario.
+            encoder_offset: (n_a,) reading minus true position [rad].
+            period_s: control period [s].
+            seed: seed of the run; equal seeds give equal noise.
+            virtual: settings of a robot without ankle sensors, whose readings are zero.
 
         Raises:
             ScenarioError: a delay is no whole number of ticks, or a rate is above the
@@ -280,10 +280,10 @@ class SensorSuite:
         self._effort_stream = np.random.default_rng(children)
 
     def read(self, tick: int) -> Snapshot:
-        """Take one reading; to be called once per tick, in order.
+        """Take one reading; call it once per tick, in order.
 
         Returns:
-            What the robot reports at ``tick``; ``stamp_ns`` is simulated time.
+            The robot's readings at ``tick``; ``stamp_ns`` is simulated time.
         """
         if not self._lines:
             return self._measure(tick)
@@ -301,12 +301,12 @@ class SensorSuite:
         return replace(fresh, **reported, measured_ns=measured)
 
     def begin_step(self) -> None:
-        """Note what the efforts of the next step are made of; before it."""
+        """Before a step, keep the speeds that its efforts will contain."""
         if self._virtual is not None:
             self._qvel.take(self._joint_dof, out=self._dq_before)
 
     def _measure(self, tick: int, due: Sequence[str] = KINDS) -> Snapshot:
-        """Measure what is due; what is not due is left without a meaning."""
+        """Measure the kinds that are due; other fields have no meaning."""
         raw = self._raw.copy()
         q = self._qpos.take(self._joint_qpos)
         if self._offset is not None:
@@ -317,19 +317,19 @@ class SensorSuite:
             q, dq = self._encoders.read(q, ticks=self._since(JOINTS, tick))
         if IMU in due:
             ticks = self._since(IMU, tick)
-            # A reading takes the place of the velocity it is made of.
+            # Each reading replaces the velocity that it is computed from.
             for accelerometer, place, rotation in self._accelerometers:
                 raw[place] = accelerometer.read(raw[place], rotation, ticks=ticks)
-        # MuJoCo reports what the ankle does to the plate; the robot's sensor what
-        # the plate does to the ankle: + z when standing.
+        # MuJoCo reports the wrench of the ankle on the plate; the robot's sensor that
+        # of the plate on the ankle: +z when standing.
         wrenches = raw[SENSOR_WRENCHES]
         np.negative(wrenches, out=wrenches)
         self._noise.add_to(raw[SENSOR_NOISY], tick=tick)
         effort = self._effort.copy()
         if self._virtual is not None:
             wrenches[:] = 0.0
-            # Damping acts with the speed at the end of the step, MuJoCo tells it with
-            # that at its beginning.
+            # Damping acts with the speed at the end of the step, but MuJoCo reports it
+            # with the speed at its beginning.
             dq_now = self._qvel.take(self._joint_dof)
             effort -= self._kd * (dq_now - self._dq_before)
             noise = self._effort_stream.standard_normal(effort.size)
@@ -341,17 +341,17 @@ class SensorSuite:
         return Snapshot(tick, tick * self._period_ns, q, dq, effort, *fields)
 
     def _since(self, kind: str, tick: int) -> int:
-        """Ticks since a kind of sensor was last read, which it is now; 1 at first."""
+        """Return ticks since the last reading of a kind, 1 at first; it is read now."""
         before = self._measured.get(kind, tick - 1)
         self._measured[kind] = tick
         return tick - before
 
 
 def _places_of_fields() -> Iterator[tuple[slice, bool]]:
-    """Where MuJoCo has each field of the snapshot after the joints', and its order.
+    """Find each field of the snapshot, after the joints', in MuJoCo's sensor array.
 
     Yields:
-        The place, and whether it is an attitude, which MuJoCo writes w x y z.
+        Its slice, and whether it is an attitude, which MuJoCo orders w x y z.
     """
     joints, *others = SENSORS
     assert joints.message is JointState

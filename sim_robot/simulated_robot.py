@@ -1,4 +1,4 @@
-"""The robot as a run sees it: plant, way of the commands, metrics and record."""
+"""One run of the simulated robot: plant, command delay, metrics and record."""
 
 from __future__ import annotations
 
@@ -31,33 +31,33 @@ _RUN_LENGTH_TOLERANCE = 1e-9
 
 
 class CommandDelay:
-    """Holds answers back for a fixed number of ticks."""
+    """Holds commands back for a fixed number of ticks."""
 
     def __init__(self, ticks: int, *, posture: Array) -> None:
-        """Start without answers.
+        """Start without commands.
 
         Args:
-            ticks: d, zero or more.
-            posture: (n_a,) acts until the first answer does [rad].
+            ticks: delay d, zero or more.
+            posture: (n_a,) posture until the first command acts [rad].
         """
         self.ticks = ticks
         self._answers: dict[int, Array] = {}
         self._acting = posture
 
     def needed(self, tick: int) -> int | None:
-        """The tick whose answer acts in the step from ``tick`` on, if any."""
+        """Return the tick whose answer acts in the step from ``tick`` on, or None."""
         return tick - self.ticks if tick >= self.ticks else None
 
     def put(self, q_command: Array, *, answers: int, now: int) -> None:
-        """Take in the answer to a tick.
+        """Take the answer to a tick.
 
         Args:
-            q_command: (n_a,) [rad]; copied.
-            answers: the tick it answers.
+            q_command: (n_a,) commanded positions [rad]; copied.
+            answers: the tick that the command answers.
             now: the present tick.
 
         Raises:
-            CommandError: it answers a tick to come, or one too long ago to act.
+            CommandError: the answered tick is to come, or too long ago to act.
         """
         if not now - self.ticks <= answers <= now:
             raise CommandError(
@@ -68,9 +68,9 @@ class CommandDelay:
         self._answers[answers] = q_command.copy()
 
     def take(self, now: int) -> Array:
-        """The posture for the step from ``now`` on, (n_a,) [rad].
+        """Return the posture for the step from ``now`` on, (n_a,) [rad].
 
-        Without the answer that is due, the posture before goes on acting.
+        If the answer that is due is missing, the posture before it goes on acting.
         """
         answer = self._answers.pop(now - self.ticks, None)
         if answer is not None:
@@ -89,10 +89,10 @@ class SimulatedRobot:
             simulated.apply(q_command, tick=due)
         simulated.step()
 
-    The answer to tick k acts from tick k + d on, d the scenario's command delay in
-    ticks; until the first answer acts, the servos hold the nominal posture. With
-    d >= 1 the plant of tick k can run while the controller still answers tick k.
-    Checking commands is the gate's task, before they come here.
+    The answer to tick k acts from tick k + d on, with d the scenario's command delay in
+    ticks. Until the first answer acts, the servos hold the starting posture. With
+    d >= 1 the plant can step tick k while the controller still answers tick k. The
+    gate checks commands before they come here.
     """
 
     def __init__(
@@ -106,7 +106,7 @@ class SimulatedRobot:
         """Build the plant; it stands at rest at tick 0.
 
         Raises:
-            ScenarioError: the scenario fits neither the robot nor its ticks.
+            ScenarioError: the scenario does not fit the robot or its ticks.
         """
         period_s, delay_ms = robot.period_s, scenario.delay.command_ms
         delay_ticks = 1
@@ -155,12 +155,12 @@ class SimulatedRobot:
 
     @property
     def held_posture(self) -> Array:
-        """(n_a,) what the servos follow at tick 0 [rad]; not to be written."""
+        """(n_a,) posture that the servos follow at tick 0 [rad]; not to be written."""
         return self.plant.posture
 
     @property
     def command_delay_ticks(self) -> int:
-        """Ticks from the snapshot to the first step its answer acts in."""
+        """Ticks from a snapshot to the first step in which its answer acts."""
         return self._delay.ticks
 
     @property
@@ -170,12 +170,12 @@ class SimulatedRobot:
 
     @property
     def finished(self) -> bool:
-        """Whether the scenario is over, or the robot fell."""
+        """Whether the scenario is over or the robot has fallen."""
         return self.fell or self.plant.tick >= self._last_tick
 
     @property
     def own_end(self) -> tuple[ModeCause, str]:
-        """Why a run that has gone to its end did, and the same in words."""
+        """Cause of the end of a run that was not cut off, also in words."""
         if self._fall is not None:
             return ModeCause.FELL, f"at {self._fell_at_s:.2f} s: {self._fall.detail}"
         return ModeCause.RUN_OVER, f"{self.time_s:g} s"
@@ -188,12 +188,12 @@ class SimulatedRobot:
 
     @property
     def missing_sensors(self) -> tuple[str, ...]:
-        """Channels whose message of the present tick is not sent, by a fault."""
+        """Channels whose message of the present tick a fault suppresses."""
         return self._faults.missing
 
     @property
     def unread_sensors(self) -> tuple[str, ...]:
-        """Those that a controller hears nothing of: not sent, or not readable."""
+        """Channels that the controller cannot read: not sent, or not readable."""
         return self._faults.unread
 
     def truth(self) -> PlantTruth:
@@ -203,37 +203,37 @@ class SimulatedRobot:
         return self._truth
 
     def commands_needed(self, tick: int) -> int | None:
-        """Return the tick whose answer must be there before ``tick`` can step.
+        """Return the tick whose answer is needed before ``tick`` can step.
 
         Returns:
-            ``tick`` less the command delay; None while nothing is needed yet.
+            ``tick`` minus the command delay; None while nothing is needed yet.
         """
         return self._delay.needed(tick)
 
     def apply(self, q_command: Array, *, tick: int) -> None:
-        """Take in the answer to a tick; it acts once its delay is over.
+        """Take the answer to a tick; it acts once its delay is over.
 
         Args:
-            q_command: (n_a,) [rad], as the gate let it pass; copied.
-            tick: the tick it answers.
+            q_command: (n_a,) positions passed by the gate [rad]; copied.
+            tick: the tick that the command answers.
 
         Raises:
-            CommandError: no step is left for it to act in, or none yet.
+            CommandError: the answered tick is to come, or no step is left for it.
         """
         self._delay.put(q_command, answers=tick, now=self.plant.tick)
 
     def step(self) -> None:
-        """Advance one tick with the command that is due, or the one before it."""
+        """Advance one tick with the command that is due, or else the one before."""
         self.advance(self._delay.take(self.plant.tick))
 
     def advance(self, q_command: Array) -> None:
         """Advance one tick with a command that acts at once, as in real time.
 
         Args:
-            q_command: (n_a,) [rad].
+            q_command: (n_a,) commanded positions [rad].
 
         Raises:
-            CommandError: wrong size.
+            CommandError: the command has the wrong size.
         """
         snapshot = self.sense()
         self._metrics.update(self.plant.view, tick=self.plant.tick)
@@ -250,10 +250,10 @@ class SimulatedRobot:
             self._fall = self.plant.diagnose_fall()
 
     def wait(self, q_command: Array) -> None:
-        """Let one tick's time pass before tick 0: the scenario has not begun.
+        """Let one tick's time pass before the scenario begins at tick 0.
 
         Args:
-            q_command: (n_a,) [rad].
+            q_command: (n_a,) commanded positions [rad].
 
         Raises:
             CommandError: the scenario has begun.
@@ -266,7 +266,7 @@ class SimulatedRobot:
         self._sensed = self._truth = None
 
     def push(self, request: PushRequest) -> Answer:
-        """Push the robot from the next tick on, or say why not; it is recorded."""
+        """Push the robot from the next tick on, or return why not; record the push."""
         try:
             tick = self.plant.push(request)
         except ScenarioError as error:
@@ -294,18 +294,18 @@ class SimulatedRobot:
         gate: ModeReport = COMMANDED,
         cut_off: tuple[ModeCause, str] | None = None,
     ) -> PlantResult:
-        """What the run amounts to; timings and counts come from who paced it.
+        """Return the result of the run; the loop supplies timings and counts.
 
         Args:
-            real_time_factor: simulated time over time taken.
-            round_trip_ms: sensors sent to command received.
-            period_jitter_ms: how late ticks began.
+            real_time_factor: simulated time over elapsed time.
+            round_trip_ms: times from sensors sent to command received [ms].
+            period_jitter_ms: lateness of ticks [ms].
             deadline_misses: ticks that went on without their command.
-            refused: commands by reason.
-            clipped: commands by limit.
-            gate: what the gate was doing at the end.
-            cut_off: why the run ended before its time, and the same in words; None
-                when the scenario was over, or the robot fell.
+            refused: number of refused commands by reason.
+            clipped: number of clipped commands by limit.
+            gate: state of the gate at the end.
+            cut_off: cause of an early end, and the same in words; None when the
+                scenario was over, or the robot fell.
         """
         end, end_detail = cut_off or self.own_end
         return PlantResult(

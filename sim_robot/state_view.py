@@ -1,4 +1,4 @@
-"""The simulator's true state: views of it, and the message that tells it."""
+"""The simulator's true state: live views, copies, and its message for the bus."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ NORMAL = 2
 
 
 class PlantView:
-    """True state, straight from the arrays the simulation works in.
+    """True state, read directly from the arrays of the simulation.
 
     Attributes:
         com: (3,) centre of mass, world [m]; live, like all arrays here.
-        sole_left: (3,) sole frame's origin, world [m].
-        sole_right: (3,) the same of the right foot.
+        sole_left: (3,) origin of the left sole frame, world [m].
+        sole_right: (3,) origin of the right sole frame, world [m].
         upper_names: links above the ankles, in the order of :meth:`heights`.
     """
 
     def __init__(self, world: World, data: mujoco.MjData) -> None:
-        """Find the arrays; they stay those of ``data`` for good."""
+        """Find the arrays, which remain those of ``data``."""
         base = world.base_body
         left, right = world.sole_bodies
         self.com: Vec3 = data.subtree_com[base]
@@ -59,27 +59,27 @@ class PlantView:
 
     @property
     def upright(self) -> float:
-        """Cosine of the angle by which the base leans from its nominal attitude."""
+        """Cosine of the angle between the base and its nominal attitude."""
         x, y, z = self._base_vertical.tolist()
         up_x, up_y, up_z = self._base_up
         return float(x * up_x + y * up_y + z * up_z)
 
     @property
     def sole_tilts(self) -> tuple[float, float]:
-        """Of the left and right sole against the horizontal [rad]."""
+        """Angles of left and right sole against the horizontal [rad]."""
         left, right = (min(axis.item(2), 1.0) for axis in self._sole_verticals)
         return math.acos(left), math.acos(right)
 
     @property
     def normal_forces(self) -> tuple[float, float]:
-        """Of the ground on the left and right sole, along the sole's z axis [N]."""
-        # MuJoCo's sign is that of the robot on the ground.
+        """Forces of the ground on left and right sole, along the sole's z axis [N]."""
+        # MuJoCo's sign is that of the robot's force on the ground.
         sensors = self._sensors
         return -sensors.item(_LEFT + 2), -sensors.item(_RIGHT + 2)
 
     @property
     def vertical_forces(self) -> tuple[float, float]:
-        """Of the ground on the left and right sole, along the world's vertical [N]."""
+        """Forces of the ground on left and right sole, along the world's z axis [N]."""
         force = self._sensors
         left, right = self._sole_verticals
         return (
@@ -92,12 +92,12 @@ class PlantView:
         )
 
     def heights(self) -> list[float]:
-        """Return world z of base, soles, then every link above the ankles [m]."""
+        """Return world z of base, soles, then all links above the ankles [m]."""
         heights: list[float] = self._heights.take(self._height_bodies).tolist()
         return heights
 
     def truth(self, tick: int) -> PlantTruth:
-        """Copy the true state; the CoM's velocity must have been computed."""
+        """Copy the true state; the CoM's velocity must have been computed before."""
         wrenches = -self._sensors[SENSOR_SOLES]
         return PlantTruth(
             tick=tick,
@@ -120,10 +120,10 @@ class PlantView:
 
 @dataclass(frozen=True, slots=True)
 class PlatformPose:
-    """A platform's top centre in the world.
+    """Pose of a platform's top centre in the world.
 
     Attributes:
-        position: (3,) [m].
+        position: (3,) position [m].
         quat_xyzw: (4,) world from platform.
     """
 
@@ -141,14 +141,14 @@ class PlantTruth:
         base_quat_xyzw: (4,) world from base.
         upright: cosine of the angle by which the base leans from its nominal attitude.
         com: (3,) centre of mass, world [m].
-        com_velocity: (3,) world [m/s].
-        sole_left: (3,) sole frame's origin, world [m].
-        sole_right: (3,) the same of the right foot.
+        com_velocity: (3,) velocity of the centre of mass, world [m/s].
+        sole_left: (3,) origin of the left sole frame, world [m].
+        sole_right: (3,) origin of the right sole frame, world [m].
         F_left: (6,) contact wrench of the ground on the left sole, over the last
             simulation step, in the sole frame [N, N m].
-        F_right: (6,) the same of the right foot.
-        vertical_forces: their parts along the world's vertical, left and right [N].
-        platforms: platforms of the scenario, in its order, then its seesaws.
+        F_right: (6,) the same for the right sole.
+        vertical_forces: their components along the world's vertical, left, right [N].
+        platforms: platforms of the scenario in its order, then its seesaws.
     """
 
     tick: int
@@ -166,14 +166,14 @@ class PlantTruth:
 
     @property
     def normal_forces(self) -> tuple[float, float]:
-        """Of the ground on the left and right sole, along the sole's z axis [N]."""
+        """Forces of the ground on left and right sole, along the sole's z axis [N]."""
         return float(self.F_left[2]), float(self.F_right[2])
 
 
 def truth_message(
     truth: PlantTruth, *, stamp_ns: int, ground: list[GroundBlock]
 ) -> Truth:
-    """Pack the true state at a tick."""
+    """Pack the true state of a tick into a message."""
     return Truth(
         schema=SCHEMA_VERSION,
         tick=truth.tick,
@@ -199,7 +199,7 @@ def truth_message(
 
 
 def _trunk(model: mujoco.MjModel, base: int) -> int:
-    """The base, or the heaviest body fixed to one that is a frame without mass."""
+    """Return the base, or if it has no mass, the heaviest body fixed to it."""
     fixed = [base]
     for body in range(base + 1, model.nbody):  # parents come before their children
         if model.body_parentid[body] in fixed and not model.body_jntnum[body]:

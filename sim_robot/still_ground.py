@@ -1,4 +1,4 @@
-"""Ground that no motion moves: floor, tiles, and how all of it looks."""
+"""Ground without a prescribed motion: floor, tiles and seesaws, and all scenery."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from surefoot.sim_robot.ground import BEYOND_WALK_M, PlatformPlan, let_soles_tou
 from surefoot.sim_robot.robot_spec import Stance
 
 FLOOR_Z_M = -0.42
-"""The floor is scenery, well below where the ground of any scenario goes."""
+"""Height of the scenery's floor [m], well below the ground of any scenario."""
 _SHADOW_PIXELS = 8192
 _MAT_RIM_M = 0.025
 _MAT_HALF_THICKNESS_M = 0.0005
 Extent = tuple[float, float]
 Extents = tuple[Extent, Extent]
 FLOOR_M: Extents = ((-3.0, 12.0), (-6.0, 6.0))
-"""From where to where the floor goes along x and y, at least [m]."""
+"""Least extent of the floor along x and along y [m]."""
 FLOOR_THICKNESS_M = 0.06
 SAME_EDGE_M = 1e-6
-"""Edges of tiles nearer than this are one: between tiles that touch is no floor [m]."""
+"""Edges of tiles nearer than this are one: no floor lies between touching tiles [m]."""
 BELOW_M = 0.3
-"""Tiles are blocks that reach so far below the floor, and below their own top [m]."""
+"""Depth by which the block of a tile reaches below the floor, and its own top [m]."""
 SEESAW_THICKNESS_M = 0.05
 SEESAW_KG_M3 = 700.0
-"""Of wood."""
+"""Density of a seesaw, of wood."""
 SEESAW_DAMPING = 1.0
-"""Of a seesaw's bearing [N m s/rad]."""
+"""Damping of a seesaw's bearing [N m s/rad]."""
 STOP_TIME_CONSTANT_S = 0.01
-"""Of a seesaw's stops."""
+"""Time constant of a seesaw's stops."""
 CORNERS = 4
-"""A sole that lies flat is held at so many points."""
+"""Number of contact points of a sole that lies flat."""
 
 
 def add_scenery(spec: mujoco.MjSpec, platforms: tuple[PlatformPlan, ...]) -> None:
@@ -132,19 +132,19 @@ def _add_lights(spec: mujoco.MjSpec) -> None:
 
 @dataclass(frozen=True)
 class StillGround:
-    """A block whose top the soles stand on.
+    """A block of ground with a top for the soles.
 
     Attributes:
-        name: ``tile_0`` and so on, then ``floor_0`` and so on.
+        name: ``tile_0`` and so on, or ``floor_0`` and so on.
         top_centre: (3,) middle of the top [m, world].
-        R_world_top: (3, 3) its attitude.
-        size: (3,) along its own axes [m].
-        friction: of the soles on it.
-        stiffness_n_m: under a whole sole; None for firm ground.
-        damping_n_s_m: the same; None for half of critical damping.
-        tip_rad: how far it turns about its middle, either way, as a seesaw; 0 for
-            one that stands fast.
-        tip_axis: what it turns about: its own x (roll) or y (pitch).
+        R_world_top: (3, 3) attitude of the top, world from block.
+        size: (3,) size along its own axes [m].
+        friction: friction coefficient of the soles on it.
+        stiffness_n_m: stiffness under a whole sole [N/m]; None for firm ground.
+        damping_n_s_m: damping under it [N s/m]; None for half of critical damping.
+        tip_rad: largest angle of a seesaw about its middle, either way [rad]; 0 for a
+            block that stands still.
+        tip_axis: axis of the seesaw: its own x (roll) or y (pitch).
     """
 
     name: str
@@ -159,14 +159,14 @@ class StillGround:
 
     @property
     def quat_wxyz(self) -> list[float]:
-        """(4,) world from block, at rest."""
+        """(4,) attitude, world from block, at rest."""
         from scipy.spatial.transform import Rotation
 
         x, y, z, w = Rotation.from_matrix(self.R_world_top).as_quat().tolist()
         return [w, x, y, z]
 
     def height_at(self, x: float, y: float) -> float | None:
-        """Height of the top at a place [m]; None where it is not."""
+        """Return the height of the top at a place; None beside the block [m]."""
         normal = self.R_world_top[:, 2]
         dx, dy = x - self.top_centre[0], y - self.top_centre[1]
         dz = -(normal[0] * dx + normal[1] * dy) / normal[2]
@@ -177,11 +177,11 @@ class StillGround:
 
 
 def plan_still_ground(scenario: Scenario) -> tuple[StillGround, ...]:
-    """Lay out the tiles, and the floor where there is none.
+    """Lay out the tiles, and the floor around them.
 
     Args:
-        scenario: its tiles; where it has none there is no such ground, and where it has
-            platforms there is no floor.
+        scenario: has the tiles. Without tiles there is no such ground; with platforms
+            there is no floor.
     """
     tiles = tuple(
         _tile(index, tile, friction=scenario.friction)
@@ -193,7 +193,7 @@ def plan_still_ground(scenario: Scenario) -> tuple[StillGround, ...]:
 
 
 def add_still_ground(spec: mujoco.MjSpec, ground: StillGround, *, robot: Robot) -> None:
-    """Add a block that only the soles touch; a seesaw is a body of its own name."""
+    """Add a block that only the soles touch; a seesaw is a body with its name."""
     is_tile = ground.name.startswith("tile")
     parent = spec.worldbody
     place, quat_wxyz = ground.top_centre, ground.quat_wxyz
@@ -217,7 +217,7 @@ def add_still_ground(spec: mujoco.MjSpec, ground: StillGround, *, robot: Robot) 
 
 
 def _add_seesaw(spec: mujoco.MjSpec, ground: StillGround) -> mujoco.MjsBody:
-    """Add a body that turns about the middle of its top; gravity leaves it alone."""
+    """Add a body that turns about the middle of its top, free of gravity."""
     body = spec.worldbody.add_body(
         name=ground.name, pos=ground.top_centre, quat=ground.quat_wxyz, gravcomp=1.0
     )
@@ -236,7 +236,7 @@ def _add_seesaw(spec: mujoco.MjSpec, ground: StillGround) -> mujoco.MjsBody:
 def rise_under(
     grounds: tuple[StillGround, ...], start: Stance, *, robot: Robot
 ) -> float:
-    """How much higher the robot must start for its soles to clear the ground [m]."""
+    """Return the rise of the starting pose that clears the ground below it [m]."""
     cos, sin = math.cos(start.yaw), math.sin(start.yaw)
     soles = start.soles_in_world
     heights = [
@@ -264,11 +264,11 @@ def soften(
 ) -> None:
     """Give soft ground its stiffness and damping [N/m, N s/m].
 
-    MuJoCo's contact solves J a + R f = a_ref with a_ref = -b v - k r at depth r and,
-    for an impedance d, R = (1 - d) / (d m), 1 / m its estimate of what a unit force
-    accelerates. With k = K R and b = C R that is a force of K r + C v and a mass 1 / R
-    that moves along. The impedance makes this mass as small as is stable with steps of
-    the simulation. All is shared by the sole's corners.
+    MuJoCo's contact solves J a + R f = a_ref. Here a_ref = -b v - k r at depth r and,
+    for an impedance d, R = (1 - d) / (d m), where 1 / m is MuJoCo's estimate of the
+    acceleration by a unit force. With k = K R and b = C R that is a force of K r + C v
+    and a mass 1 / R that moves along. The impedance makes this mass as small as the
+    simulation's steps keep stable. The corners of a sole share all of it.
     """
     half_mass = 0.5 * float(model.body(robot.file.base_link).subtreemass[0])
     for ground in grounds:
@@ -282,8 +282,8 @@ def soften(
             pair = model.pair(f"{ground.name} {foot.sole_frame}")
             moved = float(model.body(foot.sole_frame).invweight0[0])
             impedance = 1.0 / (1.0 + CORNERS / (mass * moved))
-            # R = CORNERS / mass, and K and C have the share of a corner. A negative
-            # solref holds -k d^2 and -b d; what acts at depth r is k d r.
+            # R = CORNERS / mass, and K and C are those of one corner. A negative
+            # solref contains -k d^2 and -b d; k d r is what acts at depth r.
             pair.solref[:] = (
                 -stiffness / mass * impedance,
                 -damping / mass * impedance,
@@ -314,7 +314,7 @@ def _tile(index: int, tile: Tile, *, friction: float) -> StillGround:
 def _floor(
     tiles: tuple[StillGround, ...], scenario: Scenario
 ) -> tuple[StillGround, ...]:
-    """Return the floor less the tiles' footprints, as few rectangles as rows allow."""
+    """Return the floor without the tiles' footprints, as few rectangles along rows."""
     floor, walk = FLOOR_M, scenario.walk
     if walk is not None:
         far = walk.reach_m(scenario.duration_s) + BEYOND_WALK_M
@@ -352,7 +352,7 @@ def _floor(
 
 
 def _edges(tiles: tuple[StillGround, ...], axis: int, floor: Extents) -> list[float]:
-    """Where floor may begin and end along an axis, each place once [m]."""
+    """Return where floor may begin and end along an axis, each place once [m]."""
     found: list[float] = []
     for edge in sorted(
         {*floor[axis], *(e for tile in tiles for e in _extent(tile, axis, floor))}
@@ -363,7 +363,7 @@ def _edges(tiles: tuple[StillGround, ...], axis: int, floor: Extents) -> list[fl
 
 
 def _extent(tile: StillGround, axis: int, floor: Extents) -> Extent:
-    """From where to where a tile's place goes along an axis, within the floor [m]."""
+    """Return a tile's extent along an axis, cut to the floor [m]."""
     centre, half = float(tile.top_centre[axis]), 0.5 * float(tile.size[axis])
     low, high = floor[axis]
     return min(max(centre - half, low), high), min(max(centre + half, low), high)

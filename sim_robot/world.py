@@ -1,4 +1,4 @@
-"""The world as MuJoCo has it: robot, ground, payloads and what stands around."""
+"""Builds the world in MuJoCo: robot, ground, payloads and scenery."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ from surefoot.sim_robot.still_ground import (
 
 DENSITY_KG_M3 = 2000.0
 NOT_YET_KG = 1e-6
-"""What a load has until it is grasped."""
+"""Mass of a load until it is grasped."""
 _PREFIX = "payload_"
 TANGENTIAL_STIFFNESS_RATIO = 10.0
-"""How much stiffer friction is than the normal contact: soles do not creep."""
+"""Stiffness of friction over that of the normal contact, so that soles do not creep."""
 SOLVER_TOLERANCE = 1e-10
 
 
@@ -52,7 +52,7 @@ def add_payloads(
     """Fix a ball to each link that carries one.
 
     Raises:
-        ScenarioError: no such link.
+        ScenarioError: a payload's link does not exist.
     """
     links = [body.name for body in spec.bodies if body.name != "world"]
     for index, load in enumerate(payloads):
@@ -82,12 +82,12 @@ def add_payloads(
 
 
 def is_payload(name: str) -> bool:
-    """Whether a body is a load and no part of the robot."""
+    """Return whether a body is a load and not part of the robot."""
     return name.startswith(_PREFIX)
 
 
 class _Grasp(NamedTuple):
-    """A load to come: from which simulation step, on which body, how heavy."""
+    """A load to come: simulation step of its grasp, body, mass [kg]."""
 
     step: int
     body: int
@@ -95,7 +95,7 @@ class _Grasp(NamedTuple):
 
 
 class Grasps:
-    """Gives loads their mass when their time comes."""
+    """Gives loads their mass at their time."""
 
     def __init__(
         self,
@@ -104,7 +104,7 @@ class Grasps:
         *,
         renew: Callable[[mujoco.MjModel], None],
     ) -> None:
-        """Look up the loads that are not carried from the start."""
+        """Find the loads that are not carried from the start."""
         self._model, self._renew = model, renew
         self._coming = [
             _Grasp(
@@ -117,7 +117,7 @@ class Grasps:
         ]
 
     def apply(self, step: int) -> None:
-        """Grasp what is due in simulation step ``step``, counted from zero."""
+        """Grasp loads that are due in simulation step ``step``, counted from zero."""
         if not self._coming:
             return
         due = [grasp for grasp in self._coming if grasp.step <= step]
@@ -135,34 +135,34 @@ def _radius(mass_kg: float) -> float:
 
 
 def _inertia(mass_kg: float) -> float:
-    """Of a solid ball about its middle [kg m^2]."""
+    """Return the inertia of a solid ball about its centre [kg m^2]."""
     return 0.4 * mass_kg * _radius(mass_kg) ** 2
 
 
 @dataclass(frozen=True)
 class World:
-    """A compiled world and where things are in its arrays.
+    """A compiled world and the places of its parts in MuJoCo's arrays.
 
     Attributes:
-        model: MuJoCo model; actuators are in bus order, the robot's degrees of
-            freedom come first, the platforms' after them, the seesaws' last.
-        platforms: the ground that may move, in the order of ``ground_bodies``.
-        still: the ground that no motion moves: tiles, and the floor around them.
-        nominal: the nominal stance, where the robot begins.
-        start: the stance it begins in; mostly the nominal one.
-        rise: how much higher than level ground it begins, on what is under it [m].
-        base_up: (3,) what is up in the nominal posture, in the base link.
+        model: MuJoCo model. Actuators are in bus order. The robot's degrees of freedom
+            come first, then the platforms', then the seesaws'.
+        platforms: ground that may move, in the order of ``ground_bodies``.
+        still: ground without a prescribed motion: tiles, and the floor around them.
+        nominal: the nominal stance, at the place where the robot begins.
+        start: the stance in which it begins; mostly the nominal one.
+        rise: rise of the robot's start above level ground, for what is under it [m].
+        base_up: (3,) upward direction in the nominal posture, in the base link.
         base_body: id of the base link.
-        sensor_sites: ids of the sensors' frames, by channel.
+        sensor_sites: ids of the sensor frames, by channel.
         joint_qpos: (n_a,) addresses in qpos, bus order.
         joint_dof: (n_a,) addresses in qvel, bus order.
-        sole_bodies: ids of the left and the right sole.
+        sole_bodies: ids of left and right sole.
         ground_bodies: ids of the platforms.
-        seesaws: ids of the tiles that tip, in their order.
-        upper_bodies: ids of the robot's bodies above the ankles: they touch the
-            ground only in a fall.
+        seesaws: ids of the tiles that tip, in order.
+        upper_bodies: ids of the robot's bodies above the ankles. They touch the ground
+            only in a fall.
         weight: the robot's true weight [N].
-        gravity: of the place [m/s^2].
+        gravity: magnitude of gravity [m/s^2].
     """
 
     model: mujoco.MjModel
@@ -188,11 +188,11 @@ def build_world(robot: Robot, scenario: Scenario, *, scenery: bool = False) -> W
     """Build the world of one run.
 
     Returns:
-        The world; the state is not set up in it.
+        The world; it contains no state.
 
     Raises:
         RobotFileError: MuJoCo refuses the robot.
-        ScenarioError: the scenario does not fit it.
+        ScenarioError: the scenario does not fit the robot.
     """
     with refusing(robot):
         spec = robot_spec(robot, scenario, visuals=scenery)
@@ -249,7 +249,7 @@ def _set_options(spec: mujoco.MjSpec, *, gravity: float) -> None:
     option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    # At the default 1e-8 the solver stops early and tangential forces are 1 % off.
+    # At the default 1e-8 the solver stops early, with tangential forces 1 % off.
     option.tolerance = SOLVER_TOLERANCE
     option.impratio = TANGENTIAL_STIFFNESS_RATIO
     # A state that blew up is a fall to report, not something to reset silently.
@@ -257,7 +257,7 @@ def _set_options(spec: mujoco.MjSpec, *, gravity: float) -> None:
 
 
 def _scale_masses(model: mujoco.MjModel, robot: Robot, *, scale: float) -> None:
-    """Make every link of the robot heavier; rotor inertias stay."""
+    """Scale the mass of every link of the robot; rotor inertias stay."""
     if scale == 1.0:
         return
     base = _body_id(model, robot.file.base_link)
@@ -272,7 +272,7 @@ def _scale_masses(model: mujoco.MjModel, robot: Robot, *, scale: float) -> None:
 
 
 def _forget_platform_inertia(model: mujoco.MjModel, robot: Robot) -> None:
-    """Keep the solver's tolerance, relative to mean inertia, that of the robot."""
+    """Make the solver's tolerance relative to the robot's mean inertia alone."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     inertia = np.zeros((model.nv, model.nv))
@@ -283,10 +283,10 @@ def _forget_platform_inertia(model: mujoco.MjModel, robot: Robot) -> None:
 def _upper_bodies(
     model: mujoco.MjModel, base_body: int, *, feet: tuple[Foot, Foot]
 ) -> NDArray[np.intp]:
-    """Return the robot's bodies without those of the feet and all that hangs on them.
+    """Return the robot's bodies without the feet and all bodies that hang on them.
 
-    A foot begins at the two joints above its sole: an ankle's. Toes, covers and frames
-    beside the sole belong to it.
+    A foot begins at the two joints above its sole, those of an ankle. Toes, covers and
+    frames beside the sole belong to it.
     """
     low: set[int] = set()
     for foot in feet:
@@ -312,7 +312,7 @@ def _upper_bodies(
 
 
 def renew(model: mujoco.MjModel, world: World, robot: Robot) -> None:
-    """Work out anew what follows from the masses of the model."""
+    """Recompute everything that depends on the masses of the model."""
     mujoco.mj_setConst(model, mujoco.MjData(model))
     _forget_platform_inertia(model, robot)
     soften(model, world.still, robot=robot)

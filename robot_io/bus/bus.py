@@ -1,4 +1,7 @@
-"""An open session with what both sides share, a try of one, and a private one."""
+"""The open bus: a Zenoh session with its publishers, channels and presence tokens.
+
+Client and server both build on it: sensors go from server to client, commands back.
+"""
 
 from __future__ import annotations
 
@@ -27,13 +30,13 @@ from surefoot.schemas.endpoints import Endpoints
 from surefoot.schemas.result import Distribution
 
 GRANULARITY_S = {Pace.REALTIME: 0.005, Pace.LOCKSTEP: 0.02}
-"""How late a wait with a deadline may end [s]. In lockstep both sides wait anyway, and
-each check costs time."""
+"""How late a wait with a deadline may end [s]. Lockstep checks less often, since both
+sides wait anyway and each check costs time."""
 WAIT_BEFORE_DROP_S = {Pace.REALTIME: 0.001, Pace.LOCKSTEP: 0.5}
 """How long a message may wait for a busy link before it is dropped [s]. In lockstep the
-robot's time stands still meanwhile, and a recorder that keeps up late loses nothing."""
+robot's time stands still meanwhile, and a slow recorder loses nothing."""
 SETTLE_S = 1.0
-"""The bus may take so long to say that there is nobody else [s]."""
+"""Longest time for the bus to report that nobody else is there [s]."""
 _NOBODY = "alive/nobody"
 DIAL_S = 0.5
 """Length of one attempt to connect, which Zenoh cannot interrupt [s]."""
@@ -45,14 +48,14 @@ _BYTES = 600
 """Size of a message with a robot's joints."""
 _POLL_S = 0.002
 ONE_HOST_LEASE_MS = 10_000
-"""Between processes of one run a death closes the link at once. What is silent and not
-dead is a process that a busy machine has not let run."""
+"""Lease of links between processes of one run [ms]. A process that dies closes its link
+at once; a silent one is alive, but a busy machine has not let it run."""
 LONGEST_SOCKET_PATH = 90
-"""Systems allow 104 or 108 bytes, and Zenoh puts a lock file beside the socket."""
+"""Longest path [bytes]: systems allow 104 or 108, Zenoh adds a lock file beside it."""
 
 
 class Bus:
-    """An open session with what client and server have in common.
+    """An open session with the parts that client and server share.
 
     A context manager; leaving it closes everything declared on it.
     """
@@ -75,7 +78,7 @@ class Bus:
         Args:
             endpoints: both sides of the bus.
             role: robot or client.
-            namespace: the robot's.
+            namespace: the robot's namespace.
             timeout_s: how long a client dials before it gives up [s].
             keys: the robot's keys, for access control; the usual ones when None.
             pace: in lockstep messages may wait for a busy reader, and waits end later.
@@ -92,8 +95,8 @@ class Bus:
         """Open the session.
 
         Raises:
-            EndpointError: cannot listen there, or a locator is malformed.
-            RobotUnreachableError: nobody answers where a client dials.
+            EndpointError: Zenoh cannot listen there, or a locator is malformed.
+            RobotUnreachableError: nobody answers at the dialed locators.
         """
         with ExitStack() as stack:
             self.session = stack.enter_context(
@@ -122,15 +125,15 @@ class Bus:
         """Declare a publisher that drops rather than blocks on a slow subscriber.
 
         Zenoh gathers messages into batches. Flushing hands the batch over at once, but
-        takes one out of the queue each time: a publisher that always did would lose
-        messages whenever the machine is busy. Once per tick it lost 8 of 22500 ticks
-        beside three busy processes, and it spares a few ticks in a hundred a wait for
+        takes one batch out of the queue each time. So a publisher that always flushes
+        loses messages whenever the machine is busy: flushing every tick lost 8 of 22500
+        ticks beside three busy processes. It saves a few ticks in a hundred a wait for
         the sender.
 
         Args:
             key: relative to the namespace.
             urgent: part of the control loop, sent before everything else.
-            flush: send at once, with what urgent messages wait before it.
+            flush: send at once, together with urgent messages that wait before it.
         """
         priority = zenoh.Priority.REAL_TIME if urgent else zenoh.Priority.DATA
         return self.session.declare_publisher(
@@ -158,17 +161,17 @@ class Bus:
         self._tokens.append(self.session.liveliness().declare_token(key))
 
     def settle(self) -> None:
-        """Wait until a watch of presence knows all who are there.
+        """Wait until a presence watch knows everyone who is there.
 
-        A query that nobody answers: its end comes by the same way, after what the watch
-        is told at first. Asking for the tokens themselves would not do: Zenoh leaves
-        out those that the session has heard of already.
+        It sends a query that nobody answers. The query's end arrives on the same path,
+        after the first reports to the watch. A query for the tokens would not do: Zenoh
+        leaves out those that the session has already heard of.
         """
         for _ in self.session.liveliness().get(_NOBODY, timeout=SETTLE_S):
             pass
 
     def watch_presence(self, key: str, changed: Callable[[str, bool], None]) -> None:
-        """Watch liveliness tokens, those already there included.
+        """Watch liveliness tokens, including those already there.
 
         Args:
             key: a key, or a pattern such as ``alive/stabilizer/*``.
@@ -185,7 +188,7 @@ class Bus:
 
 
 def bytes_of(query: zenoh.Query) -> bytes:
-    """Return what a query carries; empty when it carries nothing."""
+    """Return the payload of a query; empty when it has none."""
     return b"" if query.payload is None else query.payload.to_bytes()
 
 
@@ -197,8 +200,8 @@ def dialed_bus(
 
     Args:
         endpoints: where to dial.
-        namespace: put before every key; empty for a tool that looks at all of them.
-        timeout_s: how long in all [s].
+        namespace: put before every key; empty for a tool that looks at all robots.
+        timeout_s: how long to dial in all [s].
 
     Raises:
         EndpointError: a locator is malformed.
@@ -222,7 +225,7 @@ def dial(
     """Open the bus as :func:`dialed_bus` does, unless asked to stop meanwhile.
 
     Returns:
-        The bus; None when it was stopped.
+        The bus; None when the dialing was stopped.
     """
     end, attempt_s = time.monotonic() + timeout_s, min(DIAL_S, timeout_s)
     while stop is None or not stop.is_set:
@@ -243,7 +246,7 @@ def private_bus() -> Iterator[Endpoints]:
     """Provide a private bus: a Unix socket in a folder that only this user enters.
 
     No other process can take its address meanwhile, and it costs the loop less than
-    the loopback interface. Without such sockets, or with a path too long, a free port.
+    loopback. Without such sockets, or with a long path, it is a free loopback port.
     """
     with tempfile.TemporaryDirectory(prefix="surefoot-") as folder:
         path = f"{folder}/bus"
@@ -269,10 +272,10 @@ def measure_loopback(endpoints: Endpoints) -> Distribution:
     """Open both ends of a bus in this process and send messages to and fro.
 
     Returns:
-        Times of the round trip.
+        Round-trip times [ms].
 
     Raises:
-        EndpointError: cannot listen there.
+        EndpointError: Zenoh cannot listen there.
         RobotUnreachableError: no connection, or no answer.
     """
     with (
@@ -306,10 +309,10 @@ def measure_loopback(endpoints: Endpoints) -> Distribution:
 
 
 def _wait_for_match(*publishers: zenoh.Publisher) -> None:
-    """Until each has its subscriber: what is sent before is lost.
+    """Wait until each publisher has its subscriber; earlier messages would be lost.
 
     Raises:
-        RobotUnreachableError: not in time.
+        RobotUnreachableError: a publisher found no subscriber in time.
     """
     end = time.monotonic() + _ANSWER_S
     # The type stubs lack this property.

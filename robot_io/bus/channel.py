@@ -1,4 +1,4 @@
-"""Receives one key of the bus: as payloads, or as messages, checked and in order."""
+"""Receives one key of the bus, as payloads or as checked messages in order."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ NEVER = -1
 
 
 class Waker:
-    """Puts a token on the key that the main thread waits on, once the wait is over.
+    """Ends a wait by putting a token on the key that the main thread waits on.
 
-    Blocking in ``recv`` costs one wake-up per message; anything with a time limit in
-    Python would cost a second one, of a Python thread. So a guard thread looks every
-    few milliseconds whether a wait has outlived its deadline, which the loop that
-    gets its messages in time never notices.
+    Blocking in ``recv`` costs one wake-up per message. A time limit in Python would
+    cost a second one, of a Python thread. So a guard thread checks every few
+    milliseconds whether a wait has outlived its deadline. A loop that gets its messages
+    in time never notices it.
 
     Attributes:
-        token: what ends a wait; not a message. Drawn at random, so that no peer can
-            send it.
-        was_interrupted: whether the last wait that ended was broken off by a interrupt.
+        token: payload that ends a wait; not a message. It is random, so that no peer
+            can send it.
+        was_interrupted: whether an interrupt ended the last wait.
     """
 
     def __init__(self, session: zenoh.Session, *, granularity_s: float) -> None:
         """Prepare the guard; :meth:`running` starts it.
 
         Args:
-            session: where the waits are.
+            session: session of the waits.
             granularity_s: how late a wait may end [s].
         """
         self.token = secrets.token_bytes(TOKEN_BYTES)
@@ -68,17 +68,17 @@ class Waker:
             thread.join()
 
     def watch(self, key: str, deadline: float) -> None:
-        """Say that a wait begins.
+        """Report that a wait begins.
 
         Args:
-            key: what is waited on.
-            deadline: when it ends, on ``time.monotonic`` [s].
+            key: key that is waited on.
+            deadline: end of the wait, on ``time.monotonic`` [s].
         """
         self._key = key
         self._deadline = deadline
 
     def unwatch(self) -> None:
-        """Say that the wait is over."""
+        """Report that the wait is over."""
         self._deadline = math.inf
 
     def interrupt(self) -> None:
@@ -105,9 +105,9 @@ class Waker:
 
 
 class Channel:
-    """Payloads of one key, in the order they came.
+    """Payloads of one key, in order of arrival.
 
-    A ring in Zenoh keeps the newest ones until the calling thread takes them: no
+    A ring in Zenoh keeps the newest payloads until the calling thread takes them. No
     Python callback runs, the sender is never held up, and closing never hangs. Not
     thread-safe.
     """
@@ -120,7 +120,7 @@ class Channel:
         Args:
             session: an open session.
             key: relative to the session's namespace.
-            waker: ends waits.
+            waker: ends the waits.
             depth: payloads kept; the oldest is dropped for a new one.
         """
         self._key = key
@@ -143,10 +143,10 @@ class Channel:
         """Wait for the next payload and return it.
 
         Args:
-            deadline: until when, on ``time.monotonic`` [s].
+            deadline: end of the wait, on ``time.monotonic`` [s].
 
         Returns:
-            None when the deadline has passed or the waker was nudged.
+            The payload; None when the deadline has passed or an interrupt came.
         """
         payload = self.poll()
         if payload is not None:
@@ -168,7 +168,7 @@ class Channel:
         return self._waker.was_interrupted
 
     def discard(self) -> None:
-        """Forget what has come so far."""
+        """Drop all payloads received so far."""
         while self._try_receive() is not None:
             pass
 
@@ -181,10 +181,10 @@ T = TypeVar("T", bound=msgspec.Struct)
 
 
 class MessageReader(Generic[T]):
-    """What every reader of a channel does: check, and count what cannot be read.
+    """Base of the readers of a channel: checks messages and counts unreadable ones.
 
-    Of the first one that cannot, it says why: whoever misses it looks for a silent
-    sender otherwise.
+    It logs the reason for the first unreadable message. Otherwise a user who misses
+    the message would look for a silent sender.
 
     Attributes:
         malformed: messages that could not be read.
@@ -213,8 +213,8 @@ class MessageReader(Generic[T]):
 class Inbox(MessageReader[M]):
     """Reads a channel message by message.
 
-    What cannot be read is counted and skipped; so is what comes twice, or after a
-    message of a later tick.
+    Unreadable messages are counted and skipped. So are messages that come twice, or
+    after a message of a later tick.
 
     Attributes:
         outdated: messages that came twice or too late.
@@ -242,10 +242,10 @@ class Inbox(MessageReader[M]):
         """Wait for the next message and return it, without taking it.
 
         Args:
-            deadline: until when, on ``time.monotonic`` [s].
+            deadline: end of the wait, on ``time.monotonic`` [s].
 
         Returns:
-            None when the deadline has passed or the wait was broken off.
+            The message; None when the deadline has passed or an interrupt came.
         """
         while self._head is None:
             data = self._channel.wait(deadline)
@@ -266,7 +266,7 @@ class Inbox(MessageReader[M]):
             self._head = None
 
     def restart(self) -> None:
-        """Forget what has come; ticks may begin anew."""
+        """Drop all messages received so far; ticks may begin anew."""
         self._channel.discard()
         self._head = None
         self._last_tick = NEVER
@@ -298,6 +298,6 @@ class Latest(MessageReader[T]):
         return self._message
 
     def forget(self) -> None:
-        """Forget what has come so far."""
+        """Drop all messages received so far."""
         self._channel.discard()
         self._message = None

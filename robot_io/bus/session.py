@@ -1,12 +1,12 @@
 """Opens the Zenoh session of a process, or runs a router.
 
-The robot is a peer that listens; everyone else is its client and dials. So the robot
-passes on what its clients say to each other, a planner's reference or the
-stabilizer's status, which it would not do between peers; and no two sides ever dial
-each other, by which a session can split for good.
+The robot is a peer that listens; all others are its clients and dial it. So the robot
+forwards messages between its clients, such as a planner's reference or the stabilizer's
+status; between peers it would not. Two sides never dial each other either, since that
+can split a session for good.
 
-It is Zenoh's own, run from its library; ``zenohd`` with the configurations in deploy/
-does the same.
+The router is Zenoh's own, run from its library. ``zenohd`` with the configurations in
+deploy/ does the same.
 """
 
 from __future__ import annotations
@@ -53,20 +53,21 @@ QUEUE_BATCHES = 16
 """Zenoh gives urgent priorities one batch by default, and then drops messages
 whenever its sender thread loses the processor for a millisecond."""
 BATCH_WAIT_MS = 0
-"""How long a message that meets the sender at work may be held back for others to join
-it; Zenoh's own millisecond is a whole tick."""
+"""How long a message may be held back for others to join it while the sender is at work
+[ms]. Zenoh's default of one millisecond is a whole tick."""
 RUNTIME_VARIABLE = "ZENOH_RUNTIME"
 RUNTIME = "(rx:(worker_threads:{}),acc:(handover:tx),app:(handover:tx))"
-"""Two threads of Zenoh's instead of six: every thread that wakes for a message costs
-the control loop its core and its caches. Who listens has more, which sleep."""
+"""Two threads of Zenoh instead of six: every thread that wakes for a message takes core
+and caches from the control loop. A listening process has more; those sleep."""
 PANICS_OF = "pyo3_runtime"
-"""Module of the exceptions that a panic in Zenoh becomes."""
+"""Module of the exceptions that stand for a panic in Zenoh."""
 LISTENING_WORKERS = 64
-"""One is stuck for half a minute with each peer that stands still for longer than the
-lease, or whose cable is pulled; one that comes and goes makes several of them."""
+"""Threads of a listening process. A peer that stands still for longer than the lease,
+or whose cable is pulled, blocks one for half a minute, or several if it comes and goes.
+"""
 _will_listen = False
 _opening = 0
-"""Sessions of this process that are being opened, by whichever thread."""
+"""Number of sessions that threads of this process are opening now."""
 _opening_lock = threading.Lock()
 RETRY_GROWTH = 2
 RETRY_MAX_FACTOR = 4
@@ -74,10 +75,10 @@ POLL_S = 0.1
 
 
 class Role(StrEnum):
-    """Which end of the bus a process is."""
+    """Role of a process on the bus."""
 
     ROBOT = "robot"
-    """Listens; dials only where there is a router."""
+    """Listens; with a router it dials the router instead."""
     CLIENT = "client"
     """Dials the robot, or the router: stabilizer, planner, tools."""
     ROUTER = "router"
@@ -94,26 +95,26 @@ def open_session(
     keys: dict[str, str] | None = None,
     wait_before_drop_s: float = WAIT_BEFORE_DROP_S,
 ) -> Iterator[zenoh.Session]:
-    """Open a session and close it whatever happens.
+    """Open a session and close it in every case.
 
-    Without the close, the interpreter can hang at its exit. Once connected, a client
-    dials again by itself whenever the robot has gone.
+    Without the close, the interpreter can hang at its exit. A connected client dials
+    again by itself whenever the robot has gone.
 
     Args:
         endpoints: both sides of the bus; the role picks its own.
-        role: robot or client.
+        role: robot, client or router.
         namespace: put before every key on the wire, such as ``walker``; empty for a
-            tool that looks at all of the wire.
-        timeout_s: how long who dials does so before it gives up [s].
+            tool that looks at all keys.
+        timeout_s: how long a dialing process tries before it gives up [s].
         keys: channel name to key, for access control; the usual ones when None.
         wait_before_drop_s: how long a message may wait for a busy link [s].
 
     Raises:
-        EndpointError: cannot listen there, or Zenoh cannot start.
-        LocatorError: a locator is malformed, or open to a network without TLS, or
-            the path of something that is no socket.
-        CertificateError: a certificate of ours would be turned away.
-        RobotUnreachableError: nobody answers where it dials.
+        EndpointError: Zenoh cannot listen there, or cannot start.
+        LocatorError: a locator is malformed, is open to a network without TLS, or has
+            the path of a file that is no socket.
+        CertificateError: the peer would refuse one of our certificates.
+        RobotUnreachableError: nobody answers at the dialed locators.
     """
     _check(endpoints, role)
     config = session_config(
@@ -130,7 +131,7 @@ def open_session(
     except zenoh.ZError as error:
         raise _open_error(endpoints, role, error, timeout_s) from error
     except BaseException as error:
-        # What Zenoh cannot read in its variable ends in a panic, which is no Exception.
+        # If Zenoh cannot read its variable, it panics; a panic is no Exception.
         if isinstance(error, Exception) or type(error).__module__ != PANICS_OF:
             raise
         raise EndpointError(
@@ -148,18 +149,18 @@ def open_session(
 
 
 def expect_to_listen() -> None:
-    """Say that this process will listen, though its first session dials."""
+    """Declare that this process will listen, although its first session dials."""
     global _will_listen
     _will_listen = True
 
 
 @contextmanager
 def _threads(*, is_listening: bool) -> Iterator[None]:
-    """Choose how many threads Zenoh gets, where the user does not.
+    """Choose the number of Zenoh's threads unless the user has chosen it.
 
-    Zenoh looks at its variable once, at the first session of a process. It is taken
-    away again, lest a process that this one starts have threads for another role; by
-    the last of the threads that open sessions at the same time.
+    Zenoh reads its variable once, at the first session of a process. The variable is
+    removed again, or a child process would get the threads of another role. When
+    several threads open sessions at the same time, the last one removes it.
     """
     global _opening
     with _opening_lock:
@@ -179,12 +180,12 @@ def _threads(*, is_listening: bool) -> Iterator[None]:
 
 
 def listens(endpoints: Endpoints, role: Role) -> bool:
-    """Return whether a process listens."""
+    """Return whether a process of this role listens."""
     return role is Role.ROUTER or (role is Role.ROBOT and not endpoints.router)
 
 
 def dialed(endpoints: Endpoints) -> list[str]:
-    """Return the locators that a process which does not listen dials."""
+    """Return the locators dialed by a process that does not listen."""
     return endpoints.router or endpoints.connect
 
 
@@ -197,10 +198,10 @@ def session_config(
     keys: dict[str, str] | None = None,
     wait_before_drop_s: float = WAIT_BEFORE_DROP_S,
 ) -> JsonObject:
-    """Return Zenoh's configuration for a process, asked as :func:`open_session` is.
+    """Return Zenoh's configuration; the arguments are those of :func:`open_session`.
 
     Returns:
-        What Zenoh's JSON5 file would hold.
+        The content of Zenoh's JSON5 file.
     """
     is_listening = listens(endpoints, role)
     config: JsonObject = {
@@ -229,7 +230,7 @@ def session_config(
         "queries_default_timeout": QUERY_TIMEOUT_MS,
         "transport": _transport(endpoints, wait_before_drop_s),
     }
-    # A router hears the keys as they are on the wire; so does who names no robot.
+    # A router sees keys as on the wire; so does a tool without a namespace.
     if role is not Role.ROUTER and namespace:
         config["namespace"] = namespace
     if is_listening:
@@ -285,7 +286,7 @@ def _transport(endpoints: Endpoints, wait_before_drop_s: float) -> JsonObject:
 
 
 def _tls(endpoints: Endpoints) -> JsonObject:
-    """Return the TLS part: certificates on both ends, and no other protocol."""
+    """Return the TLS part: certificates on both ends, and no unsecured protocol."""
     tls = endpoints.tls
     if tls is None:
         return {}
@@ -324,7 +325,7 @@ def _open_error(
     endpoints: Endpoints, role: Role, error: zenoh.ZError, timeout_s: float
 ) -> EndpointError | RobotUnreachableError:
     if not listens(endpoints, role):
-        # A client tries again, and looks at the other side once it gives up.
+        # A client tries again, and checks the peer's certificate when it gives up.
         words = unreachable(
             endpoints, "nobody answers", timeout_s, looks=role is not Role.CLIENT
         )
@@ -341,13 +342,13 @@ def _open_error(
 def unreachable(
     endpoints: Endpoints, what: str, timeout_s: float, *, looks: bool = True
 ) -> str:
-    """Words for a bus on which the other side is not found.
+    """Return the error text for a bus on which the other side is not found.
 
     Args:
-        endpoints: where it was dialed.
-        what: what was found instead.
-        timeout_s: how long was waited [s].
-        looks: look at the certificate of the other side, which takes a moment.
+        endpoints: where the process dialed.
+        what: what it found instead.
+        timeout_s: how long it waited [s].
+        looks: check the certificate of the other side, which takes a moment.
     """
     where = dialed(endpoints)
     told = f"{what} at {', '.join(where)} within {timeout_s:g} s"

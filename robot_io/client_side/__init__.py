@@ -1,1 +1,1 @@
-"""What everyone else runs: the controller's client, observers, bus tools."""
+"""The robot's clients: the controller's client, observers, bus tools."""

@@ -1,4 +1,4 @@
-"""Joins the messages of a tick into one snapshot."""
+"""Joins the sensor messages of a tick into one snapshot for the controller."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from surefoot.schemas.messages import Message
 
 CAUGHT_UP_TICKS = 1
 KNOWN_PATIENCE_S = 0.05
-"""At most so long for a sensor that was lost before."""
+"""Longest wait for a sensor that was lost before [s]."""
 
 
 class SensorReader(Generic[M]):
-    """The newest reading of one sensor, and whether one may wait for the next.
+    """The newest reading of one sensor, and whether to wait for the next one.
 
     Attributes:
         name: name of its channel.
-        inbox: where its messages come in.
+        inbox: receives its messages.
         latest: newest message taken; None before the first.
-        is_lost: it has kept the others waiting, and is not waited for until it has
-            caught up with them.
-        patience_s: how long it may keep the others waiting; less once it was lost [s].
+        is_lost: whether it has kept the others waiting too long. It is not waited for
+            until it has caught up with them.
+        patience_s: longest time it may keep the others waiting; shorter once it was
+            lost [s].
     """
 
     def __init__(self, name: str, inbox: Inbox[M], *, patience_s: float) -> None:
-        """Nothing has come yet."""
+        """Begin without any message."""
         self.name = name
         self.inbox = inbox
         self.latest: M | None = None
@@ -47,17 +48,17 @@ class SensorReader(Generic[M]):
         self.inbox.drop()
 
     def take_newest(self) -> None:
-        """Take all messages there are; the last one counts."""
+        """Take all messages received so far; the last one counts."""
         while self.inbox.peek() is not None:
             self.take()
 
     def give_up(self) -> None:
-        """Wait for it no more, until it has caught up."""
+        """Stop waiting for this sensor until it has caught up."""
         self.is_lost = True
         self.patience_s = min(self.patience_s, KNOWN_PATIENCE_S)
 
     def reach(self, tick: int) -> None:
-        """Take messages up to one of a tick, waiting for it unless it is lost."""
+        """Take messages up to the given tick; wait for that one unless lost."""
         head = self.inbox.peek()
         if head is not None and head.tick == tick:  # nearly always
             self.latest = head
@@ -67,13 +68,13 @@ class SensorReader(Generic[M]):
             self._catch_up(tick)
 
     def restart(self) -> None:
-        """The robot has begun anew."""
+        """Begin anew with a restarted robot."""
         self.inbox.restart()
         self.latest = None
         self.is_lost = False
 
     def _catch_up(self, tick: int) -> None:
-        """Take late messages, and wait for the one of the tick."""
+        """Take late messages, and wait for the one of this tick."""
         while self.tick < tick:
             head = self.inbox.peek()
             if head is None and not self.is_lost:
@@ -84,21 +85,21 @@ class SensorReader(Generic[M]):
                 else:
                     self.give_up()
                 return
-            if head.tick > tick:  # the one wanted never came, but the sensor lives
+            if head.tick > tick:  # this tick's message never came, but the sensor lives
                 break
             self.take()
         self.is_lost = False
 
 
 class SnapshotReading(NamedTuple):
-    """A snapshot, and how fresh it is.
+    """A snapshot and its freshness.
 
     Attributes:
         snapshot: sensors of one tick.
         stale: names of the channels whose message of this tick did not come; the
             snapshot holds their newest values.
         ages: ticks since each channel's message, in the order of the sensor table.
-        complete_ns: when the wait for it ended, on ``time.perf_counter_ns`` [ns].
+        complete_ns: end of the wait for it, on ``time.perf_counter_ns`` [ns].
     """
 
     snapshot: Snapshot
@@ -110,9 +111,9 @@ class SnapshotReading(NamedTuple):
 class SnapshotAssembler:
     """Waits for the sensors of a tick and joins them.
 
-    The robot sends them in a fixed order, so the last one to come says that the
+    The robot sends them in a fixed order. So the arrival of the last one shows that the
     others are there: one wait per tick. A sensor that keeps the others waiting for
-    longer than the patience is left out, its old values kept, until it is back.
+    longer than its patience is left out, with its old values kept, until it is back.
     """
 
     def __init__(
@@ -125,9 +126,10 @@ class SnapshotAssembler:
         """Join sensors.
 
         Args:
-            sensors: all of them, in the order in which they are sent.
-            joint_count: n_a.
-            in_order: every tick once, none skipped (lockstep); otherwise the newest.
+            sensors: all sensors, in the order of sending.
+            joint_count: number of joints n_a.
+            in_order: deliver every tick once, none skipped (lockstep); otherwise
+                the newest.
         """
         self._sensors = sensors
         self._in_order = in_order
@@ -140,10 +142,10 @@ class SnapshotAssembler:
         """Wait for the next snapshot.
 
         Args:
-            deadline: until when, on ``time.monotonic`` [s].
+            deadline: end of the wait, on ``time.monotonic`` [s].
 
         Returns:
-            None when the deadline has passed, or the wait was broken off.
+            The snapshot; None when the deadline has passed or an interrupt came.
         """
         while True:
             tick = self._next_tick(deadline)
@@ -157,7 +159,7 @@ class SnapshotAssembler:
                 return self._join(tick, messages)
 
     def missing(self) -> tuple[str, ...]:
-        """Channels that nothing has come from yet."""
+        """Return the channels without any message so far."""
         return tuple(s.name for s in self._sensors if s.latest is None)
 
     def restart(self) -> None:
@@ -168,7 +170,7 @@ class SnapshotAssembler:
         self._tick = NEVER
 
     def _next_tick(self, deadline: float) -> int | None:
-        """The tick to join next, once its last sensor has come."""
+        """Return the next tick to join, once its last sensor's message is there."""
         while True:
             last = self._last_sensor()
             limit = min(deadline, time.monotonic() + last.patience_s)
@@ -178,7 +180,7 @@ class SnapshotAssembler:
                 self._partial_since_s = math.inf
                 if head.tick > self._tick:
                     return self._choose(last)
-                last.take()  # late by ticks that have long been answered
+                last.take()  # late: its tick was answered long ago
                 continue
             if last.inbox.was_interrupted:
                 return None
@@ -187,7 +189,7 @@ class SnapshotAssembler:
                 return None
 
     def _last_sensor(self) -> SensorReader[Any]:
-        """The last one sent of those that are alive."""
+        """Return the sensor that is sent last among those not lost."""
         alive = [sensor for sensor in self._sensors if not sensor.is_lost]
         return alive[-1] if alive else self._sensors[-1]
 
@@ -200,7 +202,7 @@ class SnapshotAssembler:
         return min(tick for tick in ticks if tick > self._tick)
 
     def _doubt(self, last: SensorReader[Any]) -> None:
-        """Give the last sensor up once others have long come without it."""
+        """Give up the last sensor if the others came without it long ago."""
         others = (s for s in self._sensors if s is not last)
         now_s = time.monotonic()
         last.is_lost = False

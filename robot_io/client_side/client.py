@@ -1,4 +1,4 @@
-"""The controller's side of the bus."""
+"""The controller's side of the bus: receives snapshots and sends joint commands."""
 
 from __future__ import annotations
 
@@ -47,18 +47,18 @@ from surefoot.schemas.walk_plan import WalkPlan, WalkStatus, parts_of
 SENSOR_MESSAGES_KEPT = 64
 REQUEST_TIMEOUT_S = 5.0
 RELEASE_TIMEOUT_S = 1.0
-"""Short: if the robot is gone, its lease expires by itself [s]."""
+"""Short, because the lease of a robot that is gone expires by itself [s]."""
 PATIENCE_S = 0.005
-"""How long the sensors of a tick wait for a missing one [s]."""
+"""Longest wait for a missing sensor of a tick [s]."""
 LOCKSTEP_PATIENCE_S = 0.5
 """The same in lockstep, where the robot's time stands still meanwhile [s].
 
-Long, so that no pause of a busy machine makes the run another one; twice that is
-less than the robot waits for an answer."""
+It is long, so that no pause of a busy machine changes the run. Twice this time is less
+than the robot waits for an answer."""
 
 
 _give_way = getattr(os, "sched_yield", lambda: None)
-"""Not every system has it."""
+"""Lets Zenoh's sender run; does nothing on systems without ``sched_yield``."""
 
 
 class RobotClient:
@@ -90,11 +90,12 @@ class RobotClient:
         """Prepare; :meth:`connect` dials.
 
         Args:
-            robot: names keys and joints.
+            robot: has the names of keys and joints.
             endpoints: where to dial.
-            identity: who commands; one word, unique on the bus.
-            in_order: every tick once, none skipped (lockstep); otherwise the newest.
-            stop: ends waits.
+            identity: name of this commander; one word, unique on the bus.
+            in_order: deliver every tick once, none skipped (lockstep); otherwise
+                the newest.
+            stop: ends the waits.
         """
         self.identity = identity
         self._robot = robot
@@ -123,13 +124,13 @@ class RobotClient:
         """Dial, and wait until the robot is ready.
 
         Returns:
-            Whether it is; False when the wait was stopped.
+            Whether it is ready; False when the wait was stopped.
 
         Raises:
             EndpointError: a locator is malformed.
             RobotUnreachableError: no robot was ready in time.
-            RobotMismatchError: the robot there has another description, or there are
-                two.
+            RobotMismatchError: the robot has another description, or there are two
+                robots.
         """
         end = time.monotonic() + timeout_s
         with ExitStack() as stack:
@@ -154,10 +155,10 @@ class RobotClient:
 
     @property
     def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows.
+        """Whether the robot's process is alive, according to the bus.
 
         Raises:
-            SecondRobotError: another robot of its namespace has come, and stays.
+            SecondRobotError: a second robot has come to its namespace and stays.
         """
         if not self._watch.is_same:
             return False
@@ -168,7 +169,7 @@ class RobotClient:
         """Become the robot's commander.
 
         Raises:
-            RequestRefusedError: someone else is; the reason says who.
+            RequestRefusedError: another commander has the lease; the message names it.
             RobotMismatchError: another robot answers.
             RobotUnreachableError: no answer.
         """
@@ -180,22 +181,23 @@ class RobotClient:
         """Give the lease back; the robot holds its posture.
 
         Raises:
-            RequestRefusedError: it was not ours.
+            RequestRefusedError: the lease was not ours.
             RobotUnreachableError: no answer.
         """
         self._has_lease = False
         return self._ask_lease("release", timeout_s=RELEASE_TIMEOUT_S)
 
     def enable(self) -> Array:
-        """Have the robot follow commands from now on.
+        """Let the robot follow commands from now on.
 
-        Snapshots that came before are forgotten: the next one is the first to answer.
+        Earlier snapshots are dropped; the next one is the first to answer.
 
         Returns:
-            (n_a,) the posture it holds, where the first command must begin [rad].
+            (n_a,) posture that the robot holds; the first command must start there
+            [rad].
 
         Raises:
-            RequestRefusedError: not our lease, or the robot is in fault or off.
+            RequestRefusedError: the lease is not ours, or the robot is in fault or off.
             RobotUnreachableError: no answer.
         """
         self._assembler.restart()
@@ -206,7 +208,7 @@ class RobotClient:
         """Ask for a mode: enable, hold, disable or reset.
 
         Raises:
-            RequestRefusedError: the robot says no, and why.
+            RequestRefusedError: the robot refuses; the message has its reason.
             RobotUnreachableError: no answer.
         """
         request = ModeRequest(
@@ -215,7 +217,7 @@ class RobotClient:
         return self._services.ask(self._robot.keys["mode"], request)
 
     def stop_robot(self) -> ServiceReply:
-        """Press the e-stop; needs no lease.
+        """Press the e-stop; this needs no lease.
 
         Raises:
             RobotUnreachableError: no answer.
@@ -224,10 +226,10 @@ class RobotClient:
         return self._services.ask(self._robot.keys["estop"], request)
 
     def wait_snapshot(self, *, timeout_s: float) -> SnapshotReading | None:
-        """Wait for the next snapshot: the next tick, or the newest one.
+        """Wait for the next snapshot: in lockstep the next tick, otherwise the newest.
 
         Returns:
-            None when the time is up, the robot is gone or the wait was stopped.
+            The snapshot; None if time is up, the robot is gone or the wait was stopped.
         """
         return self._assembler.wait(time.monotonic() + timeout_s)
 
@@ -239,8 +241,8 @@ class RobotClient:
         """Command the joints.
 
         Args:
-            q_command: (n_a,) in bus order [rad].
-            tick: the tick this answers.
+            q_command: (n_a,) joint positions in bus order [rad].
+            tick: the tick that this command answers.
         """
         command = JointCommand(
             schema=SCHEMA_VERSION,
@@ -267,11 +269,11 @@ class RobotClient:
         return self._plan.poll()
 
     def publish_walk(self, status: WalkStatus) -> None:
-        """Publish how the walk goes."""
+        """Publish the state of the walk."""
         self._own_walk.put(encode(status))
 
     def publish_taken(self, plan: WalkPlan) -> None:
-        """Publish steps that the controller has taken over, a long plan in parts."""
+        """Publish steps that the controller has taken over; a long plan in parts."""
         for part in parts_of(plan, most_bytes=self._endpoints.max_bytes):
             self._own_taken.put(encode(part))
 
@@ -284,13 +286,13 @@ class RobotClient:
         self._own_changes.put(encode(change))
 
     def next_request(self) -> Asked | None:
-        """Return the next request to the stabilizer, to be answered; None if none."""
+        """Return the next request to the stabilizer, to be answered, or None."""
         return self._requests.next()
 
     def _commands_still(self) -> bool:
         """Return whether there is a lease to give back; a robot in OFF has freed it.
 
-        When the end is urgent it is not given back but lost: the robot notices that.
+        In an urgent end the lease is not given back; the robot notices the loss.
         """
         if not self._has_lease or not self._watch.is_same or self._stop.is_urgent:
             return False
@@ -298,7 +300,7 @@ class RobotClient:
         return status is None or status.commander == self.identity
 
     def _declare(self) -> None:
-        """Declare everything; the token last but the watch."""
+        """Declare everything on the bus: the token second to last, the watch last."""
         bus, keys, n_a = self._bus, self._robot.keys, self._robot.n_a
         self._assembler = SnapshotAssembler(
             [self._reader(entry) for entry in SENSORS],

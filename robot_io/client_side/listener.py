@@ -1,4 +1,4 @@
-"""Listens to keys as they are on the wire, and sees who is there."""
+"""Listens to all keys of the bus as on the wire, and reports who has declared them."""
 
 from __future__ import annotations
 
@@ -32,21 +32,21 @@ KEPT = 200_000
 
 
 class Declaration(NamedTuple):
-    """A declaration of a process on a key or a pattern of keys."""
+    """One declaration of a process, on a key or a pattern of keys."""
 
     key: str
     process: str
 
 
 class BusGraph(NamedTuple):
-    """Who has declared what; keys are as on the wire.
+    """The declarations of all processes; keys are as on the wire.
 
     Attributes:
         is_told: whether any session reported; access control may forbid it.
-        publishers: who may publish, by key.
-        subscribers: who receives, by key.
-        services: who answers queries, by key.
-        processes: everyone, by name.
+        publishers: processes that may publish, by key.
+        subscribers: processes that receive, by key.
+        services: processes that answer queries, by key.
+        processes: names of all processes.
     """
 
     is_told: bool
@@ -57,11 +57,11 @@ class BusGraph(NamedTuple):
 
 
 def read_bus_graph(session: zenoh.Session, *, namespace: str) -> BusGraph:
-    """Ask every session on the bus what it has declared.
+    """Ask every session on the bus for its declarations.
 
     Args:
-        session: connected, without a namespace; left out of the census.
-        namespace: the robot's; liveliness tokens in it give processes their names.
+        session: connected, without a namespace; not part of the result.
+        namespace: the robot's; its liveliness tokens give processes their names.
     """
     own = str(session.zid())
     declared: dict[str, set[tuple[str, str]]] = {kind: set() for kind in _KINDS}
@@ -115,7 +115,7 @@ def _replies(session: zenoh.Session) -> list[zenoh.Reply]:
     """Collect all replies of Zenoh's admin space in a list, without blocking.
 
     A channel would either block the close of a session that is interrupted here, or
-    lose what is still in it when the query is over.
+    lose its remaining replies when the query is over.
     """
     replies: list[zenoh.Reply] = []
     is_over = threading.Event()
@@ -147,7 +147,7 @@ def _names(
 
 
 def _sources(payload: bytes) -> list[str]:
-    """Return the sessions that declared it, without those that only forward it."""
+    """Return the sessions that declared a key, without those that only forward it."""
     told = _table(payload).get("clients")
     return [str(source) for source in told] if isinstance(told, list) else []
 
@@ -166,12 +166,12 @@ def _table(payload: bytes) -> dict[str, object]:
 
 
 class RawMessage(NamedTuple):
-    """One message.
+    """One message of any key.
 
     Attributes:
         key: with the namespace, as on the wire.
-        data: its bytes, whatever they are.
-        received_ns: this process's monotonic clock when Zenoh had it [ns].
+        data: its bytes, not checked.
+        received_ns: this process's monotonic clock when Zenoh received it [ns].
     """
 
     key: str
@@ -180,20 +180,20 @@ class RawMessage(NamedTuple):
 
 
 class Listener(ReadOnlyClient):
-    """Hears keys, known or not, without any part in the robot's control.
+    """Receives known and unknown keys, without any part in the robot's control.
 
-    Unlike :class:`~surefoot.robot_io.client_side.observer.Observer`, which reads a
-    robot's channels, it stamps each message as it comes, on Zenoh's thread, and hears
-    patterns such as ``walker/**``. The stamping takes some microseconds, so the robot
-    never waits for it; what is not taken in time is lost here, and counted.
+    An :class:`~surefoot.robot_io.client_side.observer.Observer` reads a robot's
+    channels. A listener also receives patterns such as ``walker/**``, and stamps each
+    message on Zenoh's thread as it comes. The stamp takes some microseconds, so the
+    robot never waits for it. Messages not taken in time are lost here, and counted.
 
     A context manager, used by one thread.
 
     Attributes:
-        lost: messages that gave way to newer ones before they were taken.
+        lost: messages dropped for newer ones before they were taken.
     """
 
-    _hears_all = True  # only so are other keys and the graph to be seen
+    _hears_all = True  # needed to see other keys and the graph
 
     def __init__(
         self,
@@ -206,10 +206,10 @@ class Listener(ReadOnlyClient):
         """Prepare; :meth:`connect` dials.
 
         Args:
-            robot: whose presence counts, and whose namespace is put before patterns.
+            robot: whose presence is watched, and whose namespace precedes the patterns.
             endpoints: where to dial.
             patterns: keys or patterns relative to the namespace.
-            elsewhere: hear keys outside the namespace too.
+            elsewhere: receive keys outside the namespace too.
         """
         super().__init__(robot, endpoints=endpoints)
         self.lost = 0
@@ -219,10 +219,10 @@ class Listener(ReadOnlyClient):
         self._session: zenoh.Session | None = None
 
     def take(self, *, timeout_s: float = 0.0) -> list[RawMessage]:
-        """Return all messages that have come, in the order in which they came.
+        """Return all messages received so far, in order of arrival.
 
         Returns:
-            Nothing when none came in time.
+            The messages; empty when none came in time.
         """
         end = time.monotonic() + timeout_s
         while not self._heard and (left := end - time.monotonic()) > 0.0:
@@ -232,7 +232,7 @@ class Listener(ReadOnlyClient):
     def bus_graph(self) -> BusGraph:
         """Return who publishes, subscribes and answers, except this process.
 
-        Nothing is told while there is no link.
+        The graph is empty while there is no link.
         """
         if self._session is None or self._session.is_closed():
             return BusGraph(False, (), (), (), ())

@@ -44,16 +44,16 @@ class LatestMessages(NamedTuple):
 
 
 VIEWER_CHANNELS = LatestMessages._fields
-"""They are called as in the topic table."""
+"""Their names are those of the topic table."""
 
 
 class Sample(NamedTuple):
-    """One message as it came.
+    """One received message, not decoded.
 
     Attributes:
         channel: its name in the topic table.
         data: MessagePack bytes.
-        received_ns: this process's monotonic clock when it was taken in [ns].
+        received_ns: this process's monotonic clock when the message was taken [ns].
     """
 
     channel: str
@@ -73,7 +73,7 @@ class Observer(ReadOnlyClient):
                 for sample in observer.take(timeout_s=0.1):
                     message = observer.decode(sample)
 
-    A recorder takes all that comes. A viewer looks, at its own pace: with ``depth=1``
+    A recorder takes every message. A viewer looks at its own pace: with ``depth=1``
     only the newest message of each channel is kept::
 
         with Observer(robot, endpoints=endpoints, channels=VIEWER_CHANNELS) as observer:
@@ -82,8 +82,8 @@ class Observer(ReadOnlyClient):
             observer.requests.stop_robot()
 
     Attributes:
-        channels: what it subscribes to.
-        requests: what an onlooker may ask; once connected.
+        channels: names of the channels it subscribes to.
+        requests: the requests open to an observer; set once connected.
     """
 
     requests: Requests
@@ -100,11 +100,11 @@ class Observer(ReadOnlyClient):
         """Prepare; :meth:`connect` dials.
 
         Args:
-            robot: names keys and joints.
+            robot: has the names of keys and joints.
             endpoints: where to dial.
             channels: names from the topic table, subscribed to in this order.
-            depth: messages kept per channel until taken; older ones give way.
-            identity: named in the robot's log when something is asked.
+            depth: messages kept per channel until taken; the oldest are dropped.
+            identity: name of this observer in the robot's log when it asks.
         """
         super().__init__(robot, endpoints=endpoints)
         self._identity = identity
@@ -119,33 +119,33 @@ class Observer(ReadOnlyClient):
         self._has_another = False
 
     def take(self, *, timeout_s: float = 0.0) -> list[Sample]:
-        """Return all messages that have come, channel by channel, each in its order.
+        """Return all messages received so far, channel by channel, each in order.
 
         Returns:
-            Nothing when none came in time.
+            The messages; empty when none came in time.
         """
         end = time.monotonic() + timeout_s
         while True:
             samples = list(self._drain())
             if samples or time.monotonic() >= end:
                 return samples
-            time.sleep(min(POLL_S, timeout_s))  # many channels: no one to block on
+            time.sleep(min(POLL_S, timeout_s))  # many channels: none to wait on
 
     def decode(self, sample: Sample) -> msgspec.Struct:
         """Read a message.
 
         Raises:
-            MessageError: it is malformed.
+            MessageError: the message is malformed.
         """
         return decode(
             sample.data, self._kinds[sample.channel], joint_count=self._robot.n_a
         )
 
     def latest(self) -> dict[str, msgspec.Struct]:
-        """Return the newest message of each channel that has had any.
+        """Return the newest message of each channel that has received any.
 
         Raises:
-            MessageError: one is malformed.
+            MessageError: a message is malformed.
         """
         newest = {sample.channel: sample for sample in self._drain()}
         return {name: self.decode(sample) for name, sample in newest.items()}
@@ -153,8 +153,8 @@ class Observer(ReadOnlyClient):
     def latest_messages(self) -> LatestMessages:
         """Return the newest message of each channel that a viewer shows.
 
-        Without waiting; a message that cannot be read is passed over. What a stabilizer
-        said of its walk is old once another one has come.
+        It does not wait, and skips messages that cannot be read. A stabilizer's walk
+        status is dropped once another stabilizer has come.
         """
         newest = {sample.channel: sample for sample in self._drain()}
         if self._has_another:
@@ -168,7 +168,7 @@ class Observer(ReadOnlyClient):
         return LatestMessages(**seen)  # type: ignore[arg-type]  # by the topic table
 
     def _on_stabilizer(self, key: str, is_there: bool) -> None:
-        self._has_another |= is_there  # first: who is told of it may look at once
+        self._has_another |= is_there  # first: the callback below may look at once
         super()._on_stabilizer(key, is_there)
 
     def _keep_unread(self) -> None:

@@ -1,4 +1,4 @@
-"""Requests to a robot and its stabilizer: who makes them, and who answers."""
+"""Requests to a robot and its stabilizer: their callers, and the stabilizer's queue."""
 
 from __future__ import annotations
 
@@ -36,12 +36,12 @@ from surefoot.schemas.walk_plan import WalkPlan, WalkStatus
 RETRY_PAUSE_S = 0.01
 R = TypeVar("R", ServiceReply, StabilizerReply)
 REQUESTS_KEPT = 64
-"""Requests that may wait; beyond it the oldest are dropped, unanswered."""
+"""Requests that may wait; beyond that the oldest are dropped, unanswered."""
 Request = SettingsRequest | ControlRequest
 
 
 class ServiceCaller:
-    """Calls the robot's services; every call has a limit."""
+    """Calls the robot's services; every call has a time limit."""
 
     def __init__(
         self,
@@ -56,11 +56,11 @@ class ServiceCaller:
 
         Args:
             session: an open session.
-            joint_count: n_a.
-            timeout_s: how long a call may take [s].
-            robot_is_here: asked before a call is tried again.
-            check: raises when an answer is not of the robot that is meant. An e-stop
-                is for whoever hears it.
+            joint_count: number of joints n_a.
+            timeout_s: longest time of a call [s].
+            robot_is_here: asked before a call is repeated.
+            check: raises when another robot than the expected one answers. It is not
+                used for an e-stop, which any robot that hears it obeys.
         """
         self._session = session
         self._joint_count = joint_count
@@ -72,19 +72,19 @@ class ServiceCaller:
     def ask(
         self, key: str, request: msgspec.Struct, *, timeout_s: float | None = None
     ) -> ServiceReply:
-        """Send a request, repeated while the service is not known yet.
+        """Send a request; repeat it while the service is not known yet.
 
         Args:
-            key: of the service, relative to the namespace.
-            request: what to ask.
+            key: key of the service, relative to the namespace.
+            request: the request to send.
             timeout_s: limit of this call; the usual one when None [s].
 
         Returns:
-            The robot's answer, which accepts.
+            The robot's answer; it accepted the request.
 
         Raises:
-            RequestRefusedError: the robot says no.
-            RobotMismatchError: another robot than the one that is meant answers.
+            RequestRefusedError: the robot refuses.
+            RobotMismatchError: another robot than the expected one answers.
             RobotUnreachableError: nobody answered in time.
             MessageError: the answer cannot be read.
         """
@@ -98,7 +98,7 @@ class ServiceCaller:
         *,
         timeout_s: float | None = None,
     ) -> R:
-        """Ask a service whose answer is of another kind; see :meth:`ask`."""
+        """Call a service whose answer has another type; see :meth:`ask`."""
         limit_s = self._timeout_s if timeout_s is None else timeout_s
         end = time.monotonic() + limit_s
         while (remaining_s := end - time.monotonic()) > 0:
@@ -139,11 +139,11 @@ class ServiceCaller:
 class Requests:
     """Requests that need no lease; with TLS, the certificate decides who may send them.
 
-    The e-stop is open to everyone; the rest needs an operator's certificate.
+    The e-stop is open to everyone; the others need an operator's certificate.
     """
 
     def __init__(self, caller: ServiceCaller, robot: Robot, *, source: str) -> None:
-        """Ask through a caller."""
+        """Send requests through a caller."""
         self._caller, self._robot, self._source = caller, robot, source
 
     def stop_robot(self) -> ServiceReply:
@@ -161,12 +161,12 @@ class Requests:
         """Push a simulated robot.
 
         Args:
-            body: link of the URDF.
-            force_n: world axes [N].
-            duration_s: for how long [s].
+            body: link of the URDF that is pushed.
+            force_n: (3,) force in world axes [N].
+            duration_s: duration of the push [s].
 
         Raises:
-            RequestRefusedError: no such body, or too strong.
+            RequestRefusedError: no such body, or the push is too strong.
             RobotUnreachableError: no reply; only simulated robots accept pushes.
         """
         request = PushRequest(
@@ -182,7 +182,7 @@ class Requests:
         """Ask the stabilizer to ``hold`` or ``resume``.
 
         Raises:
-            RequestRefusedError: it says no, and why.
+            RequestRefusedError: the stabilizer refuses; the message has its reason.
             RobotUnreachableError: no answer.
         """
         request = ControlRequest(
@@ -191,7 +191,7 @@ class Requests:
         return self._ask("control", request, StabilizerReply)
 
     def change_settings(self, changes: dict[str, list[float]]) -> StabilizerReply:
-        """Ask the stabilizer for other gains; without any, for the present ones.
+        """Ask the stabilizer for other gains; without changes, for the present ones.
 
         Raises:
             RequestRefusedError: a value cannot be used, or none can be changed.
@@ -223,18 +223,18 @@ class Asked(NamedTuple):
         """Send the answer, once.
 
         Args:
-            tick: from which on it counts.
-            settings: what may change during a run, with values.
-            refusal: why not; ``none`` when it was done.
+            tick: first tick at which the change counts.
+            settings: settings that may change during a run, with their values.
+            refusal: reason of a refusal; ``none`` when the request was carried out.
             detail: the same in words.
         """
         _reply(self.query, refusal=refusal, detail=detail, tick=tick, settings=settings)
 
 
 class StabilizerServices:
-    """Queues what comes in on Zenoh's threads; the stabilizer's loop answers it.
+    """Queues requests from Zenoh's threads; the stabilizer's loop answers them.
 
-    So the controller is only ever touched by one thread, between two ticks.
+    So only one thread ever touches the controller, between two ticks.
     """
 
     def __init__(self, bus: Bus, robot: Robot) -> None:
@@ -249,7 +249,7 @@ class StabilizerServices:
         )
 
     def next(self) -> Asked | None:
-        """Return the next request; None when there is none, which costs nothing."""
+        """Return the next request; None, at no cost, when there is none."""
         while self._queue:
             kind, query = self._queue.popleft()
             try:
@@ -281,10 +281,10 @@ def _reply(
 
 
 class PlannerClient(ReadOnlyClient):
-    """Sends plans to whatever stabilizer commands the robot.
+    """Sends plans to the stabilizer that commands the robot.
 
     A context manager, used by one thread. It commands nothing: the stabilizer decides
-    what of a plan it takes, and tells in the walk's status.
+    which steps of a plan it takes, and reports them in the walk's status.
     """
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
@@ -294,9 +294,9 @@ class PlannerClient(ReadOnlyClient):
         self._plan: zenoh.Publisher | None = None
 
     def status(self) -> WalkStatus | None:
-        """Return the newest word of the walk; None before the first.
+        """Return the newest status of the walk; None before the first.
 
-        What a stabilizer that has gone said is old, and forgotten.
+        The status of a stabilizer that has gone is dropped.
         """
         if self._status is None:
             return None
@@ -309,7 +309,7 @@ class PlannerClient(ReadOnlyClient):
         return None if self._farewell is None else self._farewell.poll()
 
     def send(self, plan: WalkPlan) -> None:
-        """Send a plan. One may be lost: what counts is said again."""
+        """Send a plan. It may get lost, so the caller repeats a plan that matters."""
         if self._plan is not None:
             self._plan.put(encode(plan))
 

@@ -1,4 +1,4 @@
-"""Watches the robot on the bus: which one it is, and a client that only looks on."""
+"""Watches which robot is on the bus, and is the base of clients that only read."""
 
 from __future__ import annotations
 
@@ -38,19 +38,19 @@ from surefoot.schemas.reasons import ModeCause
 from surefoot.schemas.topics import ALIVE_OBSERVER, ALIVE_ROBOT, ALIVE_STABILIZER
 
 RETURN_S = 10.0
-"""A robot that is away without having said that it ends is waited for so long [s]."""
+"""Longest wait for a robot that went away without a farewell [s]."""
 CROWD_S = 2.0
-"""Of two robots that start at once, one has given way by then."""
+"""Time after which one of two robots that start at once has given way [s]."""
 _POLL_S = 0.02
 STOP_POLL_S = 0.05
-"""So often it is looked whether somebody asks to stop a wait."""
+"""Period of checks for a stop request during a wait [s]."""
 
 
 class RobotWatch:
     """Follows the liveliness tokens of a namespace's robot.
 
-    There must be one, with the description that this process goes by. Whoever has a
-    part in the bus holds what it finds against that: at the start (:meth:`find`), now
+    There must be exactly one robot, with the description that this process uses. Each
+    client compares the robot with its own description: at the start (:meth:`find`), now
     and then (:meth:`check`), and at every answer (:meth:`check_reply`).
     """
 
@@ -60,7 +60,7 @@ class RobotWatch:
         """Begin with nobody there.
 
         Args:
-            robot: the one that is meant.
+            robot: the expected robot.
             on_change: called on Zenoh's thread when a robot comes or goes; must be
                 quick.
         """
@@ -72,11 +72,11 @@ class RobotWatch:
         self._crowd_since_s = math.inf
 
     def follow(self, bus: Bus, *, prefix: str = "") -> None:
-        """Watch on a bus from now on; what was seen on a former one is forgotten.
+        """Watch a bus from now on; forget what was seen on a former one.
 
         Args:
-            bus: open.
-            prefix: the namespace and a slash on a bus without one.
+            bus: the open bus.
+            prefix: the namespace and a slash, for a bus without a namespace.
         """
         self._bus = bus
         self._there = {}
@@ -92,25 +92,25 @@ class RobotWatch:
 
     @property
     def is_same(self) -> bool:
-        """Whether the robot that was found is there: the process, not its like."""
+        """Whether the robot that was found is there: that process, not a restart."""
         return self.found is not None and self.found.instance in self._there
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until a robot is there, at most so long [s]."""
+        """Wait at most this time until a robot is there [s]."""
         return self._is_somebody.wait(timeout_s)
 
     def find(self) -> RobotIdentity | None:
-        """Wait until it is known who the robot is, and hold it against ours.
+        """Wait until the robot's identity is known, and compare it with ours.
 
         Returns:
-            Its identity; None when nobody is there any more.
+            Its identity; None when no robot is there any more.
 
         Raises:
-            RobotMismatchError: its description is another one.
-            SecondRobotError: there are two, and both stay.
+            RobotMismatchError: its description differs from ours.
+            SecondRobotError: there are two robots, and both stay.
         """
         self._bus.settle()
-        pause = threading.Event()  # never set: what is waited for is that one leaves
+        pause = threading.Event()  # never set: the wait is for one robot to leave
         end_s = time.monotonic() + CROWD_S
         while len(self._there) > 1 and time.monotonic() < end_s:
             pause.wait(_POLL_S)
@@ -127,19 +127,19 @@ class RobotWatch:
         timeout_s: float,
         stop: StopRequest | None = None,
     ) -> RobotIdentity | None:
-        """Wait until a robot is ready, and find out who it is.
+        """Wait until a robot is ready, and return its identity.
 
         Args:
-            end_s: until when, by the monotonic clock [s].
-            endpoints: where it was dialed, for the error.
-            timeout_s: how long in all, for the error [s].
+            end_s: end of the wait on the monotonic clock [s].
+            endpoints: where this process dialed, for the error.
+            timeout_s: length of the whole wait, for the error [s].
             stop: ends the wait.
 
         Returns:
             Its identity; None when the wait was stopped.
 
         Raises:
-            RobotUnreachableError: none was ready in time.
+            RobotUnreachableError: no robot was ready in time.
             RobotMismatchError: see :meth:`find`.
         """
         while stop is None or not stop.is_set:
@@ -152,11 +152,11 @@ class RobotWatch:
         return None
 
     def check(self) -> None:
-        """Hold who is there now against ours, as far as tokens have come.
+        """Compare the robots there now with ours, by the tokens received so far.
 
         Raises:
-            RobotMismatchError: its description is another one.
-            SecondRobotError: there have been two for a while.
+            RobotMismatchError: a robot's description differs from ours.
+            SecondRobotError: there have been two robots for a while.
         """
         there = tuple(self._there.values())
         if len(there) > 1:
@@ -169,16 +169,16 @@ class RobotWatch:
         self._hold_against_ours(there)
 
     def check_reply(self, reply: ServiceReply) -> None:
-        """Hold the answer of a robot's service against who was found.
+        """Compare the answer of a robot's service with the robot that was found.
 
         Raises:
-            RobotMismatchError: its description is another one.
+            RobotMismatchError: its description differs from ours.
             SecondRobotError: another robot answers.
         """
         check_description(self._robot, self.description, reply.description)
         found = self.found
         if found is None or found.instance not in self._there:
-            return  # started anew since: any robot of our description will do
+            return  # started anew since: any robot with our description will do
         if reply.instance != found.instance:
             raise self._crowded((found.instance, reply.instance))
 
@@ -189,8 +189,8 @@ class RobotWatch:
 
         Args:
             action: ``take`` or ``release``.
-            commander: who asks.
-            description: by what description of the robot; ours when empty.
+            commander: name of the process that asks.
+            description: the robot description to send; ours when empty.
         """
         return LeaseRequest(
             schema=SCHEMA_VERSION,
@@ -221,14 +221,14 @@ class RobotWatch:
     def _on_token(
         self, there: dict[str, RobotIdentity], key: str, is_there: bool
     ) -> None:
-        """Take in that a robot has come or gone; on Zenoh's thread."""
+        """Record that a robot has come or gone; runs on Zenoh's thread."""
         identity = parse_token(key)
         if is_there:
             there[identity.instance] = identity
         else:
             there.pop(identity.instance, None)
         if there is not self._there:
-            return  # the last words of a bus that was left
+            return  # a late report from a bus that was left
         if there:
             self._is_somebody.set()
         else:
@@ -237,12 +237,12 @@ class RobotWatch:
 
 
 class Absences(NamedTuple):
-    """Times the robot was away without having said that it ends.
+    """Times when the robot was away without a farewell.
 
     Attributes:
-        times: how often.
-        total_s: how long in all [s].
-        is_lasting: it did not come back from the last one.
+        times: number of absences.
+        total_s: their total length [s].
+        is_lasting: whether the robot has not come back from the last one.
     """
 
     times: int
@@ -250,28 +250,28 @@ class Absences(NamedTuple):
     is_lasting: bool
 
     def __str__(self) -> str:
-        """In words; empty when it was there all the time."""
+        """Return the absences in words; empty when there were none."""
         if not self.times:
             return ""
         times = "" if self.times == 1 else f" in {self.times} places"
         gone = " and did not come back" if self.is_lasting else ""
-        span = f"{self.total_s:.1f} s or longer"  # it shows after the lease
+        span = f"{self.total_s:.1f} s or longer"  # noticed only after the lease
         return f"the link to the robot was lost for {span}{times}{gone}"
 
 
 class ReadOnlyClient(ABC):
     """Dials a robot and knows whether it is there; has no part in its control.
 
-    A robot that has gone has either ended, which its last status says (OFF, or a fault,
-    with nobody in command), or is only not to be reached for a while. Nothing is read
-    of a robot with another description than ours.
+    A robot that has gone has either ended or is unreachable for a while. After an end
+    its last status says OFF or a fault, with nobody in command. Nothing is read from a
+    robot whose description differs from ours.
     """
 
     _hears_all = False
-    """Whether keys are as on the wire: other namespaces than the robot's, too."""
+    """Whether keys are as on the wire, with those of other namespaces."""
 
     def __init__(self, robot: Robot, *, endpoints: Endpoints) -> None:
-        """Prepare to dial the robot; :meth:`connect` does."""
+        """Prepare; :meth:`connect` dials the robot."""
         self._robot, self._endpoints = robot, endpoints
         self._namespace = robot.file.namespace
         self._watch = RobotWatch(robot, on_change=self._on_change)
@@ -288,18 +288,18 @@ class ReadOnlyClient(ABC):
         return self
 
     def __exit__(self, *why: object) -> None:
-        """Close the bus; what the robot said last stays known."""
+        """Close the bus; the robot's last status stays known."""
         self._hear_farewell()
         self._stack.close()
 
     def connect(self, *, timeout_s: float) -> None:
-        """Dial until the robot is alive there.
+        """Dial until the robot is there and ready.
 
         Raises:
             EndpointError: a locator is malformed.
             RobotUnreachableError: no robot was ready in time.
-            RobotMismatchError: the robot there has another description, or there are
-                two.
+            RobotMismatchError: the robot has another description, or there are two
+                robots.
         """
         end = time.monotonic() + timeout_s
         with ExitStack() as stack:
@@ -314,24 +314,24 @@ class ReadOnlyClient(ABC):
 
     @property
     def robot_instance(self) -> str:
-        """The robot's process, once connected; another start of it is another one."""
+        """Name of the robot's process, once connected; a restart has another one."""
         return "" if self._watch.found is None else self._watch.found.instance
 
     @property
     def robot_is_here(self) -> bool:
-        """Whether the robot's process is alive, as far as the bus knows.
+        """Whether the robot's process is alive, according to the bus.
 
         Raises:
-            RobotMismatchError: one with another description is there now, or a second
-                one, and stays.
+            RobotMismatchError: a robot with another description is there now, or a
+                second robot, and stays.
         """
         self._watch.check()
         return self._watch.is_here
 
     def has_left(self) -> bool:
-        """Whether the robot has ended, or has been away for too long to wait on.
+        """Return whether the robot has ended, or been away for too long to wait.
 
-        Asked while a robot is away, it dials it anew.
+        While the robot is away, each call dials it anew.
 
         Raises:
             RobotMismatchError: see :attr:`robot_is_here`.
@@ -348,9 +348,9 @@ class ReadOnlyClient(ABC):
     def _dial_anew(self) -> None:
         """Open another session.
 
-        One that was cut off would dial by itself. But keys are numbers on a link, and
-        a robot that has not yet noticed the loss keeps those of before: what it says
-        on one key then comes under another one.
+        A session that was cut off would dial by itself. But on a link keys are numbers,
+        and a robot that has not noticed the loss keeps the old ones. Its messages on
+        one key would then arrive under another.
         """
         self._keep_unread()
         self._hear_farewell()
@@ -361,11 +361,11 @@ class ReadOnlyClient(ABC):
             self._stack = stack.pop_all()
 
     def _keep_unread(self) -> None:  # noqa: B027  nothing to keep, for most
-        """Take over what has come, before the session is closed."""
+        """Take over unread messages before the session is closed."""
 
     @property
     def absences(self) -> Absences:
-        """When the robot was away; an end in order is none."""
+        """The robot's absences; an orderly end is none."""
         spans, lost_s = list(self._absences), self._lost_s
         is_lasting = lost_s is not None and not self._said_farewell()
         if is_lasting and lost_s is not None:
@@ -373,14 +373,14 @@ class ReadOnlyClient(ABC):
         return Absences(len(spans), sum(spans), is_lasting)
 
     def _hear_farewell(self) -> None:
-        """Take in the last word there is, before the session is closed."""
+        """Take over the robot's last status before the session is closed."""
         self._said_farewell()
         self._farewell = None
 
     def _said_farewell(self) -> bool:
         status = None if self._farewell is None else self._farewell.poll()
         if status is not None:
-            # Whoever ends gives the lease back; a fault stays what it is.
+            # A robot that ends has no commander; one in fault stays in fault.
             self._is_over = not status.commander and (
                 status.mode is RobotMode.FAULT
                 or (
@@ -398,11 +398,11 @@ class ReadOnlyClient(ABC):
             self._stabilizers.discard(identity)
 
     def _open(self, stack: ExitStack, timeout_s: float) -> None:
-        """Open the bus and declare everything, the liveliness token of our own last.
+        """Open the bus and declare everything; our own liveliness token comes last.
 
         Declarations reach the robot in this order: a process that sees the token, or
-        receives something on the last channel, knows that the robot sends the others.
-        What is known of the robot and its stabilizers is followed from then on.
+        receives a message on the last channel, knows that the robot sends the others.
+        The presence of the robot and of stabilizers is watched from then on.
         """
         prefix = f"{self._namespace}/" if self._hears_all else ""
         bus = stack.enter_context(
@@ -422,10 +422,10 @@ class ReadOnlyClient(ABC):
 
     @abstractmethod
     def _declare(self, bus: Bus) -> None:
-        """Declare what is heard and said, on an open bus."""
+        """Declare publishers and channels on an open bus."""
 
     def _on_change(self) -> None:
-        """Take in that a robot has come or gone; on Zenoh's thread."""
+        """Record that a robot has come or gone; runs on Zenoh's thread."""
         if self._watch.is_here:
             if self._lost_s is not None:
                 self._absences.append(time.monotonic() - self._lost_s)

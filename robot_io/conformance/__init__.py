@@ -1,1 +1,1 @@
-"""What any robot behind the bus must do, tried out on a live one."""
+"""Checks that any robot behind the bus must pass, tried on a live one."""

@@ -1,4 +1,4 @@
-"""What checks go by: what the robot has sent, where its links are, what was found."""
+"""Evidence of the conformance checks: sensor recordings, URDF data and findings."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ class CheckResult(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the run."""
 
     name: str
-    """What was checked, such as ``imu.gravity``."""
+    """Name of the check, such as ``imu.gravity``."""
     passed: bool
     got: str
-    """What was seen."""
+    """What was observed."""
     expected: str
-    """What should have been."""
+    """What should have been observed."""
 
 
 class ConformanceReport(msgspec.Struct, frozen=True, kw_only=True):
-    """A whole run."""
+    """All results of a run."""
 
     robot: str
     passed: bool
-    """Whether every finding did."""
+    """Whether every finding passed."""
     findings: list[CheckResult]
 
 
@@ -49,7 +49,7 @@ class Findings:
         self.all: list[CheckResult] = []
 
     def add(self, name: str, passed: bool, *, got: str, expected: str) -> bool:
-        """Note a finding; returns whether it passed."""
+        """Record a finding; return whether it passed."""
         passed = bool(passed)
         self.all.append(
             CheckResult(name=name, passed=passed, got=got, expected=expected)
@@ -57,10 +57,10 @@ class Findings:
         return passed
 
     def need(self, name: str, passed: bool, *, got: str, expected: str) -> None:
-        """Note a finding that the rest depends on.
+        """Record a finding that all later checks depend on.
 
         Raises:
-            RunBrokenOffError: it did not pass.
+            RunBrokenOffError: the finding did not pass.
         """
         if not self.add(name, passed, got=got, expected=expected):
             raise RunBrokenOffError(name)
@@ -75,7 +75,7 @@ class Skeleton:
         self.mass_kg = sum(map(self._urdf.mass_of, self._urdf.links))
 
     def mass_below_sensor_kg(self, foot: Foot) -> float:
-        """Return the mass below a foot's sensor, which the sensor does not carry."""
+        """Return the mass below a foot's sensor, not carried by the sensor [kg]."""
         return sum(
             self._urdf.mass_of(link)
             for link in self._urdf.links
@@ -86,11 +86,11 @@ class Skeleton:
         """Return the derivative of a sole's height by each joint, the base upright.
 
         Args:
-            foot: which one.
-            q: (n_a,) [rad].
+            foot: the foot of the sole.
+            q: (n_a,) joint positions [rad].
 
         Returns:
-            (n_a,) dz/dq, zero for joints outside the leg [m/rad].
+            (n_a,) dz/dq [m/rad], zero for joints outside the leg.
         """
         from scipy.optimize import approx_fprime
 
@@ -106,12 +106,12 @@ class Skeleton:
 
 
 class Read(NamedTuple):
-    """What a channel has told.
+    """Messages read from one channel.
 
     Attributes:
-        messages: those that could be read, in the order they came.
-        malformed: how many could not.
-        error: what was wrong with the last of these.
+        messages: readable messages in order of arrival.
+        malformed: number of unreadable messages.
+        error: what was wrong with the last unreadable one.
     """
 
     messages: list[Any]
@@ -120,10 +120,10 @@ class Read(NamedTuple):
 
 
 class Recording:
-    """Sensor messages by channel, in the order they came.
+    """Sensor messages by channel, in order of arrival.
 
-    They are read when they are asked for: all of them, while the robot waits for an
-    answer, would be more than a busy computer can do in time.
+    They are decoded only on request. A busy computer could not decode all of them in
+    time while the robot waits for an answer.
     """
 
     def __init__(self, *, joint_count: int) -> None:
@@ -133,11 +133,11 @@ class Recording:
         self._read: dict[str, Read] = {}
 
     def add(self, channel: str, payload: bytes) -> None:
-        """Keep what has come, unread."""
+        """Keep a message, undecoded."""
         self._payloads[channel].append(payload)
 
     def read(self, channel: str) -> Read:
-        """Read what has come on a channel; nothing more may be added to it."""
+        """Decode all messages of a channel; nothing more may be added to it."""
         if channel not in self._read:
             messages, malformed, error = [], 0, ""
             kind = topic(channel).message

@@ -1,4 +1,4 @@
-"""Checks of what a robot says: rates, stamps and ticks, and whether values can be."""
+"""Checks of a robot's messages: rates, stamps, ticks and plausible values."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from surefoot.schemas.sensors import SENSORS, Sensor, ankle_sensor, of_kind
 
 RATE_TOLERANCE = 0.1
 LOST_SHARE = 0.05
-"""Ticks of which a message may be missing."""
+"""Share of ticks that may lack a message."""
 JITTER_PERIODS = 0.5
-"""Typical error of the period; the worst may reach the watchdog's patience."""
+"""Median error of the period, in periods; the worst may reach the watchdog's limit."""
 ACCELERATION_TOLERANCE_M_S2 = 0.5
 TILT_TOLERANCE_RAD = 0.2
 GYRO_TOLERANCE_RAD_S = 0.2
 WEIGHT_TOLERANCE = 0.15
 LEAST_SHARE = 0.1
-"""Of the weight, that each foot carries when the robot stands."""
+"""Least share of the weight on each foot of a standing robot."""
 SERVO_ERROR_RAD = 0.1
 QUATERNION_TOLERANCE = 0.01
 STATUS_APART_S = 1.0
-"""A busy robot may be as late with its status [s]."""
+"""Longest lateness of a busy robot's status [s]."""
 
 
 def check_messages(
@@ -42,16 +42,16 @@ def check_messages(
     *,
     status: RobotStatus | None = None,
 ) -> None:
-    """Check each channel by itself; needs a second of messages.
+    """Check each channel by itself; needs one second of messages.
 
     Args:
-        robot: what the files say.
-        recording: of the sensors.
-        findings: takes the result.
-        status: one that came meanwhile.
+        robot: the robot of the files.
+        recording: sensor messages.
+        findings: receives the results.
+        status: a status that came meanwhile.
 
     Raises:
-        RunBrokenOffError: a channel is silent, so nothing can be said of its values.
+        RunBrokenOffError: a channel is silent, so its values cannot be checked.
     """
     for entry in SENSORS:
         name = entry.name
@@ -110,7 +110,7 @@ def _check_rate(
 
 
 def _check_life(entry: Sensor, recording: Recording, findings: Findings) -> None:
-    """Look for numbers that stand still, of each part of a sensor that has any."""
+    """Look for values that never change, in each quantity of a sensor that should."""
     changing = {
         quantity.attribute: int(
             (np.ptp(recording.column(entry.name, quantity.attribute), axis=0) > 0).sum()
@@ -118,7 +118,7 @@ def _check_life(entry: Sensor, recording: Recording, findings: Findings) -> None
         for quantity in entry.quantities
         if quantity.trembles
     }
-    # A gyroscope may be dead by itself; drives need not tell their effort.
+    # A gyroscope may be dead by itself; drives need not report their effort.
     needs_all = entry.message is ImuState
     lives = (all if needs_all else any)(changing.values())
     findings.add(
@@ -133,7 +133,7 @@ def _check_life(entry: Sensor, recording: Recording, findings: Findings) -> None
 def _check_clock(
     recording: Recording, status: RobotStatus | None, findings: Findings
 ) -> None:
-    """Hold the stamps of what is of one tick against each other."""
+    """Compare the stamps of messages of the same tick."""
     joints, *others = (
         dict(
             zip(
@@ -186,13 +186,13 @@ def _check_jitter(robot: Robot, recording: Recording, findings: Findings) -> Non
 def check_values(
     robot: Robot, recording: Recording, q_held: Array, findings: Findings
 ) -> None:
-    """Check a recording of a robot that stands still on both feet, upright.
+    """Check a recording of a robot that stands still and upright on both feet.
 
     Args:
-        robot: what the files say.
-        recording: of a second or so.
-        q_held: (n_a,) what its servos follow [rad].
-        findings: takes the result.
+        robot: the robot of the files.
+        recording: about a second of sensor messages.
+        q_held: (n_a,) posture that its servos follow [rad].
+        findings: receives the results.
     """
     _check_joints(robot, recording, q_held, findings)
     for unit in of_kind(ImuState):
@@ -273,14 +273,14 @@ def _check_imu(name: str, recording: Recording, findings: Findings) -> None:
 
 
 def _turned(quat_xyzw: Array, v: Vec3) -> Vec3:
-    """Return a vector turned by a quaternion of about unit norm."""
+    """Return a vector rotated by a quaternion of approximately unit norm."""
     xyz, w = quat_xyzw[:3], quat_xyzw[3]
     turned: Vec3 = v + 2.0 * np.cross(xyz, np.cross(xyz, v) + w * v)
     return turned
 
 
 def _check_efforts(recording: Recording, findings: Findings) -> None:
-    """Without ankle sensors the efforts of a standing robot must tell its weight."""
+    """Check that joints report efforts; without ankle sensors they tell the weight."""
     largest = float(np.abs(recording.mean("joints", "effort")).max())
     findings.add(
         "feet.efforts",

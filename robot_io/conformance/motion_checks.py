@@ -1,4 +1,4 @@
-"""Checks of what a robot does: following commands, and reacting to silence."""
+"""Checks of a robot's motions: following commands, and reacting to silence."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from surefoot.schemas.sensors import ankle_sensor
 
 MOST_RAD = 1e-3
 NUDGE_RAD = 0.7e-3
-"""What a joint is asked to move, and how much of it must be seen."""
+"""Most that any joint may move in the run, and the step asked of each [rad]."""
 RAMP_S, STAY_S = 0.03, 0.06
 OTHERS_SHARE = 0.5
 LOOK_S = 0.03
 SEEN_SHARE = 0.3
 LEG_RAMP_S, LEG_STAY_S = 0.2, 0.3
 LEAST_SHIFT_N = 2.0
-"""Load that must go over to the leg that pushes; the stiffest joints give more."""
+"""Least load that must move to the pushing leg [N]; the stiffest joints give more."""
 TOLERANCE_S = 0.15
-"""For the way of a status, and for ticks of a busy machine."""
+"""Allowance for the delay of a status and for ticks of a busy machine [s]."""
 FAULT_TOLERANCE = 1.3
 STOP_S = 0.1
 STREAM_S = 0.2
 
 
 def check_joint_order(probe: Probe, findings: Findings) -> None:
-    """Nudge one joint after the other and look which one moves.
+    """Nudge one joint after the other and check that this joint moves.
 
     Raises:
-        RunBrokenOffError: the robot gave us up, since our answers came late.
+        RunBrokenOffError: the robot gave us up because our answers came late.
     """
     names = probe.robot.joint_names
     wrong = []
@@ -56,10 +56,10 @@ def check_joint_order(probe: Probe, findings: Findings) -> None:
 
 
 def check_foot_order(probe: Probe, findings: Findings) -> None:
-    """Make the left leg longer by a hair and look which foot takes the load.
+    """Lengthen each leg by a hair in turn and check that its foot takes the load.
 
     Raises:
-        RunBrokenOffError: the robot gave us up, since our answers came late.
+        RunBrokenOffError: the robot gave us up because our answers came late.
     """
     robot = probe.robot
     skeleton = Skeleton(robot)
@@ -92,7 +92,7 @@ def check_motion(probe: Probe, findings: Findings) -> None:
 
 
 def _need_answers(probe: Probe, findings: Findings) -> None:
-    """Judge no robot that follows nothing because we were late."""
+    """End the run if the robot gave us up because our answers came late."""
     why = probe.was_too_late
     if why:
         findings.need(
@@ -105,12 +105,12 @@ def _need_answers(probe: Probe, findings: Findings) -> None:
 
 
 def _of_size(rates: Array) -> Array:
-    """Leave joints alone that hardly lift the sole: they would only twist it."""
+    """Zero the rates of joints that hardly lift the sole: they would only twist it."""
     return np.where(np.abs(rates) > 0.3 * np.abs(rates).max(), rates, 0.0)
 
 
 def _nudge(probe: Probe, index: int) -> Array:
-    """Nudge one joint and back; return how far all joints followed, (n_a,) [rad]."""
+    """Nudge one joint to and fro; return all set-points' changes, (n_a,) [rad]."""
     step = np.zeros(probe.robot.n_a)
     step[index] = NUDGE_RAD
     before = _set_points(probe, probe.stream(LOOK_S))
@@ -124,15 +124,15 @@ def _nudge(probe: Probe, index: int) -> Array:
 def _set_points(probe: Probe, recording: Recording) -> Array:
     """Infer the servos' set-points from positions and torques.
 
-    A joint that the ground holds answers with torque instead of motion, and takes
-    others along; its servo's aim still is its own.
+    A joint that the ground holds answers with torque instead of motion, and moves
+    others with it. Its servo's set-point is still its own.
     """
     aim: Array = recording.mean("joints", "q")
     return aim + recording.mean("joints", "effort") / probe.robot.kp
 
 
 def _left_share(probe: Probe, step: Array) -> float:
-    """Load of the left foot beyond the right one's, with a leg pushed [N]."""
+    """Return left minus right foot load, while a leg is pushed by ``step`` [N]."""
     probe.stream(LEG_RAMP_S + LEG_STAY_S, offset=_ramp(step, LEG_RAMP_S))
     recording = probe.stream(LEG_STAY_S, offset=lambda t: step)
     probe.stream(LEG_RAMP_S, offset=lambda t: step - _ramp(step, LEG_RAMP_S)(t))
@@ -145,15 +145,15 @@ def _left_share(probe: Probe, step: Array) -> float:
 
 
 def _ramp(step: Array, duration_s: float) -> Offset:
-    """Return a ramp from 0 to ``step`` that then stays there."""
+    """Return a ramp from 0 to ``step`` that stays there."""
     return lambda t: step * min(t / duration_s, 1.0)
 
 
 def check_watchdog(probe: Probe, findings: Findings) -> None:
-    """Enable, fall silent and wait; leave the robot in HOLD, the lease ours.
+    """Enable, fall silent and wait; leaves the robot in HOLD, with the lease ours.
 
     Raises:
-        RunBrokenOffError: the robot cannot be brought back.
+        RunBrokenOffError: the robot cannot be brought back to HOLD.
     """
     gate = probe.robot.file.gate
     enable(probe, findings, "watchdog.enable")
@@ -163,7 +163,7 @@ def check_watchdog(probe: Probe, findings: Findings) -> None:
         timeout_s=gate.hold_after_s + 4.0 * TOLERANCE_S,
     )
     status = probe.status
-    # Its time may be the clock's while its ticks are slow: then this looks quick.
+    # A robot on clock time with slow ticks looks quick here.
     is_lease = status is not None and status.cause is ModeCause.LEASE_EXPIRED
     findings.add(
         "watchdog.hold",
@@ -196,10 +196,10 @@ def check_watchdog(probe: Probe, findings: Findings) -> None:
 
 
 def check_estop(probe: Probe, findings: Findings) -> None:
-    """Stop the robot without a lease in the asker's name; leaves it in HOLD.
+    """Stop the robot in the name of a bystander without a lease; leaves it in HOLD.
 
     Raises:
-        RunBrokenOffError: the robot cannot be brought back.
+        RunBrokenOffError: the robot cannot be brought back to HOLD.
     """
     enable(probe, findings, "estop.enable")
     begin = probe.now()
@@ -228,7 +228,7 @@ def enable(probe: Probe, findings: Findings, name: str) -> None:
     """Enable the robot.
 
     Raises:
-        RunBrokenOffError: it does not follow.
+        RunBrokenOffError: the robot does not follow.
     """
     enabled = probe.start()
     follows = probe.stream_until_active()
@@ -242,7 +242,7 @@ def enable(probe: Probe, findings: Findings, name: str) -> None:
 
 
 def _recover(probe: Probe, findings: Findings, name: str) -> None:
-    """Take the lease, if it was lost, and reset the fault that was provoked."""
+    """Take the lease again, reset the fault if there is one, and check for HOLD."""
     taken = probe.ask("lease", "take")
     status = probe.status
     if status is not None and status.mode is RobotMode.FAULT:

@@ -1,4 +1,4 @@
-"""A commander that listens closely and can misbehave on purpose."""
+"""The commander of the conformance checks: records everything, can misbehave."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ STREAM_S = 0.1
 GAP_S = 0.2
 """Lateness of a tick after which streaming stops for this time [s]."""
 TOO_LATE = (ModeCause.SILENCE, ModeCause.LOOP_TOO_SLOW)
-"""Why a robot gives up a commander that answers late, as a busy computer does."""
+"""Causes for which a robot gives up a commander that answers late."""
 Offset = Callable[[float], Array]
-"""Of the time since the stream began [s] to (n_a,) beside the held posture [rad]."""
+"""Maps the time since the stream began [s] to (n_a,) offsets from ``q_held`` [rad]."""
 
 
 class Instant(NamedTuple):
-    """When something was.
+    """A moment on both clocks.
 
     Attributes:
-        clock_s: by our clock [s].
-        tick: newest tick of the robot heard by then.
+        clock_s: time on our clock [s].
+        tick: newest tick received from the robot by then.
     """
 
     clock_s: float
@@ -65,15 +65,15 @@ class Probe:
     """Holds the robot's posture as a commander would.
 
     Attributes:
-        identity: who commands.
-        robot: what the files say.
-        q_held: (n_a,) the posture that is held [rad].
+        identity: name of this commander.
+        robot: the robot of the files.
+        q_held: (n_a,) posture that is held [rad].
         q_first: (n_a,) first measured posture; None before it [rad].
-        moved_rad: furthest any joint has been from there.
-        tick: newest tick heard.
+        moved_rad: largest distance of any joint from there so far [rad].
+        tick: newest tick received.
         status: newest status.
-        status_errors: statuses that could not be read.
-        status_error: what was wrong with the last of these.
+        status_errors: number of unreadable statuses.
+        status_error: what was wrong with the last unreadable one.
     """
 
     def __init__(
@@ -120,13 +120,13 @@ class Probe:
         who: str | None = None,
         description: str | None = None,
     ) -> Answer:
-        """Ask for a lease or a mode, or stop the robot.
+        """Ask for a lease or a mode, or press the e-stop.
 
         Args:
             service: ``lease``, ``mode`` or ``estop``.
-            action: what to do; nothing for the e-stop.
-            who: in whose name; our own when None.
-            description: by what description of the robot; our own when None.
+            action: the action of the service; not used by the e-stop.
+            who: name to ask in; our own when None.
+            description: robot description to send; our own when None.
         """
         name = self.identity if who is None else who
         request = self._request(service, action, name, description or "")
@@ -149,7 +149,7 @@ class Probe:
         return self._watch.lease_request(action, name, description=description)
 
     def start(self) -> Answer:
-        """Have the robot follow; from then on it must be streamed to."""
+        """Enable the robot; from then on commands must be streamed."""
         answer = self.ask("mode", "enable")
         for channel in self._sensors.values():
             channel.discard()
@@ -180,20 +180,20 @@ class Probe:
         offset: Offset | None = None,
         extra: Callable[[int], bytes | None] = lambda count: None,
     ) -> Recording:
-        """Answer the newest tick with the held posture, again and again, and listen.
+        """Answer each new tick with the held posture, and record the sensors.
 
         Args:
-            duration_s: how long, by this clock and by the robot's ticks [s].
-            offset: what to command beside the held posture, by the robot's time.
-            extra: asked at each tick, by its number in this stream, for something
-                to send before the answer.
+            duration_s: duration, both on this clock and in the robot's ticks [s].
+            offset: offset from the held posture, as a function of the robot's time.
+            extra: called at each answer with its number in this stream; returns bytes
+                to send before the answer, or None.
         """
         recording = Recording(joint_count=self.robot.n_a)
         begin = counted = time.monotonic()
         first: int | None = None
         newest, count, passed_s = -1, 0, 0.0
         while (now := time.monotonic()) < begin + duration_s or (
-            # A robot on a busy machine is slow: its servos need its time, not ours.
+            # A robot on a busy machine is slow; its servos need the robot's time.
             passed_s < duration_s and now < counted + GAP_S
         ):
             if not self._hear(recording, deadline=now + GAP_S):
@@ -215,9 +215,9 @@ class Probe:
         return recording
 
     def stream_until_active(self) -> bool:
-        """Answer until the robot says that it follows.
+        """Answer ticks until the robot reports ACTIVE; return whether it does in time.
 
-        On a busy machine it may hold for a moment, for silence, and go on by itself.
+        On a busy machine it may hold briefly for silence, and resume by itself.
         """
         end = time.monotonic() + ANSWER_S
         while time.monotonic() < end:
@@ -232,11 +232,11 @@ class Probe:
         """Wait for a status without commanding.
 
         Returns:
-            How long it took, as :meth:`since` tells it [s]; None when it did not come.
+            Time it took, measured by :meth:`since` [s]; None when no such status came.
         """
         begin = newest = self.now()
         while self.since(begin) < timeout_s:
-            # What came while we were kept from running is looked at before giving up.
+            # Statuses that came while we could not run are read before giving up.
             give_up_s = newest.clock_s + max(timeout_s, ANSWER_S)
             data = self._statuses.wait(give_up_s)
             if data is not None and self._read_status(data):
@@ -251,21 +251,21 @@ class Probe:
         return None
 
     def now(self) -> Instant:
-        """Return the present, to tell later how long something took."""
+        """Return the present moment, as a start for :meth:`since`."""
         told = self.tick if self.status is None else self.status.tick
         return Instant(time.monotonic(), max(self.tick, told))
 
     def since(self, begin: Instant) -> float:
-        """Return the time since then: by our clock or the robot's ticks, the less [s].
+        """Return the time since ``begin``: clock or robot ticks, the shorter one [s].
 
-        A watchdog in a robot's own time may be no slower than the clock is.
+        A watchdog that counts the robot's own time may be slower than our clock.
         """
         now = self.now()
         ticks_s = (now.tick - begin.tick) * self.robot.period_s
         return min(now.clock_s - begin.clock_s, ticks_s)
 
     def count_statuses(self, duration_s: float) -> int:
-        """Count the status messages that come in a time [s]."""
+        """Count the readable status messages within a time [s]."""
         self._statuses.discard()
         end, count = time.monotonic() + duration_s, 0
         while time.monotonic() < end:
@@ -280,7 +280,7 @@ class Probe:
         )
 
     def _hear(self, recording: Recording, *, deadline: float) -> bool:
-        """Take all ticks that have come, and wait for one when there is none."""
+        """Take all ticks received so far; wait for one when there is none."""
         data = self._sensors["joints"].wait(deadline)
         newest = data
         while data is not None:  # catch up
@@ -292,7 +292,7 @@ class Probe:
                 recording.add(name, data)
         if newest is None:
             return False
-        with suppress(MessageError):  # told by who reads the recording
+        with suppress(MessageError):  # reported when the recording is read
             joints = decode(newest, JointState, joint_count=self.robot.n_a)
             self.tick = joints.tick
             q = np.array(joints.q)
@@ -314,12 +314,12 @@ class Probe:
 def probing(
     robot: Robot, *, endpoints: Endpoints, identity: str, timeout_s: float
 ) -> Iterator[Probe]:
-    """Dial a robot and wait until it says something.
+    """Dial a robot and wait for its first status.
 
     Raises:
         EndpointError: a locator is malformed.
-        RobotUnreachableError: nobody there, or no status in time.
-        RobotMismatchError: the robot there has another description, or there are two.
+        RobotUnreachableError: no robot is there, or no status came in time.
+        RobotMismatchError: the robot has another description, or there are two robots.
     """
     with dialed_bus(
         endpoints, namespace=robot.file.namespace, timeout_s=timeout_s

@@ -1,6 +1,6 @@
-"""The whole conformance run, with its checks of whom a robot obeys.
+"""The whole conformance run, with the checks of leases and refused commands.
 
-These are of leases, and of commands that it must refuse.
+It plays a stabilizer against a live robot and returns a report.
 """
 
 from __future__ import annotations
@@ -45,10 +45,10 @@ LEFT_S = 2.0
 FAR_TICKS = 1000
 TRIES = 20
 LEAST_REFUSED = 15
-"""Of the tries; a busy network may lose one, a robot must never follow one."""
+"""Least number of refused tries. A busy network may lose some; none may be followed."""
 STREAM_S = 0.1
 PATIENCE = 10
-"""Streams in which a busy robot may take in the bad commands, and count them."""
+"""Streams within which a busy robot must have received and counted the bad commands."""
 SAME_RAD = 1e-9
 
 
@@ -59,26 +59,26 @@ def check_conformance(
     sections: Collection[str] = SECTIONS,
     timeout_s: float = 10.0,
 ) -> ConformanceReport:
-    """Try a live robot that stands on both feet, in HOLD, commanded by nobody.
+    """Check a live robot that stands on both feet, in HOLD, commanded by nobody.
 
-    It takes the lease, enables the robot, has it hold its posture and gives it back as
-    it was. No joint is asked to move by more than 0.7 mrad, and only in ``wiring``.
-    Limits on position, velocity and step are not tried: a robot that lacked them would
-    move. Lease and status are always checked.
+    The run takes the lease, enables the robot, holds its posture and leaves it as it
+    was. It asks no joint to move by more than 0.7 mrad, and only in ``wiring``. Limits
+    on position, velocity and step are not tried: a robot without them would move. Lease
+    and status are always checked.
 
     Args:
-        robot: what its files say.
+        robot: the robot of the files.
         endpoints: where to dial; with TLS, as a stabilizer.
-        sections: what to try besides.
-        timeout_s: how long the robot may take to answer at first [s].
+        sections: further checks to run.
+        timeout_s: longest wait for the robot's first answer [s].
 
     Returns:
-        What was found.
+        All findings.
 
     Raises:
         EndpointError: a locator is malformed.
-        RobotUnreachableError: no robot there.
-        RobotMismatchError: the robot there has another description, or there are two.
+        RobotUnreachableError: no robot is there.
+        RobotMismatchError: the robot has another description, or there are two robots.
     """
     findings = Findings()
     identity = f"check-robot-{os.getpid()}"
@@ -122,7 +122,7 @@ def _try_all(probe: Probe, findings: Findings, sections: Collection[str]) -> Non
 
 
 def check_status(probe: Probe, findings: Findings) -> None:
-    """Check that status comes in time and allows the run.
+    """Check that status messages come in time and that the run may begin.
 
     Raises:
         RunBrokenOffError: the robot is off, in fault or commanded by someone else.
@@ -151,10 +151,10 @@ def check_status(probe: Probe, findings: Findings) -> None:
 
 
 def check_lease(probe: Probe, findings: Findings) -> None:
-    """Take the lease, and try to get past it as someone else.
+    """Take the lease, and try to bypass it as another commander.
 
     Raises:
-        RunBrokenOffError: the lease cannot be had.
+        RunBrokenOffError: the robot does not give the lease.
     """
     without = probe.ask("mode", "enable")
     findings.add(
@@ -206,7 +206,7 @@ def check_lease(probe: Probe, findings: Findings) -> None:
 
 
 def check_left(probe: Probe, findings: Findings) -> None:
-    """Leave the robot as it was found: in HOLD, free, without a fault of our making."""
+    """Leave the robot as it was found: in HOLD, free, without a fault caused by us."""
     is_left = _give_back(probe)
     why = probe.was_too_late
     if why:
@@ -225,7 +225,7 @@ def check_left(probe: Probe, findings: Findings) -> None:
 
 
 def _give_back(probe: Probe) -> bool:
-    """Return whether the robot holds, and nobody commands it any more."""
+    """Hold and release; return whether the robot holds and nobody commands it."""
     probe.ask("mode", "hold")
     probe.ask("lease", "release")
     is_left = probe.wait_status(
@@ -292,7 +292,7 @@ def _check_one(
 
 
 def _check_held(probe: Probe, findings: Findings) -> None:
-    """Check that in HOLD no command is followed, not even the commander's."""
+    """Check that no command is followed in HOLD, not even the commander's."""
     probe.ask("mode", "hold")
     before = _counts(probe)
     probe.stream(STREAM_S)
@@ -307,7 +307,7 @@ def _check_held(probe: Probe, findings: Findings) -> None:
 
 
 def _counts(probe: Probe) -> Counter[str]:
-    """Return the refusals so far, once all that was sent has been checked."""
+    """Return the refusals so far, after all sent commands have been checked."""
     for _ in range(2):
         probe.wait_status(lambda status: True, timeout_s=STREAM_S)
     return Counter(probe.status.refused if probe.status is not None else {})

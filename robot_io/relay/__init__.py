@@ -1,1 +1,1 @@
-"""A relay between robot and stabilizer that does to the bus what a plan says."""
+"""A relay between robot and stabilizer that disturbs the bus as a plan says."""

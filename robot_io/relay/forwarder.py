@@ -1,4 +1,4 @@
-"""Passes messages, services and presence on, each when it is due."""
+"""Forwards messages, services and presence between the relay's sides, each when due."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ Deed = Callable[[], None]
 _LOG = logging.getLogger(__name__)
 T = TypeVar("T")
 ANSWER_S = 5.0
-"""How long the service may take to answer [s]."""
+"""Longest time for a service to answer [s]."""
 
 
 class Schedule(Generic[T]):
-    """A queue by time; what is due at the same time comes in the order it was put."""
+    """A queue by time; items due at the same time come in the order they were put."""
 
     def __init__(self) -> None:
         """Start with an empty queue."""
@@ -36,32 +36,32 @@ class Schedule(Generic[T]):
         self._latest_s = -math.inf
 
     def put(self, item: T, *, at_s: float) -> None:
-        """Add something to be done at a time [s]."""
+        """Add an item that is due at a time [s]."""
         heapq.heappush(self._heap, (at_s, self._count, item))
         self._count += 1
         self._latest_s = max(self._latest_s, at_s)
 
     def put_last(self, item: T, *, now_s: float) -> None:
-        """Add something to be done now, but after all that is to be done already."""
+        """Add an item that is due now, but after all items in the queue."""
         self.put(item, at_s=max(now_s, self._latest_s))
 
     def take_due(self, now_s: float) -> T | None:
-        """Take out the next thing that is due; None when nothing is."""
+        """Take out the next item that is due; None when none is."""
         if not self._heap or self._heap[0][0] > now_s:
             return None
         return heapq.heappop(self._heap)[2]
 
     @property
     def next_s(self) -> float | None:
-        """When the next thing is due [s]; None when there is none."""
+        """When the next item is due [s]; None when there is none."""
         return self._heap[0][0] if self._heap else None
 
 
 class Dispatcher:
-    """A thread that sleeps until the next thing is due.
+    """A thread that sleeps until the next deed is due, and does it.
 
     Attributes:
-        error: what ended it, if anything did.
+        error: the error that ended the thread; None if there was none.
     """
 
     def __init__(self) -> None:
@@ -73,7 +73,7 @@ class Dispatcher:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        """Run the thread; what is not yet due at the end is left undone."""
+        """Run the thread; deeds not yet due at the end are dropped."""
         thread = threading.Thread(target=self._run, name="relay", daemon=True)
         thread.start()
         try:
@@ -85,13 +85,13 @@ class Dispatcher:
             thread.join()
 
     def do(self, deed: Deed, *, at_s: float) -> None:
-        """Have something done, at a time on ``time.monotonic`` [s]."""
+        """Add a deed for a time on ``time.monotonic`` [s]."""
         with self._changed:
             self._schedule.put(deed, at_s=at_s)
             self._changed.notify()
 
     def do_last(self, deed: Deed) -> None:
-        """Have something done after all that is to be done already."""
+        """Add a deed after all deeds that wait."""
         with self._changed:
             self._schedule.put_last(deed, now_s=time.monotonic())
             self._changed.notify()
@@ -100,12 +100,12 @@ class Dispatcher:
         try:
             while (deed := self._next()) is not None:
                 deed()
-        except Exception as error:  # of this thread: the main one tells and raises it
+        except Exception as error:  # of this thread: the main one reports and raises it
             self.error = error
             _LOG.error("the relay cannot go on: %s", error)
 
     def _next(self) -> Deed | None:
-        """Wait for the next thing that is due; None at the end."""
+        """Wait for the next deed that is due; None at the end."""
         with self._changed:
             while not self._is_over:
                 now_s = time.monotonic()
@@ -120,8 +120,8 @@ class Dispatcher:
 class Forwarder:
     """Subscribes on one side, publishes on the other.
 
-    What goes on at once does so on Zenoh's own thread; what waits is sent by the
-    dispatcher, and so is everything behind it, to keep the order.
+    A message due at once goes on from Zenoh's own thread. The dispatcher sends messages
+    that wait, and all messages behind them, to keep the order.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class Forwarder:
         dispatcher: Dispatcher,
         clock: PlanClock,
     ) -> None:
-        """Begin to carry."""
+        """Begin to forward."""
         self._begins_clock = name == COMMAND
         self._lane, self._dispatcher, self._clock = lane, dispatcher, clock
         self._waiting = 0
@@ -148,7 +148,7 @@ class Forwarder:
         )
 
     def close(self) -> None:
-        """Hear nothing more."""
+        """Stop receiving."""
         # Zenoh gives this method no types.
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
 
@@ -181,8 +181,8 @@ class Forwarder:
 class PresenceMirror:
     """Declares the liveliness tokens of one side on the other, and withdraws them.
 
-    After all that waits to be sent: what somebody said last comes before the news that
-    it has gone.
+    Changes come after all messages that wait to be sent. So the last message of a
+    process arrives before the news that it has gone.
     """
 
     def __init__(
@@ -206,10 +206,10 @@ class PresenceMirror:
 
 
 class ServiceForwarder:
-    """Answers queries on one side with what the service on the other side answers.
+    """Answers queries on one side with the answer of the service on the other side.
 
-    A request that is lost stays unanswered, as if the service were not there yet: who
-    asks does so again.
+    A lost request stays unanswered, as if the service were not there yet; the caller
+    asks again.
     """
 
     def __init__(
@@ -222,7 +222,7 @@ class ServiceForwarder:
         dispatcher: Dispatcher,
         clock: PlanClock,
     ) -> None:
-        """Begin to carry."""
+        """Begin to forward."""
         self._key, self._target = key, target
         self._lane, self._dispatcher, self._clock = lane, dispatcher, clock
         source.queryable(key, self._on_query)
@@ -234,7 +234,7 @@ class ServiceForwarder:
         )
         open_query = _OpenQuery(query, asks=len(parcels))
         for parcel in parcels:
-            # Never from here: this is the thread that would have to hear the answer.
+            # Never from here: this thread would have to receive the answer.
             self._dispatcher.do(
                 partial(self._ask, parcel.data, open_query), at_s=parcel.at_s
             )
@@ -249,7 +249,7 @@ class ServiceForwarder:
 
 
 class _OpenQuery:
-    """A query that stays open until all that was asked for it has been answered."""
+    """A query that stays open until all requests made for it have been answered."""
 
     def __init__(self, query: zenoh.Query, *, asks: int) -> None:
         self._query = query
@@ -260,12 +260,12 @@ class _OpenQuery:
             query.drop()  # type: ignore[no-untyped-call]
 
     def answer(self, reply: zenoh.Reply) -> None:
-        """Hand an answer back."""
+        """Pass an answer back."""
         if reply.ok is not None:
             self._query.reply(self._query.key_expr, reply.ok.payload.to_bytes())
 
     def end_one(self) -> None:
-        """Note that one of the queries is finished."""
+        """Record that one of the requests is finished."""
         with self._lock:
             self._asks -= 1
             is_over = self._asks == 0

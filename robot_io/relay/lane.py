@@ -1,4 +1,4 @@
-"""What a relay does to the messages of one channel: faults, one after the other."""
+"""Applies a relay's faults, one after the other, to the messages of one channel."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ NS_PER_S = 1_000_000_000
 
 
 class Parcel(NamedTuple):
-    """Bytes and when they go on.
+    """A message and its time of departure.
 
     Attributes:
-        at_s: when, on the clock they arrived by [s].
+        at_s: departure, on the clock of the arrivals [s].
         data: the message, encoded.
-        in_order: whether it waits for those before it; False for one that was kept
+        in_order: whether it waits for those before it; False for one that was held
             back while others overtook it.
     """
 
@@ -47,13 +47,13 @@ class Parcel(NamedTuple):
 
 Parcels = tuple[Parcel, ...]
 Act = Callable[[Parcel], Parcels]
-"""Turns a message into those that go on instead. The same one says that nothing was
-done to it."""
+"""Turns a message into the messages that go on instead. The unchanged message means
+that the fault did nothing."""
 
 
 @singledispatch
 def act_of(fault: RelayFault, chance: Random) -> Act:
-    """Return what a fault does to a message that meets it."""
+    """Return the effect of a fault on a message."""
     raise TypeError(f"no fault: {fault!r}")
 
 
@@ -133,7 +133,7 @@ def _clock_jump(fault: ClockJumpFault, chance: Random) -> Act:
             message["stamp_ns"] = max(0, message["stamp_ns"] + shift_ns)
             data = msgspec.msgpack.encode(message)
         except (MessageError, KeyError, TypeError, ValueError, OverflowError):
-            return (parcel,)  # whoever gets it will say what is wrong with it
+            return (parcel,)  # the receiver will report what is wrong with it
         return (parcel._replace(data=data),)
 
     return act
@@ -142,23 +142,23 @@ def _clock_jump(fault: ClockJumpFault, chance: Random) -> Act:
 class Lane:
     """One channel through the relay.
 
-    It keeps the order of its messages, as a link does; only a fault that keeps
-    messages back lets others overtake them. The same plan, seed and arrivals give the
-    same departures.
+    It keeps the order of its messages, as a link does; only a fault that holds messages
+    back lets others overtake them. The same plan, seed and arrivals give the same
+    departures.
 
     Attributes:
-        counts: ``arrived``, ``left``, and for each kind of fault the messages it did
-            something to.
+        counts: ``arrived``, ``left``, and for each kind of fault the number of messages
+            that it changed.
     """
 
     def __init__(self, plan: RelayPlan, channel: str, *, seed: int) -> None:
         """Take a channel's faults from the plan.
 
         Args:
-            plan: of the relay.
+            plan: plan of the relay.
             channel: name of the channel.
-            seed: of all chance. Each fault and channel has its own sequence, so that
-                one more fault in the plan changes nothing about the others.
+            seed: seed of all random numbers. Each fault and channel has its own
+                sequence, so one more fault in the plan does not change the others.
         """
         self.counts: Counter[str] = Counter()
         self._faults = [
@@ -171,16 +171,16 @@ class Lane:
     def pass_on(
         self, data: bytes, *, now_s: float, elapsed_s: float | None
     ) -> list[Parcel]:
-        """Say when a message goes on, and as what.
+        """Return the messages that go on for one that came, with their departures.
 
         Args:
             data: the message as it came.
-            now_s: when it came, never going back [s].
-            elapsed_s: since the first command, when the plan's time begins [s]; None
-                before it, when nothing is touched.
+            now_s: its arrival; never goes back [s].
+            elapsed_s: time since the first command, when the plan begins [s]; None
+                before it, when messages pass unchanged.
 
         Returns:
-            What goes on instead: nothing when it is lost.
+            The messages that go on instead; none when it is lost.
         """
         self.counts["arrived"] += 1
         parcels = [Parcel(now_s, data)]
@@ -201,10 +201,10 @@ class Lane:
 
 
 class PlanClock:
-    """Counts from the first joint command; before it the plan is not in force."""
+    """Time since the first joint command; before it the plan is not in force."""
 
     def __init__(self) -> None:
-        """Start without a time."""
+        """Start without a beginning."""
         self._began_s: float | None = None
 
     def begin(self, now_s: float) -> None:
@@ -213,5 +213,5 @@ class PlanClock:
             self._began_s = now_s
 
     def elapsed_s(self, now_s: float) -> float | None:
-        """Return the time since it began [s]; None before."""
+        """Return the time since the beginning [s]; None before it."""
         return None if self._began_s is None else now_s - self._began_s

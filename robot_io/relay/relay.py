@@ -1,4 +1,4 @@
-"""A relay between robot and stabilizer, and the plans of faults there are."""
+"""A relay between robot and stabilizer, and the shipped plans of faults."""
 
 from __future__ import annotations
 
@@ -60,15 +60,16 @@ FROM_THE_ROBOTS_SIDE = (
     Direction.TO_STABILIZER,
     Direction.STABILIZER_SERVICE,
 )
-"""What is said, or asked, on the side of the robot, where planners and tools are."""
+"""Directions of messages and requests from the side of robot, planners and tools."""
 
 
 class Relay:
     """Dials the robot as a client does, and listens as the robot does.
 
-    Everything of the topic table is carried one way: what the robot or a planner says
-    to the stabilizer's side, what the stabilizer says to the robot's side, requests to
-    where their service is. Who is there on one side is shown on the other.
+    It carries each entry of the topic table in one direction: messages of the robot or
+    a planner to the stabilizer's side, messages of the stabilizer to the robot's side,
+    and requests to the side of their service. It shows on each side who is present on
+    the other.
     """
 
     def __init__(self, robot: Robot, plan: RelayPlan, *, seed: int) -> None:
@@ -90,27 +91,27 @@ class Relay:
         listening: Endpoints | None = None,
         on_ready: Callable[[], None] | None = None,
     ) -> RelayResult:
-        """Carry until asked to stop.
+        """Forward until asked to stop.
 
         The robot may come and go meanwhile; at the start it must be there.
 
         Args:
-            endpoints: ``connect`` (or ``router``) is where the robot is, ``listen``
-                where the stabilizer's side dials.
-            stop: ends it, besides signals.
+            endpoints: ``connect`` (or ``router``) leads to the robot; the stabilizer's
+                side dials ``listen``.
+            stop: ends the relay, besides signals.
             wait_s: how long to dial the robot [s].
-            listening: whose ``listen``, certificates and access are used instead where
-                the stabilizer's side dials, since with TLS each side has an identity.
+            listening: its ``listen``, certificates and access are used instead for the
+                stabilizer's side, since with TLS each side has an identity.
             on_ready: called once both sides are open.
 
         Returns:
-            What was done to the messages.
+            Counts of what was done to the messages.
 
         Raises:
-            EndpointError: cannot listen there, or a locator is malformed.
+            EndpointError: Zenoh cannot listen there, or a locator is malformed.
             RobotUnreachableError: nobody answered in time.
             RobotMismatchError: the robot has another description, or there are two.
-            RobotIoError: it cannot send any more.
+            RobotIoError: the relay cannot send any more.
         """
         expect_to_listen()
         place = listening or endpoints
@@ -149,7 +150,7 @@ class Relay:
     def _connect(
         self, robots_side: Bus, other_side: Bus, dispatcher: Dispatcher
     ) -> None:
-        """Join the two sides; the tokens last, as each of them would do."""
+        """Join the two sides; tokens come last, as on the sides themselves."""
         clock = PlanClock()
         for entry in TOPICS:
             ends = {"source": other_side, "target": robots_side}
@@ -179,6 +180,6 @@ class Relay:
             PresenceMirror(pattern, source=source, target=target, dispatcher=dispatcher)
 
     def _disconnect(self) -> None:
-        """Hear nothing more, so that nothing is sent on a side that is closed."""
+        """Stop receiving, so that nothing is sent on a closed side."""
         for forwarder in self._forwarders:
             forwarder.close()

@@ -1,1 +1,1 @@
-"""What a robot runs: server, command gate, mode machine, driver."""
+"""The robot's side of the bus: server, command gate, mode machine, driver."""

@@ -1,4 +1,7 @@
-"""The loop of a hardware driver: a vendor's SDK on one side, the bus on the other."""
+"""The loop of a hardware driver, between a vendor's SDK and the bus.
+
+Each tick: read -> publish sensors -> gate the newest command -> write to the servos.
+"""
 
 from __future__ import annotations
 
@@ -30,52 +33,52 @@ _LOG = logging.getLogger(__name__)
 
 
 class VendorAdapter(Protocol):
-    """What a vendor's robot must offer; in our joint order, units, signs and frames.
+    """Interface to a vendor's robot, in our joint order, units, signs and frames.
 
-    Both are called once per tick, by the loop alone, and must not block for longer
-    than a fraction of it.
+    The loop alone calls both methods, once per tick. They must not block for longer
+    than a fraction of a tick.
     """
 
     def read(self, tick: int, stamp_ns: int) -> Snapshot:
         """Take a reading of all sensors.
 
         Args:
-            tick: counts the robot's periods; passed on.
-            stamp_ns: monotonic clock now; passed on, or a better one put instead, of
+            tick: number of the robot's period; passed on in the reading.
+            stamp_ns: monotonic clock now; passed on, or replaced by a better stamp from
                 one clock for all sensors [ns].
         """
         ...
 
     def write(self, q_command: Array) -> None:
-        """Have the servos follow a posture.
+        """Let the servos follow a posture.
 
         Args:
-            q_command: (n_a,) what the gate let pass, every tick, also in HOLD [rad].
+            q_command: (n_a,) positions passed by the gate, also in HOLD [rad].
         """
         ...
 
 
 @runtime_checkable
 class PacingAdapter(VendorAdapter, Protocol):
-    """One whose robot sends readings at its own pace, each sensor for itself.
+    """Adapter of a robot that sends readings at its own pace, each sensor by itself.
 
     Attributes:
-        missing: channels that the reading last taken has nothing new enough of; they
-            are not sent, so that the stabilizer learns of it.
+        missing: channels without a recent value in the last reading; they are not sent,
+            so that the stabilizer notices.
     """
 
     missing: tuple[str, ...]
 
     def wait(self) -> None:
-        """Return at the robot's next reading, or when it has been silent for long."""
+        """Return at the robot's next reading, or after a long silence."""
         ...
 
 
 class GateFactory(Protocol):
-    """Makes the guard in front of the servos."""
+    """Makes the command gate in front of the servos."""
 
     def __call__(self, robot: Robot, posture: Array) -> CommandGate:
-        """Start in HOLD at a posture."""
+        """Return a gate that starts in HOLD at a posture (n_a,) [rad]."""
         ...
 
 
@@ -88,29 +91,29 @@ def run_driver(
     make_gate: GateFactory = CommandGate,
     ready: Callable[[], None] = lambda: None,
 ) -> str:
-    """Serve a robot until it is asked to stop: sense, publish, guard, command.
+    """Serve a robot until asked to stop: sense, publish, guard, command.
 
-    Offsets stored beside the robot file are taken off its ankle sensors' readings. It
-    begins in HOLD at the measured posture. Commands go through the same gate as in
-    the simulator. When it ends, also by an error of the adapter, the servos hold what
-    they were told last, and the commander is told why.
+    The offsets stored beside the robot file are subtracted from the readings of its
+    ankle sensors. The robot starts in HOLD at the measured posture. Commands go through
+    the same gate as in the simulator. At the end, even by an error of the adapter, the
+    servos hold their last command, and the commander is told the reason.
 
     Args:
         adapter: the vendor's robot; a :class:`PacingAdapter` sets the pace itself.
-        robot: what its files say; also the control rate.
+        robot: the robot of the files; sets the control rate.
         endpoints: where to listen.
-        stop: ends it, besides signals.
-        make_gate: the guard.
+        stop: ends the loop, besides signals.
+        make_gate: makes the command gate.
         ready: called once the bus is open.
 
     Returns:
         Who or what asked it to stop.
 
     Raises:
-        EndpointError: cannot listen there.
+        EndpointError: Zenoh cannot listen there.
         FileFormatError: the file with the offsets is malformed.
-        RobotFileError: what the adapter reads at first is no posture of this robot;
-            nothing has been written to it.
+        RobotFileError: the adapter's first reading is no posture of this robot;
+            nothing has been written to the adapter.
     """
     tare = load_tare(robot.path)
     stop = stop or StopRequest()
@@ -161,10 +164,10 @@ def run_driver(
 def _telling_the_end(
     server: RobotServer, gate: CommandGate, stop: StopRequest, *, begin_s: float
 ) -> Iterator[None]:
-    """Give the lease back at the end, and say why it came, errors included."""
+    """Give the lease back at the end and report the reason, errors included."""
     try:
         yield
-    except Exception as error:  # of any vendor's library: told, and raised again
+    except Exception as error:  # from any vendor's library: reported and raised again
         stop.set(f"the driver failed: {error!r}")
         raise
     finally:
@@ -175,13 +178,13 @@ def _telling_the_end(
 
 
 def _first_posture(robot: Robot, q: Array) -> Array:
-    """The posture to hold from the first reading on.
+    """Return the posture to hold from the first reading on, (n_a,) [rad].
 
-    Numbers in degrees or in another order are no posture, and to hold the nearest one
-    would move the robot.
+    Numbers in degrees or in another order are no posture; holding the nearest one would
+    move the robot.
 
     Raises:
-        RobotFileError: not a number per joint, or one far out of its range.
+        RobotFileError: not one number per joint, or one far outside its range.
     """
     hint = "are they in rad, and in the order of the robot file?"
     if q.shape != (robot.n_a,):

@@ -1,4 +1,7 @@
-"""The guard in front of the servos, shared by the simulator and any driver."""
+"""The command gate in front of the servos, shared by the simulator and any driver.
+
+It checks each joint command from the bus: lease, age, limits and loop delay.
+"""
 
 from __future__ import annotations
 
@@ -27,35 +30,36 @@ from surefoot.schemas.result import ModeReport
 
 NEVER = -1
 MOST_TICKS = 100_000
-"""Of so many ticks it is known when they began; a command that answers one before
-them, where the robot file lets it, is judged by ticks alone."""
+"""Most ticks whose start time is kept. If the robot file lets a command answer an older
+tick, only ticks limit its age."""
 ROUNDING_S = 1e-9
-"""What is exactly as old or as silent as allowed must not be refused for a last bit."""
+"""Tolerance by which a command may be too old, or a silence too long [s]: the last bit
+must not matter."""
 ROUNDING_RAD = 1e-9
-"""A command beyond a limit by less is cut to it without a word: a controller that
-asks for exactly the limit must not be reported for its last bit."""
+"""Excess over a limit that is cut off without a report [rad]: a controller that asks
+for exactly the limit must not be reported for its last bit."""
 AVERAGED_OVER_S = 0.5
-"""Time constant of the average: long against a stall, short against a fall [s]."""
+"""Time constant of the average [s]: long against a stall, short against a fall."""
 
 
 class LoopDelay:
-    """Average age of what the servos follow, over the last half second.
+    """Average age of the sensors that the servos act on, over the last half second.
 
-    A command that is old and one that is missing do the same harm: the servos act on
-    what was felt long ago. So every tick counts the age of the sensors that the
-    command followed in it answers, whenever that command came.
+    An old command and a missing one do the same harm: the servos act on old sensors. So
+    each tick counts the age of the sensors that the command followed in it answers,
+    whenever that command came.
 
     Attributes:
-        mean_s: the average [s].
+        mean_s: the average age [s].
     """
 
     def __init__(self, *, period_s: float, oldest: int) -> None:
         """Begin at zero.
 
         Args:
-            period_s: from tick to tick [s].
-            oldest: an age above counts as this, so that one long silence, which the
-                watchdog acts on, does not count as a slow loop [ticks].
+            period_s: time from tick to tick [s].
+            oldest: largest age that counts [ticks]. So one long silence, on which the
+                watchdog acts, does not count as a slow loop.
         """
         self._period_s, self._oldest = period_s, oldest
         self._blend = period_s / AVERAGED_OVER_S
@@ -63,16 +67,16 @@ class LoopDelay:
         self.mean_s = 0.0
 
     def restart(self) -> None:
-        """Forget everything; counts again from the next command on."""
+        """Forget everything; count again from the next command on."""
         self._answered = None
         self.mean_s = 0.0
 
     def follow(self, answered: int) -> None:
-        """Note that the servos follow a command that answers this tick's sensors."""
+        """Record that the servos follow a command that answers this tick's sensors."""
         self._answered = answered
 
     def count(self, tick: int) -> None:
-        """Count the tick before one that begins: by how much its command was late."""
+        """Count the age in the tick before ``tick``, which begins now."""
         if self._answered is None:
             return
         age_s = self._period_s * min(tick - 1 - self._answered, self._oldest)
@@ -82,8 +86,8 @@ class LoopDelay:
 class CommandLimits:
     """Position, velocity and step limits of one tick's command.
 
-    All are relative to the command of the tick before, not to the measured posture: a
-    servo lags, and a limit against what it has reached would halve the speed.
+    All are relative to the command of the tick before, not to the measured posture. A
+    servo lags, so a limit relative to its measured position would halve the speed.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -97,13 +101,13 @@ class CommandLimits:
         self._low, self._high, self._excess = np.empty((3, robot.n_a))
 
     def clip(self, wanted: Array, before: Array, *, out: Array) -> tuple[Limit, ...]:
-        """Move from one posture toward another as far as the limits allow.
+        """Move from one posture toward another within the limits.
 
         Args:
-            wanted: (n_a,) finite [rad].
+            wanted: (n_a,) wanted posture, finite [rad].
             before: (n_a,) command of the tick before [rad].
-            out: (n_a,) what is allowed [rad]: never further than a step from
-                ``before``, inside the range whenever ``before`` is.
+            out: (n_a,) receives the allowed posture [rad]: at most one step from
+                ``before``, and inside the range whenever ``before`` is.
 
         Returns:
             The limits that cut something off.
@@ -129,41 +133,41 @@ class CommandLimits:
         return tuple(limit for limit, joints in found.items() if joints.any())
 
     def worst_joint(self) -> tuple[int, float]:
-        """Return the joint cut most in the last clip, and by how much [rad]."""
+        """Return the joint cut most in the last clip, and its excess [rad]."""
         index = int(self._excess.argmax())
         return index, float(self._excess[index])
 
 
 class CommandGate:
-    """Lets a command through only when it is safe to follow; says why when not.
+    """Passes only commands that are safe to follow, and reports why it refuses others.
 
-    Pure: no clock and no I/O, time is passed in on one monotonic scale. At each tick
-    of the robot::
+    It is pure: no clock and no I/O; times are arguments on one monotonic scale. At each
+    tick of the robot::
 
         gate.begin_tick(now_s=now, tick=tick)                    # watchdog
         result = gate.accept(command, tick=tick, now_s=now)      # any number of them
         follow(result.posture)
 
-    However many commands come within a tick, the posture moves by one tick's step at
-    most. When the commander falls silent the gate holds the last posture; the same
-    commander may go on from there, until the silence has become a fault. So has a loop
-    that answers, but too late on average to balance with. What goes
-    beyond a limit is clipped to it, refused, or in ``warn_only`` followed and counted,
-    as the robot file says.
+    However many commands come within a tick, the posture moves by at most one tick's
+    step. When the commander falls silent, the gate holds the last posture. The same
+    commander may go on from there until the silence becomes a fault. A loop whose
+    answers are too late on average to balance with is a fault, too. A command beyond a
+    limit is clipped, refused, or in ``warn_only`` followed and counted, as the robot
+    file says.
 
     Attributes:
         modes: mode, its cause, notices and lease.
         refused: refused commands by reason.
         clipped: clipped commands by limit.
-        delay: average age of what the servos follow.
+        delay: average age of the sensors that the servos act on.
     """
 
     def __init__(self, robot: Robot, posture: Array) -> None:
         """Start in HOLD.
 
         Args:
-            robot: what its files say.
-            posture: (n_a,) where the servos are now, held until commanded [rad].
+            robot: the robot of the files.
+            posture: (n_a,) present posture of the servos, held until commanded [rad].
         """
         self.modes = ModeMachine(lease_s=robot.file.gate.lease_s)
         self.refused: Counter[str] = Counter()
@@ -174,7 +178,7 @@ class CommandGate:
         self._max_age_s = self._settings.hold_after_s if age_s is None else age_s
         self._oldest = math.ceil(self._max_age_s / robot.period_s)
         self._began = [(NEVER, 0.0)] * min(self._oldest + 1, MOST_TICKS)
-        """When the last ticks began, by tick modulo its length: (tick, time [s])."""
+        """Start of each recent tick, at tick modulo its length: (tick, time [s])."""
         self.delay = LoopDelay(period_s=robot.period_s, oldest=self._oldest)
         self._limits = CommandLimits(robot)
         self._posture = _fixed(np.array(posture, dtype=np.float64))
@@ -192,9 +196,9 @@ class CommandGate:
 
     @property
     def posture(self) -> Array:
-        """(n_a,) what the servos follow since the last command [rad]; read-only.
+        """(n_a,) posture that the servos follow at present [rad]; read-only.
 
-        A command that is accepted puts another array in its place.
+        Each accepted command replaces the array.
         """
         return self._posture
 
@@ -212,13 +216,13 @@ class CommandGate:
         return answer
 
     def begin_tick(self, *, now_s: float, tick: int | None = None) -> None:
-        """Begin a tick: watchdog and lease.
+        """Begin a tick: check watchdog, loop delay and lease.
 
         Args:
-            now_s: the robot's time, never going back [s].
-            tick: the tick; from then on the age of a command that answers it counts
-                by time as well, which ticks of a loop that is late do not tell. The
-                delay of the loop is watched only where ticks are told.
+            now_s: the robot's time; never goes back [s].
+            tick: the tick. With it, the age of commands that answer this tick is also
+                measured in time, since ticks of a late loop hide it, and the loop's
+                delay is watched. None: neither is done.
         """
         if tick is not None:
             self._began[tick % len(self._began)] = (tick, now_s)
@@ -238,15 +242,15 @@ class CommandGate:
     def accept(
         self, command: JointCommand, *, tick: int, now_s: float
     ) -> CommandResult:
-        """Judge a command, and tell what the servos are to follow now.
+        """Judge a command, and return what the servos are to follow now.
 
         Args:
-            command: from the bus or from a controller in this process.
+            command: command from the bus or from a controller in this process.
             tick: the newest tick that can have been answered.
             now_s: the robot's time [s].
 
         Returns:
-            What became of it; refusals and clippings are counted.
+            The outcome; refused and clipped commands are counted.
         """
         refusal = self._why_not_heard(command, tick=tick, now_s=now_s)
         refusal = refusal or self._why_not_from_here()
@@ -263,7 +267,7 @@ class CommandGate:
         return CommandResult(command.tick, self._posture, None, clipped)
 
     def refuse(self, refusal: Refusal, detail: str) -> Refusal:
-        """Count and tell a refusal, also of a command that could not even be read."""
+        """Count and report a refusal, also of a command that could not be read."""
         self.refused[refusal] += 1
         self.modes.notice = f"command refused ({refusal}): {detail}"
         return refusal
@@ -290,7 +294,7 @@ class CommandGate:
         )
 
     def report(self) -> ModeReport:
-        """Return the mode it is in, why, and since when."""
+        """Return the present mode, its cause, and its start."""
         modes = self.modes
         return ModeReport(
             mode=modes.mode,
@@ -302,7 +306,7 @@ class CommandGate:
     def _why_not_heard(
         self, command: JointCommand, *, tick: int, now_s: float
     ) -> Refusal | None:
-        """Why a command is not heard: from whom it comes, when, and what it answers."""
+        """Return why a command is refused for its sender, form, order, mode or age."""
         if not self.modes.holds_lease(command.commander):
             return self.refuse(Refusal.LEASE, self.modes.why_not(command.commander))
         refusal = self._why_no_posture(command.q)
@@ -325,7 +329,7 @@ class CommandGate:
         return None
 
     def _why_no_posture(self, q: list[float]) -> Refusal | None:
-        """Why numbers are no joint positions; keeps those that are."""
+        """Return why numbers are no joint positions; keep them if they are."""
         if len(q) != len(self._names):
             detail = f"got {len(q)} numbers, expected {len(self._names)}"
             return self.refuse(Refusal.SIZE, detail)
@@ -335,7 +339,7 @@ class CommandGate:
         return None
 
     def _why_not_from_here(self) -> Refusal | None:
-        """Why what a command wants cannot be followed from the held posture."""
+        """Return why the wanted posture cannot be followed from the held one."""
         if self._is_first or self.modes.is_silent:
             far = np.abs(self._wanted - self._posture)
             tolerance = self._settings.first_command_tolerance_rad
@@ -349,7 +353,7 @@ class CommandGate:
         return None
 
     def _follow(self, clipped: tuple[Limit, ...], now_s: float) -> None:
-        """Follow what a command wants, within the limits that clipped it."""
+        """Follow the wanted posture, within the limits that clipped it."""
         if self.modes.is_silent:
             self.modes.go_on()
         self._is_first = False
@@ -363,7 +367,7 @@ class CommandGate:
             self.modes.notice = f"command {done}: {self._excess(clipped)}"
 
     def _excess(self, limits: tuple[Limit, ...]) -> str:
-        """Return the limits that a command exceeds, and by how much."""
+        """Return the exceeded limits and the largest excess, in words."""
         joint, excess = self._limits.worst_joint()
         return f"{', '.join(limits)}: {self._names[joint]} by {excess:.4f} rad"
 
@@ -371,7 +375,7 @@ class CommandGate:
         return self.mode is RobotMode.ACTIVE or self.modes.is_silent
 
     def _watch(self, silence_s: float) -> None:
-        """Act on the silence of the commander; it may be busy before its first."""
+        """Act on the commander's silence; before its first command it may be busy."""
         settings = self._settings
         if self._is_first:
             if silence_s > settings.fault_after_s:
@@ -386,7 +390,7 @@ class CommandGate:
             self.modes.hold_for_silence(f"no command for {silence_s:.3f} s")
 
     def _watch_delay(self, tick: int) -> None:
-        """Act on a loop that is too slow, though never silent."""
+        """Act on a loop that is too slow, although never silent."""
         self.delay.count(tick)
         limit_s = self._settings.max_loop_delay_s
         if limit_s is not None and self.delay.mean_s > limit_s:
@@ -398,6 +402,6 @@ class CommandGate:
 
 
 def _fixed(posture: Array) -> Array:
-    """The same array, not to be written any more."""
+    """Return the same array, made read-only."""
     posture.setflags(write=False)
     return posture

@@ -1,4 +1,4 @@
-"""Who may command the robot, and in which mode it is."""
+"""The robot's mode and lease: who may command it, and what changes its mode."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from surefoot.schemas.reasons import ModeCause, RequestRefusal
 
 
 class Refusal(StrEnum):
-    """Why a command never reached the servos; the keys of ``refused`` on status."""
+    """Reasons to refuse a command; the keys of ``refused`` on status."""
 
     MALFORMED = "malformed"
     """Not a joint command: bytes, fields, types."""
     SCHEMA = "schema"
     """Written for another schema version."""
     LEASE = "lease"
-    """From someone who does not hold the lease."""
+    """From a sender that does not hold the lease."""
     MODE = "mode"
     """The robot is not ACTIVE."""
     SEQUENCE = "sequence"
     """Repeated or out of order."""
     LATE = "late"
-    """Answers sensors too long ago, by ticks or by the robot's clock."""
+    """Answers sensors that are too old, by ticks or by the robot's clock."""
     FUTURE = "future"
-    """Answers a tick that has not been."""
+    """Answers a tick that has not yet been."""
     SIZE = "size"
     """Not one number per joint."""
     NOT_FINITE = "not_finite"
     """A NaN or an infinity."""
     LIMIT = "limit"
-    """Beyond a limit, where the robot file says to refuse and not to clip."""
+    """Beyond a limit, and the robot file says to refuse and not to clip."""
     FIRST_COMMAND = "first_command"
-    """The first one after enabling is far from the held posture."""
+    """Far from the held posture, as the first after enabling or after a silence."""
 
 
 class Limit(StrEnum):
-    """What a command ran into; the keys of ``clipped`` on status."""
+    """Limits that a command can exceed; the keys of ``clipped`` on status."""
 
     POSITION = "position"
     VELOCITY = "velocity"
@@ -49,11 +49,11 @@ class CommandResult(NamedTuple):
     """Outcome of one command.
 
     Attributes:
-        answers: the tick it answers.
-        posture: (n_a,) what the servos are to follow now [rad], not to be written:
-            the command, clipped or as it is; the posture before it when refused.
-        refusal: why it is refused; None when it is accepted.
-        clipped: limits it ran into.
+        answers: tick that the command answers.
+        posture: (n_a,) posture that the servos are to follow now, read-only [rad]: the
+            command, clipped or unchanged; the posture before it when refused.
+        refusal: reason of the refusal; None when the command is accepted.
+        clipped: limits that the command exceeded.
     """
 
     answers: int
@@ -63,7 +63,7 @@ class CommandResult(NamedTuple):
 
     @property
     def accepted(self) -> bool:
-        """Whether the servos follow it, clipped or as it is."""
+        """Whether the servos follow the command, clipped or unchanged."""
         return self.refusal is None
 
 
@@ -71,8 +71,8 @@ class Answer(NamedTuple):
     """Outcome of a request.
 
     Attributes:
-        refusal: why it was not done; ``none`` when it was.
-        detail: the same in words; empty when it was done.
+        refusal: reason of the refusal; ``none`` when the request was carried out.
+        detail: the same in words; empty when it was carried out.
     """
 
     refusal: RequestRefusal = RequestRefusal.NONE
@@ -80,7 +80,7 @@ class Answer(NamedTuple):
 
     @property
     def accepted(self) -> bool:
-        """Whether it was done."""
+        """Whether the request was carried out."""
         return self.refusal is RequestRefusal.NONE
 
 
@@ -88,7 +88,7 @@ DONE = Answer()
 
 
 class Lease:
-    """Command of the robot, held by one commander, lost by silence.
+    """The right to command the robot; one commander holds it, silence loses it.
 
     Attributes:
         holder: identity of the commander; empty when nobody holds it.
@@ -98,14 +98,14 @@ class Lease:
         """Start free.
 
         Args:
-            duration_s: a holder silent for longer loses it [s].
+            duration_s: silence after which a holder loses it [s].
         """
         self.holder = ""
         self._duration_s = duration_s
         self._renewed_s = 0.0
 
     def take(self, who: str, *, now_s: float) -> bool:
-        """Take or renews it; False when someone else holds it."""
+        """Take or renew the lease; return False when someone else holds it."""
         if self.holder not in ("", who):
             return False
         self.holder = who
@@ -113,11 +113,11 @@ class Lease:
         return True
 
     def renew(self, *, now_s: float) -> None:
-        """Renew the lease: the commander was heard."""
+        """Renew the lease when the commander was heard."""
         self._renewed_s = now_s
 
     def release(self) -> None:
-        """Free it."""
+        """Free the lease."""
         self.holder = ""
 
     def has_expired(self, *, now_s: float) -> bool:
@@ -126,7 +126,7 @@ class Lease:
 
 
 class ModeMachine:
-    """Modes and lease of a robot; every change is asked for by name.
+    """Modes and lease of a robot; every change has a named cause.
 
     ====== ================================ =============================
     mode   the servos                       left by
@@ -137,23 +137,23 @@ class ModeMachine:
     FAULT  keep the last posture            reset
     ====== ================================ =============================
 
-    Losing the lease, in whatever way, leads from ACTIVE to HOLD. Only its holder may
-    ask for a mode; an e-stop is open to everyone.
+    Losing the lease in any way leads from ACTIVE to HOLD. Only its holder may request a
+    mode; the e-stop is open to everyone.
 
     Attributes:
         mode: present mode.
-        cause: why it is in this mode; in FAULT the first fault.
+        cause: reason for this mode; in FAULT that of the first fault.
         detail: the same in words.
-        notice: what was last refused or cut to a limit, in words.
-        lease: who commands.
-        is_silent: in HOLD only because the commander fell silent.
+        notice: the last refusal or clipping, in words.
+        lease: the lease, which names the commander.
+        is_silent: whether it is in HOLD only because the commander fell silent.
     """
 
     def __init__(self, *, lease_s: float) -> None:
         """Start in HOLD with a free lease.
 
         Args:
-            lease_s: a commander silent for longer loses the lease [s].
+            lease_s: silence after which a commander loses the lease [s].
         """
         self.mode = RobotMode.HOLD
         self.cause, self.detail = ModeCause.STARTED, ""
@@ -162,11 +162,11 @@ class ModeMachine:
         self.lease = Lease(duration_s=lease_s)
 
     def request(self, action: str, who: str, *, now_s: float) -> Answer:
-        """Do what is asked, or say why not.
+        """Carry out a request, or return why not.
 
         Args:
             action: take, release, enable, hold, disable or reset.
-            who: identity of who asks.
+            who: identity of the sender.
             now_s: the robot's time [s].
         """
         if action == "take":
@@ -197,18 +197,18 @@ class ModeMachine:
         return bool(who) and who == self.lease.holder
 
     def why_not(self, who: str) -> str:
-        """Return why an identity may not command: who does instead."""
+        """Return why an identity may not command, with the present commander."""
         if self.lease.holder:
             return f"{self.lease.holder} holds the lease, {who or 'no name'} does not"
         return "nobody holds the lease; take it first"
 
     def decline(self, refusal: RequestRefusal, detail: str) -> Answer:
-        """Refuse a request; status tells why."""
+        """Refuse a request; the status will report why."""
         self.notice = f"request refused: {detail}"
         return Answer(refusal, detail)
 
     def stop(self, source: str) -> Answer:
-        """E-stop: FAULT until reset."""
+        """E-stop: enter FAULT until reset."""
         who = source or "someone without a name"
         self.fail(ModeCause.ESTOP, f"e-stop by {who}")
         return DONE
@@ -219,26 +219,26 @@ class ModeMachine:
             self._set(RobotMode.FAULT, cause, detail)
 
     def hold(self, cause: ModeCause, detail: str) -> None:
-        """Go from ACTIVE to HOLD; a robot that holds already has one more cause."""
+        """Go from ACTIVE to HOLD; in HOLD only change the cause."""
         if self.mode in (RobotMode.ACTIVE, RobotMode.HOLD):
             self._set(RobotMode.HOLD, cause, detail)
 
     def hold_for_silence(self, detail: str) -> None:
-        """Go from ACTIVE to HOLD, from where the same commander may go on."""
+        """Go from ACTIVE to HOLD; the same commander may go on from there."""
         self.hold(ModeCause.SILENCE, detail)
         self.is_silent = True
 
     def go_on(self) -> None:
-        """Go back to ACTIVE: the commander is heard again."""
+        """Go back to ACTIVE when the commander is heard again."""
         self._set(RobotMode.ACTIVE, ModeCause.HEARD_AGAIN, self.detail)
 
     def lose(self, cause: ModeCause, detail: str) -> None:
-        """Free the lease; what moved, holds."""
+        """Free the lease; an ACTIVE robot goes to HOLD."""
         self.lease.release()
         self.hold(cause, detail)
 
     def finish(self, cause: ModeCause, detail: str) -> None:
-        """Go to OFF, also from HOLD, the lease free; a fault is kept."""
+        """Free the lease and go to OFF from any mode; a fault is kept."""
         self.lease.release()
         if self.mode is not RobotMode.FAULT:
             self._set(RobotMode.OFF, cause, detail)

@@ -1,4 +1,4 @@
-"""The robot's side of the bus without a robot: publishes recorded messages."""
+"""The robot's side of the bus without a robot: it publishes recorded messages."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ POLL_S = 0.01
 
 
 class ReplayServer(RobotsSide):
-    """Publishes recorded messages where the robot would, and refuses every request.
+    """Publishes recorded messages in the robot's place, and refuses every request.
 
-    A context manager, used by one thread. To everyone else it looks like the robot:
-    the same keys, a liveliness token that tells the robot's description and an instance
-    of its own, and that of the stabilizer while a recorded status names a commander.
+    A context manager, used by one thread. Other processes take it for the robot: it has
+    the same keys and a liveliness token with the robot's description and an instance of
+    its own. While a recorded status names a commander, that one's token is there, too.
     """
 
     def __init__(
@@ -55,10 +55,10 @@ class ReplayServer(RobotsSide):
         self._stabilizer: zenoh.LivelinessToken | None = None
 
     def wait_for_audience(self) -> bool:
-        """Wait until somebody has subscribed, to all it wants.
+        """Wait until somebody has subscribed and no more subscriptions come.
 
         Returns:
-            Whether somebody has.
+            Whether somebody has; False after a stop request.
         """
         seen: set[str] = set()
         since_s = time.monotonic()
@@ -73,7 +73,7 @@ class ReplayServer(RobotsSide):
                 seen, since_s = now, time.monotonic()
             elif seen and time.monotonic() - since_s >= SETTLED_S:
                 return True
-            time.sleep(POLL_S)  # to see that nobody else comes, time has to pass
+            time.sleep(POLL_S)  # only time shows that nobody else comes
         return False
 
     def publish(self, channel: str, data: bytes) -> None:
@@ -120,7 +120,7 @@ class ReplayServer(RobotsSide):
             query.reply(query.key_expr, encode(reply))
 
     def _note_status(self, data: bytes) -> None:
-        """Keep it for refusals; the stabilizer is there while it commands."""
+        """Keep the status for refusals; show the stabilizer while it commands."""
         try:
             status = decode(data, RobotStatus, joint_count=self._robot.n_a)
         except MessageError:

@@ -1,4 +1,4 @@
-"""The robot's side of the bus: sensors out, commands in."""
+"""The robot's side of the bus: publishes sensors, and passes commands to the gate."""
 
 from __future__ import annotations
 
@@ -27,26 +27,26 @@ COMMANDS_KEPT = 256
 STATUS_PERIOD_S = 0.02
 IDLE_POLL_S = 0.01
 SEE_OFF_S = 1.0
-"""Longest wait for a commander to leave once the run is over [s]."""
+"""Longest wait for a commander to leave after the end of a run [s]."""
 FLUSHED_TICKS = 4
-"""Ticks are flushed while the newest answer is no older: one that does not come says
-that Zenoh's sender may have no processor, and each flush takes one of its few batches
-until it has. Gathered, some hundred ticks find room in them."""
+"""Ticks are flushed while the newest answer is at most this many ticks old. A missing
+answer means that Zenoh's sender may have no processor. Until it has one, each flush
+uses up one of its few batches; without flushes these hold some hundred ticks."""
 
 
 class NoAnswer(Enum):
-    """Why a wait for an answer brought none."""
+    """Reasons why a wait brought no answer."""
 
     YET = "yet"
-    """Its time is up, or it was broken off: something else wants to be looked at."""
+    """The time is up, or the wait was interrupted: something else needs attention."""
     OVERTAKEN = "overtaken"
-    """It is lost: the answer to a later tick has come."""
+    """The answer is lost: one to a later tick has come."""
 
 
 def read_command(data: bytes, gate: CommandGate) -> JointCommand | None:
-    """Read a command; the gate counts one that cannot be read as refused.
+    """Read a command; the gate counts an unreadable one as refused.
 
-    What its numbers are is for the gate to judge: one without a posture is an answer.
+    The gate judges the numbers: even a command without a posture is an answer.
     """
     try:
         return decode_fields(data, JointCommand)
@@ -58,18 +58,18 @@ def read_command(data: bytes, gate: CommandGate) -> JointCommand | None:
 
 
 class CommandInbox:
-    """Reads joint commands and has the gate check each of them.
+    """Reads joint commands and passes each to the gate.
 
     Attributes:
-        newest_tick: the tick answered by the command read last; -1 before any.
+        newest_tick: tick answered by the command read last; -1 before any.
     """
 
     def __init__(self, channel: Channel, gate: CommandGate) -> None:
         """Read from a channel.
 
         Args:
-            channel: where the bytes come from.
-            gate: judges, and counts what cannot be read.
+            channel: source of the bytes.
+            gate: judges commands, and counts unreadable ones.
         """
         self.newest_tick = NEVER
         self._channel = channel
@@ -77,14 +77,14 @@ class CommandInbox:
         self._early: JointCommand | None = None
 
     def newest(self, tick: int, *, now_s: float) -> CommandResult | None:
-        """Judge all that has come; real time.
+        """Judge all commands that have come; for real time.
 
         Args:
             tick: the newest tick that can have been answered.
             now_s: the robot's time [s].
 
         Returns:
-            The last one accepted, None when none was.
+            The last accepted one; None when none was.
         """
         accepted = None
         while (data := self._channel.poll()) is not None:
@@ -99,13 +99,13 @@ class CommandInbox:
     def answer(
         self, tick: int, *, newest_tick: int, now_s: float, deadline: float
     ) -> CommandResult | NoAnswer:
-        """Wait for the commander's answer to a tick; lockstep.
+        """Wait for the commander's answer to a tick; for lockstep.
 
         Args:
             tick: the tick whose answer is wanted.
             newest_tick: the newest tick that can have been answered.
             now_s: the robot's time [s].
-            deadline: until when, on ``time.monotonic`` [s].
+            deadline: end of the wait, on ``time.monotonic`` [s].
 
         Returns:
             The answer, accepted or not, or why there is none.
@@ -139,10 +139,10 @@ class CommandInbox:
 
 
 class RobotServer(RobotsSide):
-    """Publishes what a robot senses and takes commands through its gate.
+    """Publishes a robot's sensors and passes commands through its gate.
 
-    A context manager, used by one thread, the robot's loop. The simulator and any
-    hardware driver use the same one::
+    A context manager, used by one thread, the robot's loop. The simulator and all
+    hardware drivers use it::
 
         with RobotServer(robot, gate, endpoints=endpoints, stop=stop) as server:
             server.wait_until_active(...)
@@ -151,7 +151,7 @@ class RobotServer(RobotsSide):
                 result = server.answer(...)     # or take_newest(...)
 
     Attributes:
-        deadline_misses: ticks without their command, counted by who runs the loop.
+        deadline_misses: ticks without their command, counted by the robot's loop.
     """
 
     def __init__(
@@ -167,12 +167,12 @@ class RobotServer(RobotsSide):
         """Prepare; entering the context opens the bus.
 
         Args:
-            robot: names keys and joints.
+            robot: has the names of keys and joints.
             gate: judges commands and answers requests.
             endpoints: where to listen.
-            stop: ends waits.
+            stop: ends the waits.
             push: answers pushes; None on a robot that is not simulated.
-            pace: sent with each answer to a lease request; real time on hardware.
+            pace: sent with each answer of a service; real time on hardware.
         """
         super().__init__(robot, endpoints=endpoints, stop=stop, pace=pace)
         self._push = push
@@ -190,10 +190,10 @@ class RobotServer(RobotsSide):
 
         Args:
             now_s: the robot's time, which stands still meanwhile [s].
-            timeout_s: how long to wait at most; None for ever [s].
+            timeout_s: longest wait; None: no limit [s].
 
         Returns:
-            Whether it is ACTIVE; False after the time-out or a stop request.
+            Whether it is ACTIVE; False after the time limit or a stop request.
         """
         end = None if timeout_s is None else time.monotonic() + timeout_s
         while not self._stop.is_set:
@@ -209,10 +209,10 @@ class RobotServer(RobotsSide):
     def see_off(self, commander: str) -> None:
         """Wait until a commander that was told of the end has left the bus.
 
-        What it said before has then been passed on to whoever looks on.
+        Its last messages have then been forwarded to observers.
 
         Args:
-            commander: its name; empty for nobody.
+            commander: name of the commander; empty for nobody.
         """
         end_s = time.monotonic() + SEE_OFF_S
         while self._services.is_present(commander) and time.monotonic() < end_s:
@@ -220,7 +220,7 @@ class RobotServer(RobotsSide):
             self._services.serve(now_s=0.0)
 
     def serve_requests(self, *, now_s: float) -> None:
-        """Answer what was asked since last time; costs nothing when nothing was.
+        """Answer new requests; costs nothing when there are none.
 
         Args:
             now_s: the robot's time [s].
@@ -235,11 +235,11 @@ class RobotServer(RobotsSide):
 
         Args:
             snapshot: sensors of the tick.
-            stamp_ns: the robot's monotonic clock when they were taken [ns].
-            missing: channels with nothing to send.
+            stamp_ns: the robot's monotonic clock when the sensors were read [ns].
+            missing: channels without a message in this tick.
         """
         self._tick = snapshot.tick
-        # Encoded first, so that all are likely to leave in one batch.
+        # All are encoded first, so that they are likely to leave in one batch.
         encoded = [
             encode(message) for message in sensor_messages(snapshot, stamp_ns=stamp_ns)
         ]
@@ -256,38 +256,38 @@ class RobotServer(RobotsSide):
     ) -> CommandResult | NoAnswer:
         """Wait for the command that answers a tick.
 
-        The wait is broken off when a request comes, the commander goes or the robot is
-        stopped: the caller then serves requests, and asks again if it still waits.
+        The wait is interrupted when a request comes, the commander goes or the robot is
+        stopped. The caller then serves requests, and asks again if it still waits.
 
         Args:
             tick: a tick whose sensors were published.
             now_s: the robot's time [s].
-            deadline: until when, on ``time.monotonic`` [s].
+            deadline: end of the wait, on ``time.monotonic`` [s].
 
         Returns:
-            What became of the command, or why there is none.
+            The outcome of the command, or why there is none.
         """
         return self._commands.answer(
             tick, newest_tick=self._tick, now_s=now_s, deadline=deadline
         )
 
     def take_newest(self, *, now_s: float) -> CommandResult | None:
-        """Judge the commands that have come since last time, without waiting.
+        """Judge the commands that came since the last call, without waiting.
 
         Args:
             now_s: the robot's time [s].
 
         Returns:
-            The last one accepted; None when none was.
+            The last accepted one; None when none was.
         """
         return self._commands.newest(self._tick, now_s=now_s)
 
     def publish_status(self, *, now_s: float, at_once: bool = False) -> None:
-        """Publish the gate's status when it has changed, and 50 times a second.
+        """Publish the gate's status on a change, and 50 times a second.
 
         Args:
             now_s: the robot's time [s].
-            at_once: without waiting for either.
+            at_once: publish in any case.
         """
         modes = self._gate.modes
         tell = (modes.mode, modes.cause, modes.lease.holder)
@@ -305,7 +305,7 @@ class RobotServer(RobotsSide):
         self._status.put(encode(status))
 
     def publish_truth(self, truth: Truth) -> None:
-        """Send what only a simulator knows, unless it is more than the bus takes."""
+        """Send the simulator's true state, unless it is too large for the bus."""
         data = encode(truth)
         if len(data) <= self._largest_truth:
             self._truth.put(data)

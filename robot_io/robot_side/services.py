@@ -1,4 +1,4 @@
-"""What a robot answers between ticks, and its place on the bus, which no other has."""
+"""The robot's services, answered between ticks, and its unique place on the bus."""
 
 from __future__ import annotations
 
@@ -44,11 +44,11 @@ from surefoot.schemas.topics import ALIVE_ROBOT, ALIVE_STABILIZER
 _LOG = logging.getLogger(__name__)
 
 PATIENCE_S = 3.0
-"""The token of a robot that died stands until the bus has given its host up."""
+"""Least wait for a dead robot's token to vanish: the bus must give its host up [s]."""
 LEASES = 2
-"""But at least for so many of the bus's own limits of silence."""
+"""The wait is at least this many leases of the bus."""
 YIELD_S = 2.0
-"""Who must give way to us has done so by then."""
+"""Time within which another robot that must give way has done so [s]."""
 POLL_S = 0.02
 Instance = str
 Instances = list[Instance]
@@ -57,7 +57,7 @@ LEASE_ACTIONS = ("take", "release")
 
 
 class RobotsSide(ABC):
-    """The robot's side of the bus: listens, and has the robot's place.
+    """Base of the robot's side of the bus: listens, and takes the robot's place.
 
     A context manager, used by one thread.
     """
@@ -84,10 +84,10 @@ class RobotsSide(ABC):
         self._stack = ExitStack()
 
     def __enter__(self) -> Self:
-        """Open the bus, ready once the robot's liveliness token is visible.
+        """Open the bus; on return the robot's liveliness token is visible.
 
         Raises:
-            EndpointError: cannot listen there.
+            EndpointError: Zenoh cannot listen there.
             SecondRobotError: another robot of its namespace is on the bus.
         """
         with ExitStack() as stack:
@@ -123,15 +123,15 @@ def take_place(
 ) -> None:
     """Declare the robot's liveliness token, unless another robot has one.
 
-    It looks before, with patience for what a dead robot left behind, and after: of two
-    robots that start at once at least one sees the other, and the one with the greater
-    instance gives way.
+    It looks for others before, patiently, since a dead robot's token may remain, and
+    after. Of two robots that start at once at least one sees the other, and the one
+    with the greater instance gives way.
 
     Args:
-        bus: open, everything else declared.
-        robot: whose namespace it is.
-        identity: of this process.
-        lease_ms: after which silence the bus gives somebody up [ms].
+        bus: open, with everything else declared.
+        robot: has the namespace.
+        identity: identity of this process.
+        lease_ms: silence after which the bus gives a peer up [ms].
         stop: ends the wait; then nothing is declared.
 
     Raises:
@@ -158,8 +158,8 @@ def take_place(
         return
     bus.announce(identity.token)
     bus.settle()
-    # Whoever sees a lesser one goes at once, also while it waits for greater ones: the
-    # least could lose patience in the same moment as the others, and none would stay.
+    # A robot that sees a lesser instance goes at once, even while it waits for greater
+    # ones. Otherwise the least could lose patience together with them: none would stay.
     came = _who_stays(others, YIELD_S, stop, before=identity.instance)
     _refuse_beside(came, robot, identity)
 
@@ -171,8 +171,8 @@ def _who_stays(
     *,
     before: Instance = "",
 ) -> Instances:
-    """Who is there still when patience is at its end, or a lesser instance is."""
-    pause = threading.Event()  # never set: somebody else's leaving wakes nobody
+    """Return who is there when patience ends, or when a lesser instance is there."""
+    pause = threading.Event()  # never set: no event tells that another has left
     end_s = time.monotonic() + patience_s
     while there := others():
         is_less = any(instance < before for instance in there)
@@ -197,17 +197,17 @@ def _refuse_beside(others: Instances, robot: Robot, identity: RobotIdentity) -> 
 
 
 class _Asked(NamedTuple):
-    """A query and who can answer it."""
+    """A query and the function that answers it."""
 
     query: zenoh.Query
     answer: Callable[[bytes, float], Answer]
 
 
 class RobotServices:
-    """Queues what comes in on Zenoh's threads; the robot's loop answers it.
+    """Queues requests from Zenoh's threads; the robot's loop answers them.
 
-    So the gate is only ever touched by one thread. Coming and going of stabilizers is
-    queued the same way: one that dies loses the lease at once.
+    So only one thread ever touches the gate. Stabilizers that go are queued the same
+    way: one that dies loses the lease at once.
     """
 
     def __init__(
@@ -223,11 +223,11 @@ class RobotServices:
         """Declare the services.
 
         Args:
-            bus: the robot's.
-            robot: names the keys.
-            gate: answers.
-            identity: of this robot, told with every answer; who takes the lease must
-                mean this one.
+            bus: the robot's bus.
+            robot: has the names of the keys.
+            gate: answers requests.
+            identity: this robot's identity, sent with every answer; a request to take
+                the lease must name it.
             push: answers pushes; None on a robot that is not simulated.
             pace: sent with every answer.
         """
@@ -251,21 +251,21 @@ class RobotServices:
         bus.watch_presence(f"{ALIVE_STABILIZER}/*", self._on_presence)
 
     def wait(self, timeout_s: float) -> None:
-        """Wait until something came in, at most this long [s]."""
+        """Wait until something comes in, at most this long [s]."""
         self._something_came.wait(timeout_s)
 
     def is_present(self, who: str) -> bool:
-        """Whether a stabilizer of this name is on the bus."""
+        """Return whether a stabilizer of this name is on the bus."""
         return who in self._present
 
     def serve(self, *, now_s: float) -> bool:
-        """Answer all that has come in.
+        """Answer everything that has come in.
 
         Args:
             now_s: the robot's time [s].
 
         Returns:
-            Whether there was anything.
+            Whether anything had come in.
         """
         if not self._asked and not self._gone:
             return False
@@ -321,7 +321,7 @@ class RobotServices:
         return self._gate.request(asked.action, asked.commander, now_s=now_s)
 
     def _why_not_meant(self, asked: LeaseRequest) -> str:
-        """Why a would-be commander means another robot; empty when it means this."""
+        """Return why a would-be commander means another robot; empty if this one."""
         parts = differing(self._identity.description, asked.description)
         who = asked.commander or "a commander without a name"
         if parts:
@@ -336,7 +336,7 @@ class RobotServices:
         return ""
 
     def _answer_estop(self, data: bytes, now_s: float) -> Answer:
-        """Stop even when the request cannot be read: its sender meant a stop."""
+        """Stop even if the request cannot be read: its sender meant a stop."""
         del now_s
         try:
             source = decode(data, EstopRequest).source

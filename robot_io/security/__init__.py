@@ -1,1 +1,1 @@
-"""Certificates, access control, locator checks."""
+"""Security of the bus: certificates, access control, locator checks."""

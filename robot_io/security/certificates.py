@@ -1,4 +1,4 @@
-"""A small private certificate authority for one robot's bus."""
+"""Makes the certificates of one robot's bus, by a small private authority."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from surefoot.schemas.toml_file import atomic_file
 LISTENERS = ("robot", "router")
 IDENTITIES = (*LISTENERS, "stabilizer", "operator", "planner", "observer")
 _HOST_NAME = re.compile(r"([\w-]+\.)*[\w-]*[a-z_-][\w-]*\.?", re.ASCII | re.IGNORECASE)
-"""Its last part is no number: 192.0.2 would be an address cut short."""
+"""Host name; its last part is no number, since 192.0.2 would be a cut-off address."""
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 AUTHORITY = "ca"
 AUTHORITY_DAYS = 3650
@@ -39,21 +39,21 @@ class Issued:
 def make_certificates(
     folder: Path, *, hosts: list[str], days: int, now: datetime | None = None
 ) -> list[Path]:
-    """Make an authority and a certificate per identity.
+    """Make an authority and one certificate per identity.
 
     Args:
-        folder: made when it is not there; gets ``NAME.pem`` and ``NAME.key.pem``.
+        folder: created if missing; receives ``NAME.pem`` and ``NAME.key.pem``.
         hosts: names and addresses under which robot or router are dialed, besides
             loopback.
-        days: how long the certificates are valid; the authority is for ten years.
-        now: when they begin to be valid; the present when None.
+        days: validity of the certificates; the authority is valid for ten years.
+        now: start of the validity; the present when None.
 
     Returns:
         The files written.
 
     Raises:
-        CertificateError: some of the files are there already.
-        OSError: they cannot be written; then none is.
+        CertificateError: some of the files exist already.
+        OSError: the files cannot be written; then none is.
     """
     there = [path for path in _files(folder, (AUTHORITY, *IDENTITIES)) if path.exists()]
     if there:
@@ -79,20 +79,20 @@ def make_certificates(
 def renew_certificates(
     folder: Path, *, hosts: list[str], days: int, now: datetime | None = None
 ) -> list[Path]:
-    """Make new certificates and keys by the authority that is there.
+    """Make new certificates and keys by the existing authority.
 
     Args:
-        folder: where :func:`make_certificates` wrote.
-        hosts: as there; they are not taken over from the old certificates.
-        days: how long the new ones are valid.
-        now: when they begin to be valid; the present when None.
+        folder: folder that :func:`make_certificates` wrote.
+        hosts: as there; they are not taken from the old certificates.
+        days: validity of the new certificates.
+        now: start of the validity; the present when None.
 
     Returns:
         The files replaced.
 
     Raises:
-        CertificateError: the authority is missing, unreadable, or will be over by then.
-        OSError: they cannot be written; then all are as before.
+        CertificateError: the authority is missing, unreadable, or expires before them.
+        OSError: the files cannot be written; then all are as before.
     """
     now = now or datetime.now(UTC)
     authority = _read(folder, AUTHORITY)
@@ -229,9 +229,9 @@ def _read(folder: Path, name: str) -> Issued:
 
 
 def _write(folder: Path, pairs: dict[str, Issued]) -> list[Path]:
-    """Write all pairs or none: a new key beside an old certificate is no pair.
+    """Write all pairs or none: a new key does not fit an old certificate.
 
-    A key is never readable by others, not even at first.
+    Others can never read a key, not even while it is written.
     """
     paths = _files(folder, tuple(pairs))
     contents = [part for pair in pairs.values() for part in _contents(pair)]
@@ -239,12 +239,12 @@ def _write(folder: Path, pairs: dict[str, Issued]) -> list[Path]:
         for path, (data, mode) in zip(paths, contents, strict=True):
             file = files.enter_context(atomic_file(path, mode=mode))
             file.write(data)
-            file.flush()  # a full disk shows before any of them has its name
+            file.flush()  # a full disk shows before any file has its final name
     return paths
 
 
 def _contents(pair: Issued) -> list[tuple[bytes, int]]:
-    """Certificate and key as files, and who may read them."""
+    """Return certificate and key as bytes, each with the mode of its file."""
     key = pair.key.private_bytes(
         serialization.Encoding.PEM,
         serialization.PrivateFormat.PKCS8,

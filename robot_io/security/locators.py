@@ -1,7 +1,7 @@
-"""Where processes meet and may meet: locators, and who may do what.
+"""Checks locators, and makes the access rules of the bus.
 
-The listening side, robot or router, enforces it on what comes in and what goes out;
-nothing depends on the good will of who dials.
+The listening side, robot or router, enforces the rules on incoming and outgoing
+messages; nothing depends on the good will of a dialing process.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SECURED = ("tls", "quic")
 SOCKET_FILE = "unixsock-stream"
 LARGEST_PORT = 65535
 LONGEST_SOCKET_PATH = 103
-"""Bytes of the path of a Unix socket that every system allows."""
+"""Longest path of a Unix socket that every system allows [bytes]."""
 _NAME = re.compile(r"[\w.-]+")
 _BLANK = re.compile(r"\s")
 _OPTIONS = re.compile(r"[?#].*", re.DOTALL)
@@ -38,14 +38,14 @@ _SUBSCRIBE = (
 )
 _ANSWER = ("declare_queryable", "reply")
 _TOLD = ("put", "query", "liveliness_token", *_ANSWER, *_SUBSCRIBE)
-"""Everything a listed identity may be sent; it may send only what other rules say."""
+"""Messages that may be sent to a listed identity; other rules say what it may send."""
 
 
 def check_locators(locators: list[str], *, verb: str) -> None:
-    """Refuse malformed ones; Zenoh would go on dialing them until the time is up.
+    """Refuse malformed locators; Zenoh would dial them until the time is up.
 
     Raises:
-        LocatorError: one is malformed, or there is none.
+        LocatorError: a locator is malformed, or there is none.
     """
     if not locators:
         _refuse("nowhere", "no locator is given", verb=verb, locators=locators)
@@ -64,7 +64,7 @@ def _refuse(locator: str, why: str, *, verb: str, locators: list[str]) -> None:
 
 
 def _fault(locator: str, *, is_dialed: bool) -> str:
-    """What is wrong with a locator; empty when nothing is."""
+    """Return what is wrong with a locator; empty when it is well formed."""
     protocol, slash, rest = locator.partition("/")
     if not slash or protocol not in PROTOCOLS:
         return f"got the protocol {protocol!r}" if slash else "no protocol before a /"
@@ -106,19 +106,19 @@ def _host_fault(host: str) -> str:
 
 
 def place_of(locator: str) -> tuple[str, int]:
-    """Host, without brackets, and port of a well-formed locator."""
+    """Return host, without brackets, and port of a well-formed locator."""
     address = _OPTIONS.sub("", locator.split("/", 1)[1])
     host, _, port = address.rpartition(":")
     return host.strip("[]"), int(port)
 
 
 def check_socket_files(locators: list[str]) -> None:
-    """Refuse to listen where Zenoh would remove a file that is not its own.
+    """Refuse to listen where Zenoh would remove a file of others.
 
-    A socket that nobody listens on any more may be replaced.
+    A socket on which nobody listens any more may be replaced.
 
     Raises:
-        LocatorError: something else than a socket stands there.
+        LocatorError: the path or its lock is another file, or the folder is missing.
         EndpointError: another process listens there.
     """
     for locator in locators:
@@ -158,7 +158,7 @@ def _check_socket_file(path: Path, locator: str, locators: list[str]) -> None:
 
 
 def _is_alive(path: Path) -> bool:
-    """Whether somebody listens on a socket, or it cannot be told."""
+    """Return whether somebody listens on a socket; True when it is unclear."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         try:
             probe.connect(str(path))
@@ -170,10 +170,10 @@ def _is_alive(path: Path) -> bool:
 
 
 def check_encryption(endpoints: Endpoints, locators: list[str]) -> None:
-    """Refuse locators that do not go together with the certificates.
+    """Refuse locators that do not fit the certificates.
 
     Raises:
-        LocatorError: a plain one although there is TLS, or the reverse.
+        LocatorError: a plain locator with TLS, or a secured one without.
     """
     for locator in locators:
         is_secured = protocol_of(locator) in SECURED
@@ -193,10 +193,10 @@ def check_encryption(endpoints: Endpoints, locators: list[str]) -> None:
 
 
 def check_exposure(endpoints: Endpoints) -> None:
-    """Refuse to listen on other addresses than loopback without TLS.
+    """Refuse to listen without TLS on other addresses than loopback.
 
     Raises:
-        LocatorError: one would be open to the network.
+        LocatorError: a locator would be open to the network.
     """
     if endpoints.insecure:
         return
@@ -217,10 +217,10 @@ def protocol_of(locator: str) -> str:
 
 
 def is_local(locator: str) -> bool:
-    """Whether only this host can reach it; a name might be anywhere."""
+    """Return whether only this host can reach a locator; a name might be anywhere."""
     if protocol_of(locator) == SOCKET_FILE:
         return True
-    host, _ = place_of(locator)  # options, such as iface=, are not looked into
+    host, _ = place_of(locator)  # options, such as iface=, are not examined
     if host == "localhost":
         return True
     try:
@@ -232,15 +232,15 @@ def is_local(locator: str) -> bool:
 def access_control(
     access: Access, *, keys: dict[str, str], namespace: str
 ) -> JsonObject:
-    """Return the rules by identity; what no rule allows is dropped.
+    """Return the access rules by identity; anything that no rule allows is dropped.
 
     Args:
-        access: common names by what they may do.
-        keys: channel name to key, the robot file's overrides applied.
-        namespace: the robot's, put before every key.
+        access: common names of the certificates, by group.
+        keys: bus key of each channel, with the robot file's overrides applied.
+        namespace: the robot's namespace, put before every key.
 
     Returns:
-        Zenoh's ``access_control``.
+        The ``access_control`` section of Zenoh's configuration.
     """
     may = {
         "stabilizer": ["command", "ask", "serve", "live", "read", "hear"],
@@ -263,7 +263,7 @@ def access_control(
         for group, names in groups.items()
         if names
     ]
-    # Whoever got through the handshake has a certificate of ours, listed or not.
+    # Every process that got through the handshake has one of our certificates.
     subjects.append({"id": "anyone"})
     policies.append({"rules": ["stop", "stop-answer"], "subjects": ["anyone"]})
     return {
@@ -277,7 +277,7 @@ def access_control(
 
 def _rules(keys: dict[str, str], namespace: str) -> list[JsonObject]:
     def of(*directions: Direction) -> list[str]:
-        """Return the full keys of all channels of some directions but the e-stop."""
+        """Return the full keys of all channels of some directions, less the e-stop."""
         return [
             f"{namespace}/{keys[topic.name]}"
             for topic in TOPICS

@@ -1,8 +1,8 @@
-"""Certificates looked at before they are used: our own, and the other side's.
+"""Checks certificates before they are used: our own, and the other side's.
 
-Zenoh opens a session with an expired certificate, or with a key that belongs to
-another one, and says nothing: the others turn the process away, and are asked about
-theirs. What is wrong on our own side is known here, at the start.
+Zenoh opens a session without a word even if a certificate has expired or a key belongs
+to another certificate. The peers then refuse this process, and users look for the fault
+there. These checks find faults of our own side at the start.
 """
 
 from __future__ import annotations
@@ -24,16 +24,17 @@ from surefoot.robot_io.security.locators import place_of, protocol_of
 from surefoot.schemas.endpoints import Endpoints, Tls
 
 LOOK_S = 1.0
-"""Longer than a handshake takes; only after the bus has failed [s]."""
+"""Longest look at a peer's certificate, only after the bus has failed [s]. It is longer
+than a handshake."""
 _RENEW = "make new ones with surefoot certs --renew"
 _DATE = "%Y-%m-%d %H:%M UTC"
 
 
 def peer_fault(endpoints: Endpoints, locators: list[str]) -> str:
-    """What is wrong with the certificates at some places, in words.
+    """Return what is wrong with the certificates at some locators, in words.
 
     Returns:
-        Empty where nothing is wrong, nobody answers, or it cannot be looked at.
+        Empty if nothing is wrong, nobody answers, or the check is not possible.
     """
     if endpoints.tls is None:
         return ""
@@ -79,7 +80,7 @@ def _is_among(host: str, names: list[str]) -> bool:
 
 
 def _shown_at(endpoints: Endpoints, host: str, port: int) -> x509.Certificate | None:
-    """The certificate somebody shows; nothing it says is trusted."""
+    """Return the certificate that a peer shows; the peer itself is not trusted."""
     tls = endpoints.tls
     if tls is None:
         return None
@@ -105,14 +106,14 @@ _USES = {
 
 
 def check_own_certificates(endpoints: Endpoints, *, is_listening: bool) -> None:
-    """Refuse certificates of ours that the others would turn away.
+    """Refuse certificates of ours that the peers would refuse.
 
     Args:
         endpoints: with paths of certificates, or without TLS.
-        is_listening: whether this process listens, or else dials.
+        is_listening: whether this process listens; otherwise it dials.
 
     Raises:
-        CertificateError: names the file, what is wrong with it, and what to do.
+        CertificateError: names the file, its fault, and what to do.
     """
     tls = endpoints.tls
     if tls is None:
@@ -129,10 +130,10 @@ def check_own_certificates(endpoints: Endpoints, *, is_listening: bool) -> None:
 
 
 def read_certificates(path: Path) -> list[x509.Certificate]:
-    """Certificates of a PEM file, at least one.
+    """Return the certificates of a PEM file, at least one.
 
     Raises:
-        CertificateError: it cannot be read, or holds none.
+        CertificateError: the file cannot be read, or holds none.
     """
     try:
         return x509.load_pem_x509_certificates(path.read_bytes())
@@ -148,7 +149,7 @@ def read_certificates(path: Path) -> list[x509.Certificate]:
 
 
 def names_of(certificate: x509.Certificate) -> list[str]:
-    """Names and addresses under which its owner may be dialed."""
+    """Return names and addresses under which the certificate's owner may be dialed."""
     try:
         found = certificate.extensions.get_extension_for_class(
             x509.SubjectAlternativeName

@@ -1,1 +1,1 @@
-"""Signals of every tick: taken in while a run goes, written, and read back."""
+"""Signals of every tick: recorded during a run, written to a file, and read back."""

@@ -1,4 +1,4 @@
-"""Reads ticks files, also those that are cut off or damaged."""
+"""Reads ticks files, even those that are cut off or damaged."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ _LOG = logging.getLogger(__name__)
 _HEAD = struct.Struct("<BQ")
 _CHANNEL_ID = struct.Struct("<H")
 _LARGEST_CHUNK = 2**26
-"""More is damage: a block of a hundred joints is half a megabyte."""
+"""Larger chunks are damaged [bytes]: a block of a hundred joints takes half a MB."""
 _DAMAGED = (McapError, SchemaError, zstandard.ZstdError, struct.error, ValueError)
 
 
 def is_tick_file(path: Path) -> bool:
-    """Whether a file begins as a ticks file does."""
+    """Return whether a file begins like a ticks file."""
     try:
         with path.open("rb") as file:
             return _profile(file.read(4096)) == PROFILE
@@ -44,7 +44,7 @@ def is_tick_file(path: Path) -> bool:
 
 
 class _Record(NamedTuple):
-    """Where a record's content lies in the file."""
+    """Place of a record's content in the file."""
 
     opcode: int
     start: int
@@ -52,13 +52,13 @@ class _Record(NamedTuple):
 
 
 class TickFileTable(TickTable):
-    """A ticks file. Ticks are read at once, every other signal when it is asked for."""
+    """A ticks file. Ticks are read at once, every other signal on request."""
 
     def __init__(self, path: Path) -> None:
-        """Find out what the file holds; it may still be written.
+        """Find the signals of the file, which may still be written.
 
         Raises:
-            TickFileError: it is no ticks file, or holds no tick.
+            TickFileError: it is no ticks file, or holds no whole block of ticks.
             OSError: it cannot be opened.
         """
         self.path = path
@@ -67,7 +67,7 @@ class TickFileTable(TickTable):
         self._ids: dict[str, int] = {}
         self._ticks: list[SignalArray] = []
         self._chunks: list[dict[int, _Record]] = []
-        """Of each block, by channel."""
+        """Records of each block, by channel."""
         with path.open("rb") as file:
             if _profile(file.read(4096)) != PROFILE:
                 raise TickFileError(
@@ -84,11 +84,11 @@ class TickFileTable(TickTable):
 
     @property
     def counts(self) -> Sequence[int]:
-        """Ticks in each block."""
+        """Number of ticks in each block."""
         return [len(ticks) for ticks in self._ticks]
 
     def load(self, name: str, block: int) -> SignalArray | None:
-        """A signal in a block; None where nobody told it, or where it is damaged."""
+        """Return a signal in a block; None if it is missing or damaged there."""
         ticks = self._ticks[block]
         if name == "tick":
             return ticks
@@ -115,7 +115,7 @@ class TickFileTable(TickTable):
         return numbers.reshape(len(ticks), *layout.shape)
 
     def _scan(self) -> None:
-        """Note where each signal of each block is; a block ends with its ticks."""
+        """Find the record of each signal in each block; ``tick`` ends a block."""
         chunks: dict[int, _Record] = {}
         chunk: _Record | None = None
         for record in self._records():
@@ -136,7 +136,7 @@ class TickFileTable(TickTable):
                 self.is_cut_off = False
 
     def _meet(self, channel_id: int, chunk: _Record) -> None:
-        """The first message of a signal says which one it is."""
+        """Read the layout of a signal from its first message."""
         try:
             channel, _ = self._read_chunk(chunk)
             if channel is None or channel.id != channel_id:
@@ -162,7 +162,7 @@ class TickFileTable(TickTable):
         self._chunks.append(chunks)
 
     def _count(self, data: bytes) -> None:
-        """How many ticks were lost on the way to the file, as its end tells."""
+        """Read from the end of the file how many ticks did not reach it."""
         try:
             told = Metadata.read(ReadDataStream(BytesIO(data)))
             if told.name == COUNTS:
@@ -171,7 +171,7 @@ class TickFileTable(TickTable):
             self._tell("its end is damaged: lost ticks are not known")
 
     def _records(self) -> Iterator[_Record]:
-        """All whole records, in order; what is passed over is not read."""
+        """Yield all whole records in order; skipped contents are not read."""
         at = len(MCAP0_MAGIC)
         while at + _HEAD.size <= len(self._data):
             opcode, length = _HEAD.unpack_from(self._data, at)
@@ -182,7 +182,7 @@ class TickFileTable(TickTable):
             yield _Record(opcode, start, at)
 
     def _read_chunk(self, record: _Record) -> tuple[Channel | None, Message]:
-        """The message in a chunk, and its channel where it is told there.
+        """Return the message in a chunk, and its channel if the chunk holds it.
 
         Raises:
             ValueError: its checksum is wrong, or it holds something else.
@@ -219,7 +219,7 @@ def _numbers(message: Message, layout: SignalLayout) -> SignalArray:
 
 
 def _profile(data: bytes) -> str | None:
-    """Profile of an MCAP file by its beginning; None when it is no MCAP file."""
+    """Return the profile of an MCAP file from its beginning; None for other files."""
     try:
         if not data.startswith(MCAP0_MAGIC):
             return None

@@ -1,4 +1,4 @@
-"""Ticks of a run on their way to memory or disk."""
+"""Collects the signals of a run's ticks in blocks, for memory or disk."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from surefoot.schemas.arrays import Array
 from surefoot.schemas.signals import SignalLayout
 
 BLOCK_TICKS = 512
-"""Ticks in a block: what a crash can cost, and what a reader takes at a time."""
+"""Ticks in a block: the most that a crash costs, and the unit of reading."""
 SignalArray = NDArray[Any]
-"""Any signal: float64, int64 or int8."""
+"""Values of any signal: float64, int64 or int8."""
 
 
 class Block:
-    """Numbers of up to ``BLOCK_TICKS`` ticks, a row each.
+    """Numbers of up to ``BLOCK_TICKS`` ticks, one row each.
 
     Attributes:
-        ticks: (BLOCK_TICKS,) the robot's counter.
-        rows: (BLOCK_TICKS, width) the signals side by side; whole numbers, too.
-        count: rows that are filled.
+        ticks: (BLOCK_TICKS,) the robot's tick counter.
+        rows: (BLOCK_TICKS, width) all signals side by side, whole numbers as floats.
+        count: number of filled rows.
     """
 
     def __init__(self, width: int) -> None:
-        """Take the memory for a full block."""
+        """Allocate a full block."""
         self.ticks = np.zeros(BLOCK_TICKS, dtype=np.int64)
         self.rows: Array = np.zeros((BLOCK_TICKS, width))
         self.count = 0
 
 
 class BlockFormat:
-    """Which columns of a block's rows belong to which signal.
+    """Assigns the columns of a block's rows to signals.
 
     Attributes:
-        layouts: by name, in the order of the columns; ``tick``, wherever it stands
-            among them, has none.
-        width: how many columns there are.
+        layouts: layouts by name, in the order of the columns; ``tick``, wherever it
+            stands among them, has no columns.
+        width: number of columns.
     """
 
     def __init__(self, layouts: Sequence[SignalLayout]) -> None:
@@ -59,8 +59,8 @@ class BlockFormat:
         """Copy all signals out of a block.
 
         Returns:
-            (count, *shape) in the signal's dtype, by name. A signal that nobody told
-            in any of the block's ticks is left out.
+            Arrays by name, (count, *shape) in the signal's dtype. A signal that is
+            missing in all ticks of the block is left out.
         """
         count = block.count
         found: dict[str, SignalArray] = {"tick": block.ticks[:count].copy()}
@@ -73,16 +73,16 @@ class BlockFormat:
 
 
 def is_missing(values: SignalArray) -> bool:
-    """Whether an array of a signal holds nothing but what stands for missing."""
+    """Return whether an array of a signal holds only missing values."""
     missing = np.isnan(values) if values.dtype.kind == "f" else values < 0
     return bool(missing.all())
 
 
 class TickSink(Protocol):
-    """Where blocks go.
+    """Receives the blocks of a recorder.
 
-    The block that is being filled is the sink's all the time, so that a run's end needs
-    no word from who fills it.
+    The block that is being filled belongs to the sink all the time. So a run can end
+    without a word from the recorder.
 
     Attributes:
         lost_ticks: ticks that it could not keep, or that what it copies lacks.
@@ -108,7 +108,7 @@ class TickSink(Protocol):
 
 
 class TickRecorder:
-    """Rows of numbers, tick by tick; in the loop it only copies."""
+    """Fills blocks row by row, one row per tick; in the loop it only copies."""
 
     def __init__(self, layouts: Sequence[SignalLayout], sink: TickSink) -> None:
         """Begin."""
@@ -116,14 +116,14 @@ class TickRecorder:
         self._block = sink.open(BlockFormat(layouts))
 
     def add(self, tick: int, parts: Sequence[Array]) -> None:
-        """Take in a tick.
+        """Add a tick.
 
         Args:
-            tick: the robot's counter.
-            parts: flat; one behind the other they are the signals after ``tick``.
+            tick: the robot's tick counter.
+            parts: flat arrays; put together they are the signals after ``tick``.
 
         Raises:
-            ValueError: they are more or fewer numbers than that.
+            ValueError: they hold more or fewer numbers than that.
         """
         block = self._block
         row = block.count
@@ -135,12 +135,12 @@ class TickRecorder:
 
 
 class TickTable(ABC):
-    """What one recorder took in.
+    """The ticks that one recorder took.
 
     Attributes:
-        layouts: of the signals that were told, by name.
-        lost_ticks: how many ticks it could not keep.
-        is_cut_off: whether its end is missing.
+        layouts: layouts of the recorded signals, by name.
+        lost_ticks: number of ticks that were lost.
+        is_cut_off: whether the end is missing.
     """
 
     layouts: dict[str, SignalLayout]
@@ -150,18 +150,18 @@ class TickTable(ABC):
     @property
     @abstractmethod
     def counts(self) -> Sequence[int]:
-        """Ticks in each block."""
+        """Number of ticks in each block."""
 
     @abstractmethod
     def load(self, name: str, block: int) -> SignalArray | None:
-        """A signal in a block, (count, *shape); None where nobody told it."""
+        """Return a signal in a block, (count, *shape); None if it is missing there."""
 
     def __len__(self) -> int:
-        """How many ticks there are."""
+        """Return the number of ticks."""
         return sum(self.counts)
 
     def read(self, name: str, start: int = 0, stop: int | None = None) -> SignalArray:
-        """Read some rows of a signal; other blocks than theirs are not touched.
+        """Read some rows of a signal, loading only their blocks.
 
         Args:
             name: one of ``layouts``.
@@ -169,7 +169,7 @@ class TickTable(ABC):
             stop: row after the last; None for all.
 
         Returns:
-            (stop - start, *shape), missing values where nobody told it.
+            (stop - start, *shape), with missing values where nothing was recorded.
         """
         layout = self.layouts[name]
         stop = len(self) if stop is None else min(stop, len(self))
@@ -185,15 +185,15 @@ class TickTable(ABC):
 
 
 def missing_rows(layout: SignalLayout, count: int) -> SignalArray:
-    """(count, *shape) what stands where nobody told a signal."""
+    """Return the missing values of a signal, (count, *shape)."""
     return np.full((count, *layout.shape), layout.missing, dtype=layout.dtype)
 
 
 class MemoryTicks(TickTable):
-    """Keeps all blocks, and grows with the run; can be read at any time."""
+    """Keeps all blocks in memory, which grows with the run; readable at any time."""
 
     def __init__(self) -> None:
-        """Nothing is kept yet."""
+        """Begin without blocks."""
         self._form = BlockFormat([])
         self._kept: list[dict[str, SignalArray]] = []
         self._filling = Block(0)
@@ -211,22 +211,22 @@ class MemoryTicks(TickTable):
 
     @property
     def layouts(self) -> dict[str, SignalLayout]:  # type: ignore[override]
-        """Of the signals that were told, by name."""
+        """Layouts of the recorded signals, by name."""
         told = {name for block in self._blocks for name in block}
         return {n: layout for n, layout in self._form.layouts.items() if n in told}
 
     @property
     def counts(self) -> Sequence[int]:
-        """Ticks in each block."""
+        """Number of ticks in each block."""
         return [len(block["tick"]) for block in self._blocks]
 
     def load(self, name: str, block: int) -> SignalArray | None:
-        """A signal in a block; None where nobody told it."""
+        """Return a signal in a block; None if it is missing there."""
         return self._blocks[block].get(name)
 
     @property
     def _blocks(self) -> list[dict[str, SignalArray]]:
-        """Also the one that is being filled."""
+        """All blocks, including the one that is being filled."""
         if not self._filling.count:
             return self._kept
         return [*self._kept, self._form.signals(self._filling)]

@@ -1,8 +1,8 @@
-"""Writes the signals of every tick to a file, while the run goes.
+"""Writes the signals of every tick to a file during a run.
 
-The file is MCAP: a channel per signal, a message per signal and block of ticks, each
-in a chunk of its own, compressed and with a checksum. So a reader takes one signal
-without touching the others, and a file that is cut off loses its last block alone.
+The file is MCAP: one channel per signal, one message per signal and block of ticks,
+each in its own compressed chunk with a checksum. So a reader takes one signal without
+touching the others, and a file that is cut off loses only its last block.
 """
 
 from __future__ import annotations
@@ -40,42 +40,42 @@ from surefoot.schemas.arrays import NS_PER_S
 _LOG = logging.getLogger(__name__)
 
 PROFILE = "surefoot-ticks"
-"""Of the file; tells it from a record of the bus."""
+"""Profile of the file; distinguishes it from a record of the bus."""
 ENCODING = "surefoot/block"
-"""Of messages: ``FIRST_TICK``, then the numbers row by row, little-endian."""
+"""Encoding of messages: ``FIRST_TICK``, then the numbers by row, little-endian."""
 FIRST_TICK = struct.Struct("<q")
 COUNTS = "surefoot/ticks"
 """Name of the metadata at the end of a whole file."""
 LOST = "lost_ticks"
 BLOCKS_UNDERWAY = 16
-"""So many blocks may wait for the disk: eight seconds of a run in real time."""
+"""Most blocks that may wait for the disk: eight seconds of a run in real time."""
 _COMPRESSION_LEVEL = 1
 SEQUENCE_MASK = 2**32 - 1
 
 
 class TickFile:
-    """A sink that compresses and writes in a thread of its own. A context manager.
+    """A sink that compresses and writes in its own thread. A context manager.
 
-    The tick loop hands over a block and goes on; it waits only when
-    ``BLOCKS_UNDERWAY`` blocks have not been written yet, and only if it may. A disk
-    that fails ends the recording at once, but not the run: it is told at the end.
+    The tick loop hands over a block and goes on. It waits only if it may, and only
+    while ``BLOCKS_UNDERWAY`` blocks are not yet written. A failure of the disk ends the
+    recording at once, but not the run; it is reported at the end.
 
     Attributes:
-        path: of the file.
+        path: path of the file.
         lost_ticks: ticks that are not in the file; final once it is closed.
         is_cut_off: whether to leave the file without its end.
     """
 
     def __init__(self, path: Path, *, may_wait: bool) -> None:
-        """Create the file; one of this name is replaced.
+        """Create the file, replacing one of this name.
 
         Args:
-            path: where it goes.
+            path: path of the file.
             may_wait: whether the tick loop may wait for the disk. If not, ticks that
                 do not fit are lost, and counted.
 
         Raises:
-            OSError: it cannot be written.
+            OSError: the file cannot be written.
         """
         self.path = path
         self.lost_ticks = 0
@@ -98,14 +98,14 @@ class TickFile:
         self._thread.start()
 
     def __enter__(self) -> Self:
-        """Give itself."""
+        """Return itself."""
         return self
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:
-        """Write what is left, whatever ended the run, and close the file.
+        """Write the remaining ticks, whatever ended the run, and close the file.
 
         Raises:
-            OSError: the disk failed. What was written until then stays.
+            OSError: the disk failed. Everything written until then stays.
         """
         if self._filling.count:
             self._full.put(self._filling)
@@ -142,7 +142,7 @@ class TickFile:
         return free
 
     def _write(self) -> None:
-        """The thread: a block after the other, until there is no more."""
+        """Write block after block in the thread, until no more come."""
         leave_priority()
         while (block := self._full.get()) is not None:
             if self._failure is None:
@@ -170,7 +170,7 @@ class TickFile:
 
 
 class _Mcap:
-    """The file itself. It keeps no index, so that it does not grow with the run."""
+    """The MCAP file. It keeps no index, so memory does not grow with the run."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("wb")
@@ -183,13 +183,13 @@ class _Mcap:
         self._file.flush()
 
     def add(self, form: BlockFormat, block: Block) -> None:
-        """Write a block, and give it to the system: it survives this process."""
+        """Write a block and flush it to the system, where it survives this process."""
         signals = form.signals(block)
         times_ns = self._last_ns, self._last_ns
         if "time_s" in signals:  # a copy of a damaged file may lack them
             begin_s, end_s = np.nan_to_num(signals["time_s"][[0, -1]]).tolist()
             times_ns = round(NS_PER_S * begin_s), round(NS_PER_S * end_s)
-        # Ticks last: a block of which they can be read is whole.
+        # Ticks come last: a block with readable ticks is whole.
         for name in sorted(signals, key="tick".__eq__):
             self._add(form, name, signals[name], int(signals["tick"][0]), times_ns)
         self._file.flush()
@@ -243,7 +243,7 @@ class _Mcap:
         self._last_ns = end_ns
 
     def finish(self, *, lost_ticks: int) -> None:
-        """Write the end, by which a reader knows that the file is whole."""
+        """Write the end, which shows a reader that the file is whole."""
         counts = Metadata(name=COUNTS, metadata={LOST: str(lost_ticks)})
         self._file.write(record_bytes(counts) + record_bytes(DataEnd(0)))
         statistics = Statistics(
@@ -271,7 +271,7 @@ class _Mcap:
 
 
 def record_bytes(record: McapRecord) -> bytes:
-    """A record of MCAP as it stands in a file."""
+    """Return an MCAP record as bytes of a file."""
     builder = RecordBuilder()
     record.write(builder)
     # mcap gives this method no types.
