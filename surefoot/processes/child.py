@@ -177,7 +177,7 @@ class Child:
             return None
 
     def ask_to_end(self) -> None:
-        """Ask the process once to end in order; a second request would end it at once."""
+        """Ask the process to end in order; only once, since twice means at once."""
         if self.running and not self._is_asked:
             self._is_asked = True
             self._process.send_signal(signal.SIGTERM)
