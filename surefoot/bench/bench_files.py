@@ -142,7 +142,7 @@ class Findings(ABC, Generic[R]):
         }
 
     def write(self) -> None:
-        """Write the figures as JSON, for EUROBENCH and as a page, if there is a folder."""
+        """Write the JSON file, EUROBENCH's files and the page, if there is a folder."""
         folder = self.folder
         if folder is None:
             return
