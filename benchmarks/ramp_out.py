@@ -10,7 +10,8 @@ way of stopping, and watched for four more seconds:
 - ``balance T``: the controller goes on answering; a shrinking share of the motion that
   it asks for is followed.
 
-The table shows falls, the largest lean and the mean time for which the robot stayed up.
+The table shows falls, the mean time for which the robot stayed up, lean, foot force and
+the largest step of the command.
 """
 
 from __future__ import annotations

@@ -85,8 +85,8 @@ def measure_tare(
         robot: the robot as its files describe it; the offsets go beside its TOML.
         endpoints: where to find it.
         foot: the foot, or both, that hangs free.
-        duration_s: how long to average [s].
-        timeout_s: how long to look for the robot [s].
+        duration_s: duration of the average [s].
+        timeout_s: longest wait for the robot [s].
 
     Raises:
         RobotIoError: there is no robot.
@@ -196,7 +196,7 @@ def identify_drives(
         endpoints: where to find it; None for a simulated one in this process.
         pace: of the robot on the bus.
         scenario: of the simulated robot; None: it stands as its file says.
-        timeout_s: how long to look for it on the bus [s].
+        timeout_s: longest wait for it on the bus [s].
 
     Returns:
         One row per joint.

@@ -284,7 +284,7 @@ class OutFolder:
                 self._bring_back(self._former)
                 self._former = None
             if self._is_new:
-                with suppress(OSError):  # somebody else put something there
+                with suppress(OSError):  # another program put a file there
                     self.path.rmdir()
         self._forget_former()
         self._release()
@@ -349,7 +349,7 @@ class OutFolder:
                 file.unlink()
         for file in self._files(former):
             file.replace(self.path / file.name)
-        with suppress(OSError):  # somebody else put something there
+        with suppress(OSError):  # another program put a file there
             former.rmdir()
 
     def _release(self) -> None:

@@ -185,7 +185,7 @@ def _client(scheduler: str) -> Iterator[Any]:
 
 
 def end_with(parent: int) -> None:
-    """End this process once its parent is gone, at whatever point.
+    """End this process once its parent is gone, even in the middle of a run.
 
     Its results would reach nobody. And a parent that dies with a lock of its workers
     would leave the waiting ones waiting forever.
