@@ -246,7 +246,7 @@ def run(
         on_tick: called with the robot's tick from time to time.
 
     Raises:
-        ChildFailedError: one of the processes failed; the message quotes its end.
+        ChildFailedError: a process failed; the message quotes its last lines.
         UsageError: the folder cannot be used.
     """
     mode: Mode = "realtime" if realtime else "lockstep"
